@@ -18,7 +18,7 @@ from idic_flows.stages import run_stage
 
 def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | None = None,
                   stage: Callable[[str], None] = lambda text: None, resume: bool = False,
-                  blocks: bool = False, memory_limit: str | None = None) -> dict:
+                  blocks: bool = False, memory_limit: str | None = None, quick: bool = False) -> dict:
     """Diagnose a RUN; writes diagnosis.json, diagnosis.html and the enriched experiment, returns the content.
 
     Parameters
@@ -27,6 +27,7 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     resume : refits that an interrupted diagnosis has finished are not repeated
     blocks : with a judgement on parts of the recording that had no part in the fit
     memory_limit : memory of one worker process, "2GB"
+    quick : screening and refit of the most promising candidate alone
 
     Raises
     ------
@@ -39,19 +40,19 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     check_scheduler(scheduler, run, say=stage)
     with start_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as runner:
         with connected(server):
-            return _diagnose_in_prefect(str(run), runner, stage, began, resume, blocks)
+            return _diagnose_in_prefect(str(run), runner, stage, began, resume, blocks, quick)
 
 
 def _diagnose_in_prefect(run: str, runner: TaskRunner, stage: Callable[[str], None], began: float, resume: bool,
-                         blocks: bool) -> dict:
+                         blocks: bool, quick: bool) -> dict:
     """The flow; made here because importing Prefect takes seconds. Its parameters are what Prefect's pages show."""
     from prefect import flow
 
     @flow(name="idic-diagnose", flow_run_name=f"diagnose-{time.strftime('%H%M%S')}", validate_parameters=False,
           persist_result=False)
-    def whole(run: str, resume: bool, blocks: bool, workers: int) -> dict:
-        diagnosis = run_stage("diagnose", partial(diagnose, resume=resume), run, runner, stage)
+    def whole(run: str, resume: bool, blocks: bool, quick: bool, workers: int) -> dict:
+        diagnosis = run_stage("diagnose", partial(diagnose, resume=resume, quick=quick), run, runner, stage)
         stage("writing figures and the enriched experiment")
         return run_stage("write", write_all, run, diagnosis, began, blocks)
 
-    return whole(run, resume, blocks, runner.workers)
+    return whole(run, resume, blocks, quick, runner.workers)

@@ -18,6 +18,7 @@ def diagnose(
     scheduler: Scheduler = None,
     memory_limit: MemoryLimit = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted diagnosis.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Refit the most promising candidate alone.")] = False,
     blocks: Annotated[
         bool, typer.Option("--blocks", help="Also fit on squares and early frames, judge on the others: real cameras.")
     ] = False,
@@ -30,7 +31,7 @@ def diagnose(
     with outcome(run=run, resume=True):
         from rich.console import Console
 
-        from idic.cli.diagnosis_tables import candidates_table
+        from idic.cli.diagnosis_tables import candidates_table, told
         from idic.cli.progress import progress_view
         from idic.run.diagnosis.source import open_source
 
@@ -41,9 +42,9 @@ def diagnose(
             else:
                 from idic.run.diagnosis.plain import diagnose_plainly as run_it
 
-            content = run_it(run, workers, scheduler, view.stage, resume, blocks, memory_limit)
+            content = run_it(run, workers, scheduler, view.stage, resume, blocks, memory_limit, quick)
         console = Console(soft_wrap=True)
-        for text in (content["sentence"], *content["cautions"]):
+        for text in told(content):
             console.print(text, highlight=False, markup=False)
         (console if console.is_terminal else wide_console()).print(candidates_table(content))
         console.print(f"results  {user_path(run / 'diagnosis.json')}\nreport   {user_path(run / 'diagnosis.html')}", highlight=False)

@@ -26,6 +26,16 @@ def candidates_table(content: Mapping) -> Table:
     return table
 
 
+def told(content: Mapping) -> list[str]:
+    """What a diagnosis says, line by line: headline, what is left, what is not excluded, the next test, cautions."""
+    lines = [content["headline"], *([content["left_over"]] if content["left_over"] else ())]
+    if content["not_excluded"]:
+        lines += ["Not excluded:", *(f"· {entry['title']}: {entry['why']}" for entry in content["not_excluded"])]
+    if content["next_experiment"]:
+        lines.append(f"Next: {content['next_experiment']}.")
+    return lines + list(content["cautions"])
+
+
 def physics_table(candidates: Sequence) -> Table:
     """The library: name, family, physics, null value, rivals, tests that separate it from them."""
     table = Table(header_style="bold", show_lines=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from idic.diagnose.chain import Diagnosis
+from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.next_test import reason_against_continuation
 from idic.diagnose.refit import MAX_EVALUATIONS
 from idic.diagnose.residual.heldout import Fit
@@ -31,8 +32,23 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     before, after = diagnosis.verdict.before, diagnosis.verdict.after
     search = search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
     camera = [diagnosis.margin.words] if diagnosis.margin.px > PRACTICAL_MARGIN_PX else []
-    return [*search, *camera, *formal_fit(diagnosis.excess_left), *_few_elements(diagnosis), *_not_simulated(diagnosis),
-            *refits_cut_short(diagnosis.rounds), *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
+    return [*_quick(diagnosis), *search, *camera, *formal_fit(diagnosis.excess_left),
+            *channel_cautions(diagnosis.channels), *_few_elements(diagnosis), *_not_simulated(diagnosis), *refits_cut_short(diagnosis.rounds), *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
+
+
+def _quick(diagnosis: Diagnosis) -> list[str]:
+    """What a quick diagnosis leaves out, where it selects a candidate."""
+    if not (diagnosis.quick and diagnosis.verdict.selected):
+        return []
+    return ["This was a quick diagnosis: one candidate was refitted, to one copy of the recording with twice the noise "
+            "variance. Its rivals were not refitted; run  idic diagnose  without --quick for the comparison."]
+
+
+def channel_cautions(channels: Sequence[ChannelLeft]) -> list[str]:
+    """Channels of which too much is left for the verdict of one or several causes."""
+    return [f"{one.column} is not explained: {100.0 * one.reading_share:.2g} % of its largest reading is left "
+            f"({z_text(one.z)} standard deviations, {min(one.share, 1.0):.0%} of the excess before)."
+            for one in channels if one.matters]
 
 
 def formal_fit(excesses: Sequence[ExcessLeft]) -> list[str]:

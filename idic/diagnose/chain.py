@@ -18,12 +18,14 @@ from typing import Any
 
 import numpy as np
 
+from idic.diagnose.channel_left import ChannelLeft, channels_left
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
 from idic.diagnose.next_test import next_experiment, unloads
 from idic.diagnose.notes import Notes
+from idic.diagnose.probability import probability
 from idic.diagnose.refit import Refit, identification_at, refit_residual
-from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, refit_of_one
+from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.heldout import Fit, fit, grid_of
@@ -31,6 +33,7 @@ from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, COPY_VARIANCE_FACTOR, thinned
+from idic.diagnose.revision import Workplace, min_further_drop, revised
 from idic.diagnose.rivals import edits_of, judged_on_both, refitted, undecided
 from idic.diagnose.screen.candidate import Candidate, candidates
 from idic.diagnose.screen.local_residual import local_residual_tests
@@ -78,6 +81,9 @@ class Diagnosis:
     excess_left : local residual tests at new inclusions, and the time-course test
     margin : motion that no candidate may be blamed for
     notes : parts beside the verdict that failed
+    channels, left : what the last model leaves in the channels, and of motions, on the whole recording
+    probability : that the selected set holds the truth (`idic.diagnose.probability`), None where the test says nothing
+    quick : no rival was refitted, and `final` is the fit to one copy
     """
 
     found: Identification
@@ -96,6 +102,10 @@ class Diagnosis:
     excess_left: tuple[ExcessLeft, ...] = ()
     margin: Margin = ASSUMED
     notes: tuple[str, ...] = ()
+    channels: tuple[ChannelLeft, ...] = ()
+    left: ExcessLeft | None = None
+    probability: float | None = None
+    quick: bool = False
 
     @property
     def selected_effect(self) -> SelectedEffect | None:
@@ -135,7 +145,7 @@ class Setting:
     """What all steps of one diagnosis share.
 
     refits : runs refit jobs; stage : called with the name of a step that begins; seed : of the noise that makes two
-    copies of the recording; library : candidates that are tested; watch, margin : see `diagnose`
+    copies of the recording; library : candidates that are tested; watch, margin, quick : see `diagnose`
     """
 
     refits: Refits
@@ -146,11 +156,12 @@ class Setting:
     clock: Clock
     watch: Watch
     margin: Margin
+    quick: bool = False
 
 
 def diagnose(source: ExperimentSource, found: Identification, refits: Refits, stage: Stage = silent, seed: int = SEED,
              library: Sequence[Candidate] | None = None, watch: Watch = unwatched,
-             margin: Margin = ASSUMED) -> Diagnosis:
+             margin: Margin = ASSUMED, quick: bool = False) -> Diagnosis:
     """Locate the mismatch of an identification, select the missing physics, refit, and judge on held-out data.
 
     Parameters
@@ -162,6 +173,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     library : candidates to test, all registered ones by default
     watch : called with the input of every screening: residual evidence, tested columns, their fields
     margin : motion that no candidate may be blamed for, with the camera's own floor where it was measured
+    quick : screening and refit of the most promising candidate alone: no rivals, no further cause, no final fit
 
     Raises
     ------
@@ -174,7 +186,8 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
         before = residual_evidence(found, light=False)
         grid = grid_of(before)
         whole = fit(before, grid)
-    setting = Setting(refits, grid, seed, candidates() if library is None else library, stage, clock, watch, margin)
+    setting = Setting(refits, grid, seed, candidates() if library is None else library, stage, clock, watch, margin,
+                      quick)
     stage("side, onset and place of the mismatch")
     with clock.step("locate_s"):
         mismatch = located(found, before, margin)
@@ -185,24 +198,27 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     of_camera = {"margin_px": margin.px, "camera_px": margin.camera_px}
     on_copy = ExcessLeft(first.judgement, null.judgement, unit / COPY_VARIANCE_FACTOR, **of_camera)
     excesses, own = [on_copy], []
+    limited = not quick and null.status == "max_iterations"
+    channels = channels_left(before, after)
     if after is not None:
         own = [*local_residual_tests(before, after, grid, final.values, margin),
                time_course_test(before, after, grid, margin)]
         excesses = [ExcessLeft(whole, fit(after, grid), unit, **of_camera), *own, on_copy]
-        if on_copy.matters and not any(one.matters for one in excesses[:-1]) and null.status == "max_iterations":
+        if on_copy.matters and not any(one.matters for one in excesses[:-1]) and limited:
             stage("fit of the enriched model to one copy, without a limit of evaluations")
             with clock.step("final_s"):
                 excesses[-1] = unlimited_excess(on_copy, source, null, refits, grid, seed)
     alone = rounds[0].winner is not None and null is rounds[0].winner.refitted
     heldout = rounds[0].heldout_fits(rounds[0].winner) if alone else (first.judgement, null.judgement)
     verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_significant, excesses,
-                       unloads(found.experiment), _camera_chi2(margin, unit, rounds[0] if alone else None))
+                       unloads(found.experiment), _camera_chi2(margin, unit, rounds[0] if alone else None), channels)
     notes = Notes()
     advice = _separating_test(groups, setting, notes)
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, before, after, final, source, whole, effect(whole, unit),
-                     grid, clock.seconds, active, tuple(own), margin, tuple(notes.told))
+                     grid, clock.seconds, active, tuple(own), margin, tuple(notes.told), channels, excesses[0],
+                     probability(verdict, rounds, excesses[0], channels), quick)
 
 
 def _separating_test(groups: Sequence[Group], setting: Setting, notes: Notes) -> str | None:
@@ -241,37 +257,72 @@ def _rounds(source: ExperimentSource, found: Identification, null: Refit,
             setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, list[Group]]:
     """Additions to the model, its last source and refit, and the indistinguishable groups."""
     rounds: list[Round] = []
-    groups: list[Group] = []
-    stage, clock, refits = setting.stage, setting.clock, setting.refits
-    for number in range(1, MAX_ROUNDS + 1):
-        stage(f"screening of the library, round {number}")
-        with clock.step("screening_s"):
-            screening = screened(source, null, setting.seed, setting.library, setting.watch, setting.margin)
-        shortlist = ", ".join(r.called for r in screening.shortlist)
-        stage(f"refits: {shortlist}" if shortlist else "no candidate is significant: no refit")
-        with clock.step("refits_s"):
-            rivals = refitted(source, null, screening, refits, setting.grid, setting.seed,
-                              bends=not rounds and has_state(found, YIELD_STATES))
-        winner, equals = judge(rivals, screening)
-        crossed = None
-        if not rounds and (near := undecided(rivals)):
-            stage(f"judgement on both copies: {', '.join(r.ranked.called for r in near)}")
-            with clock.step("refits_s"):
-                rivals, crossed = judged_on_both(source, null, rivals, screening, refits, setting.grid, setting.seed)
-            winner, equals = judge(rivals, screening)
-        rounds.append(Round(screening, null, rivals, winner, equals, crossed))
-        if winner is None:
+    bends, place = has_state(found, YIELD_STATES), _workplace(setting)
+    for number in range(1, 2 if setting.quick else MAX_ROUNDS + 1):
+        one = _round(source, null, number, rounds, setting, bends)
+        if one.winner is None:
+            rounds.append(one)
             break
-        if equals:
-            groups.append([(source.with_edits(edits_of(r, screening)), r.refitted) for r in rivals
-                           if r is winner or r.name in equals])
-        source, null = source.with_edits(edits_of(winner, screening)), winner.refitted
-    return rounds, source, null, groups
+        rounds.append(one)
+        if len(rounds) > 1:
+            setting.stage("every selected cause tested for removal and exchange")
+            with setting.clock.step("revision_s"):
+                rounds = revised(rounds, place)
+        last = rounds[-1]
+        source, null = last.source.with_edits(edits_of(last.winner, last.screening)), last.winner.refitted
+    return rounds, source, null, [_group(one) for one in rounds if one.winner is not None and one.equals]
+
+
+def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[Round], setting: Setting,
+           bends: bool) -> Round:
+    """One addition to the model, or none.
+
+    before : the rounds before, whose causes are in the model; bends : a law of yielding was identified
+    """
+    stage, clock, refits = setting.stage, setting.clock, setting.refits
+    stage(f"screening of the library, round {number}")
+    with clock.step("screening_s"):
+        screening = screened(source, null, setting.seed, setting.library, setting.watch, setting.margin, bool(before))
+    if not screening.shortlist:
+        stage("no candidate is significant: no refit")
+    with clock.step("refits_s"):
+        told = Told(refits, stage, 1 if setting.quick else len(screening.shortlist))
+        rivals = refitted(source, null, screening, told, setting.grid, setting.seed, bends=not before and bends,
+                          alone=setting.quick)
+    winner, equals = judge(rivals, screening)
+    crossed = None
+    if not before and not setting.quick and (near := undecided(rivals)):
+        stage(f"judgement on both copies: {', '.join(r.ranked.called for r in near)}")
+        with clock.step("refits_s"):
+            rivals, crossed = judged_on_both(source, null, rivals, screening, refits, setting.grid, setting.seed)
+        winner, equals = judge(rivals, screening)
+    if before and winner is not None:
+        drop = before[0].null.judgement.chi2 - winner.refitted.judgement.chi2
+        if winner.heldout < min_further_drop(winner, drop):
+            return Round(screening, null, rivals, None, (), crossed, source, winner)
+    return Round(screening, null, rivals, winner, equals, crossed, source)
+
+
+def _workplace(setting: Setting) -> Workplace:
+    """What the refits of revised sets need."""
+    def screen_some(source: ExperimentSource, null: Refit, library: Sequence[Candidate]) -> Screening:
+        return screened(source, null, setting.seed, library, margin=setting.margin, further=True)
+
+    return Workplace(screen_some, setting.refits, setting.grid, setting.seed)
+
+
+def _group(one: Round) -> Group:
+    """The winner of a round and the models that are indistinguishable from it."""
+    return [(one.source.with_edits(edits_of(r, one.screening)), r.refitted) for r in one.rivals
+            if r is one.winner or r.name in one.equals]
 
 
 def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence[Candidate],
-             watch: Watch = unwatched, margin: Margin = ASSUMED) -> Screening:
-    """Score every candidate against the null model on the copy for choosing."""
+             watch: Watch = unwatched, margin: Margin = ASSUMED, further: bool = False) -> Screening:
+    """Score every candidate against the null model on the copy for choosing.
+
+    further : the null holds a selected cause
+    """
     found = identification_at(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
     residual = residual_evidence(found)
     here = situation(found, residual, source.document())
@@ -284,19 +335,20 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
     labels, columns = score_columns(found, residual, trials, load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
     return screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
-                  materials=[material.element_set for material in found.experiment.materials], margin=margin)
+                  materials=[material.element_set for material in found.experiment.materials], margin=margin, further=further)
 
 
 def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round],
               setting: Setting) -> tuple[Refit, ResidualEvidence | None, Activity | None]:
     """The last model fitted to the recording itself, its residual (None without an equilibrium), its active elements.
 
-    The fit begins at the end of the fit to a copy, a few standard deviations away, with the estimator of that end.
+    The fit begins at the end of the fit to a copy, a few standard deviations away, with the estimator of that end. A quick
+    diagnosis ends with the fit to the copy.
     """
-    setting.stage("fit of the enriched model to the whole recording")
+    setting.stage("residual of the enriched model" if setting.quick else "fit of the enriched model to the whole recording")
     with setting.clock.step("final_s"):
-        (final,) = setting.refits([refit_of_one(source, "enriched", null, setting.grid, setting.seed, copies=False,
-                                                estimator=null.estimator)])
+        (final,) = [null] if setting.quick else setting.refits([refit_of_one(
+            source, "enriched", null, setting.grid, setting.seed, copies=False, estimator=null.estimator)])
         if not final.usable:
             return final, None, None
         after, active = refit_residual(source.load(), final), None

@@ -204,9 +204,9 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
     channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]),
                              rates=None if c.rates is None else np.concatenate([c.rates, np.zeros(n)]))
                      for c in experiment.channels)
-    return replace(experiment, times=np.concatenate([experiment.times, times]), channels=channels,
-                   camera=_held(experiment.camera, n),
-                   prescribed=tuple(carried(entry) for entry in experiment.prescribed),
+    prescribed = tuple(carried(entry) for entry in experiment.prescribed)
+    return replace(experiment, times=np.concatenate([experiment.times, times]), camera=_held(experiment.camera, n),
+                   channels=channels, prescribed=prescribed,
                    loads=tuple(carried(entry) for entry in experiment.loads),
                    temperatures=tuple(carried(entry) for entry in experiment.temperatures),
                    labels=(*experiment.labels, *(f"next {k}" for k in range(n))))

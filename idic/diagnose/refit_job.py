@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -68,6 +69,34 @@ class RefitJob:
 
 
 Refits = Callable[[Sequence[RefitJob]], list[Refit]]  # runs jobs, side by side or not; answers in their order
+
+
+class Told:
+    """Runs refits and tells before each wave of them which it is, of how many, and about how long they will take."""
+
+    def __init__(self, refits: Refits, stage: Callable[[str], None], planned: int):
+        self.refits, self.stage, self.planned = refits, stage, planned
+        self.done, self.seconds = 0, 0.0
+
+    def __call__(self, jobs: Sequence[RefitJob]) -> list[Refit]:
+        if not jobs:
+            return []
+        last = self.done + len(jobs)
+        total = max(self.planned, last)
+        which = f"{last}" if len(jobs) == 1 else f"{self.done + 1} to {last}"
+        names = ", ".join(job.name.replace("_", " ") for job in jobs)
+        self.stage(f"refit {which} of {total}{self._about(total - self.done)}: {names}")
+        began = time.perf_counter()
+        answers = self.refits(jobs)
+        self.done, self.seconds = last, self.seconds + time.perf_counter() - began
+        return answers
+
+    def _about(self, left: int) -> str:
+        """How long the refits that are left take, by those that are done; they are the most, as many are dropped."""
+        if not self.done:
+            return ""
+        minutes = left * self.seconds / self.done / 60.0
+        return f", at most about {minutes:.0f} min" if minutes >= 1.0 else ", less than a minute"
 
 
 def run_refit(job: RefitJob) -> Refit:

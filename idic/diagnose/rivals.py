@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import takewhile
 from typing import Any
@@ -27,7 +27,7 @@ MIN_KEPT_SHARE = 0.5  # of the promised drop; a refit that keeps less began in t
 
 
 def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits: Refits, grid: Grid, seed: int,
-             bends: bool = False) -> tuple[Rival, ...]:
+             bends: bool = False, alone: bool = False) -> tuple[Rival, ...]:
     """Refit the shortlist, the most promising first; a candidate that cannot win any more is left out.
 
     A candidate that falls short of its promise and could still win starts again elsewhere. The reserve follows the
@@ -37,6 +37,7 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
     ----------
     refits : runs jobs side by side; how many it can changes nothing in what they are asked (`next_wave`)
     bends : the null has a law that yields, and nothing is in the model yet (`same_family_rivals`)
+    alone : only the most promising candidate is refitted
     """
     waiting, rivals, early_stop, best = alternatives(screening.shortlist), {}, None, 0.0
     reserve = [r for r in alternatives([*screening.shortlist, *screening.reserve]) if r in screening.reserve]
@@ -47,6 +48,8 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
                                MIN_KEPT_SHARE * r.gain if min_drop is None else min_drop, grid, seed, early_stop) for r in chosen])
         return [_rival(ranked, answer, null) for ranked, answer in zip(chosen, answers, strict=True)]
 
+    if alone:
+        return tuple(run(next_wave(waiting, True), 0, MAX_STARTS)) if waiting else ()
     while waiting:
         wave = next_wave(waiting, not rivals)
         waiting = waiting[len(wave):]
@@ -176,6 +179,20 @@ def starting_variants(screening: Screening, candidate: Candidate, best: Variant)
              if trial.candidate.name == candidate.name and trial.variant.new == best.new}
     others = sorted((entry for label, entry in found.items() if label != best.label), key=lambda e: -e[0])
     return [best, *(variant for _, variant in others)][:MAX_STARTS]
+
+
+def refit_of_candidate(source: ExperimentSource, null: Refit, ranked: Ranked, screening: Screening, refits: Refits, grid: Grid,
+                       seed: int, values: Mapping[str, float]) -> Rival:
+    """One candidate refitted on top of a model, from given values first, then from its probes.
+
+    values : of parameters, where they are known; others as the candidate begins
+    """
+    variants = starting_variants(screening, ranked.candidate, ranked.variant)
+    job = _job(source, null, ranked, variants[:1], True, MIN_KEPT_SHARE * ranked.gain, grid, seed, None)
+    job = replace(job, labels=(job.labels[0], *job.labels), edits=(job.edits[0], *job.edits),
+                  values=({**job.values[0], **values}, *job.values))
+    (answer,) = refits([job])
+    return _rival(ranked, answer, null)
 
 
 def edits_of(winner: Rival, screening: Screening) -> dict[str, Any]:

@@ -16,7 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.refit import Refit
+from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.residual.heldout import Fit, pooled, share_recovered
 from idic.diagnose.screen.candidate import Candidate
@@ -30,6 +32,8 @@ MAX_INCLUSION_EXCESS_LEFT = 0.02  # the same with an inclusion in the model, of 
 MIN_HELDOUT_DROP = 9.0  # chi-square per model and copy that judges
 MIN_DROP_DIFFERENCE = 2e-3  # of a drop of chi-square: two simulations are not better than that
 MIN_ACHIEVED_SHARE = 0.25  # of the promised drop of chi-square: a refit that ends with less has failed
+COPIES = 2  # of the recording, whose drops of chi-square make the evidence for a rival
+MIN_FURTHER_SHARE = 0.03  # of the drop of chi-square of all causes: less is a flaw of the description, not a further cause
 MAX_AVERAGED_IMAGES = 400  # to be averaged: more is impractical
 
 
@@ -81,6 +85,20 @@ class Rival:
         return self.achieved + self.achieved_on_other
 
     @property
+    def evidence(self) -> float:
+        """Drop of chi-square on both copies, less twice its own unknowns: what rivals that pass are compared by.
+
+        Each copy alone has half of the recording's power to tell two models apart. The drop where n unknowns were fitted is
+        2 n larger, on the mean, than the drop elsewhere (Akaike 1974). Where both copies judge, the mean of the two fits.
+        """
+        return (self.heldout + self.achieved_everywhere) / self.copies - 2.0 * len(self.own_unknowns)
+
+    @property
+    def own_unknowns(self) -> tuple[str, ...]:
+        """Free parameters that the model without it does not have."""
+        return tuple(name for name in self.refitted.stds if name not in self.ranked.bias)
+
+    @property
     def refit_failed(self) -> bool:
         """Whether the refit gives no information on this candidate."""
         return not self.refitted.usable or self.failed_on_one_copy or self.achieved < MIN_ACHIEVED_SHARE * self.predicted
@@ -88,16 +106,15 @@ class Rival:
     @property
     def determined(self) -> bool:
         """Whether the recording fixes any of its own unknowns: of a spot anywhere, of any size and stiffness, nothing
-        is known but that something is there. (One that stands out by five standard deviations where it was not fitted
-        is known to be a spot.)
+        is known but that something is there.
 
         Of a law that acts in the whole body the kind of effect is known also where its unknowns imitate each other: of
         yielding that has only just begun the yield stress and the hardening (correlation 0.993) are open, each alone.
         """
         if self.ranked.candidate.kind.active:
             return True
-        own = [std for name, std in self.refitted.stds.items() if name not in self.ranked.bias]
-        return not own or any(std is not None for std in own) or self.heldout > MIN_EXCESS_Z**2
+        own = [self.refitted.stds[name] for name in self.own_unknowns]
+        return not own or any(std is not None for std in own)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +122,7 @@ class Round:
     """One addition to the model: screening of the null, refits of the shortlist, and the winner (None without one).
 
     crossed : the null's fit on the copy for choosing after a refit on the other one, where both had to judge
+    source : the experiment of the null; passed_over : a rival that passes, and explains too little to be a further cause
     """
 
     screening: Screening
@@ -113,6 +131,8 @@ class Round:
     winner: Rival | None
     equals: tuple[str, ...] = ()  # rivals that cannot be told from the winner
     crossed_judgement: Fit | None = None
+    source: ExperimentSource | None = None
+    passed_over: Rival | None = None
 
     def heldout_fits(self, rival: Rival) -> tuple[Fit, Fit]:
         """Of the null and a rival, where they had no part in the fit."""
@@ -143,24 +163,24 @@ class Verdict:
 
 
 def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, tuple[str, ...]]:
-    """The rival with the largest held-out drop of chi-square, and the rivals that are indistinguishable from it.
+    """Of the rivals that pass on held-out data the one with the most evidence, and the rivals that are indistinguishable.
 
     The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), with D the
-    chi-square that separates them. Differences below three of these, or D < 9 on every judging copy, leave both. A rival
-    whose refit failed stays with the winner where their patterns are indistinguishable. A rival with the winner as its
-    limit is no alternative to it; the next round tests whether it adds anything.
+    chi-square that separates them: D < 9 per copy leaves both. A rival whose refit failed stays with the winner where
+    their patterns are indistinguishable. A rival with the winner as its limit is no alternative to it; the next round
+    tests whether it adds anything.
     """
-    passing = sorted((r for r in rivals if r.passes), key=lambda r: -r.heldout)
+    passing = sorted((r for r in rivals if r.passes), key=lambda r: -r.evidence)
     if not passing:
         return None, ()
     winner = passing[0]
     limits = [r for r in passing if r.name in winner.ranked.candidate.limits]
-    if limits and winner.heldout - limits[0].heldout < MIN_SEPARATION_CHI2 * winner.copies:
+    if limits and winner.evidence - limits[0].evidence < COPIES * MIN_SEPARATION_CHI2:
         winner = limits[0]  # the same with fewer unknowns
     equals = []
     near = [r for r in rivals if r.refitted.usable and not r.failed_on_one_copy and r.determined and r.heldout > 0.0]
     lost = [r for r in rivals if r.refit_failed and r not in near]
-    for rival in (*sorted(near, key=lambda r: -r.heldout), *lost):
+    for rival in (*sorted(near, key=lambda r: -r.evidence), *lost):
         if rival is winner or winner.name in rival.ranked.candidate.limits:
             continue
         alike = rival.refit_failed and screening.separation_chi2(winner.ranked, rival.ranked) < MIN_SEPARATION_CHI2
@@ -173,10 +193,8 @@ def _within_noise(rival: Rival, winner: Rival) -> bool:
     """Whether the difference of two refits is within noise, or within the error of time integration and convergence
     for a large drop (creep and an equivalent Maxwell body: 15 108 and 15 120).
     """
-    gap = abs(winner.heldout - rival.heldout)
-    apart = abs(winner.achieved_everywhere - rival.achieved_everywhere)
-    min_heldout_drop = max(MIN_SEPARATION_CHI2 * winner.copies, MIN_DROP_DIFFERENCE * winner.achieved_everywhere)
-    return gap < min_heldout_drop or (gap < 3.0 * 2.0 * np.sqrt(max(apart, gap)) and apart < min_heldout_drop)
+    gap = abs(winner.evidence - rival.evidence)
+    return gap < COPIES * max(MIN_SEPARATION_CHI2, MIN_DROP_DIFFERENCE * winner.achieved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +225,7 @@ class ExcessLeft:
 
 
 def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, excess: Sequence[ExcessLeft],
-             unloads: bool | None = False, camera_chi2: float = 0.0) -> Verdict:
+             unloads: bool | None = False, camera_chi2: float = 0.0, channels: Sequence[ChannelLeft] = ()) -> Verdict:
     """The verdict of a finished chain.
 
     Parameters
@@ -219,12 +237,14 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, exces
         (`idic.diagnose.screen.time_course`) or at its place (`idic.diagnose.screen.local_residual`)
     unloads : whether the load of the recording came back to zero after its largest value; None where no log says so
     camera_chi2 : chi-square of the camera's own floor in `after`, which no model explains
+    channels : what the last model leaves in them on the whole recording
     """
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening
     share = share_recovered(before, after, camera_chi2) if won else float("nan")
-    unexplained = bool(won) and any(_is_unexplained(one, share) for one in excess)
-    word = _word(won, first, unexplained, real)
+    in_channels = any(one.matters for one in channels)
+    in_motions = (real and not won) or (bool(won) and any(_is_unexplained(one, share) for one in excess))
+    word = _word(won, first, in_channels or in_motions)
     selected = tuple(r.winner.name for r in won)
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
     in_model = set(selected).union(*(r.equals for r in won)) if won else set()
@@ -232,12 +252,13 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, exces
                      if r.standing in ("excluded", "small", "inadmissible") and r.candidate.name not in in_model)
     cannot = tuple(dict.fromkeys(r.candidate.name for r in last.ranked
                                  if r.standing == "cannot_tell" and r.candidate.name not in in_model))
-    return Verdict(word, selected, sets, excluded, cannot, _next(word, won, first, unloads), share, before, after)
+    return Verdict(word, selected, sets, excluded, cannot, _next(word, won, first, unloads, in_motions), share, before,
+                   after)
 
 
-def _word(won: Sequence[Round], first: Screening, unexplained: bool, real: bool) -> str:
+def _word(won: Sequence[Round], first: Screening, unexplained: bool) -> str:
     if not won:
-        if real:
+        if unexplained:
             return "outside_library"
         hidden = bool(first.ranked) and all(r.visibility < MAX_HIDDEN_VISIBILITY for r in first.ranked)
         return "blind" if hidden or is_insensitive(first) else "none"
@@ -272,13 +293,16 @@ def _is_unexplained(excess: ExcessLeft, share: float) -> bool:
     return share < MIN_RECOVERED_SHARE or excess.matters
 
 
-def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | None) -> str | None:
+def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | None, in_motions: bool) -> str | None:
     """The next test: it separates the members of a set (cheapest first), makes a blind test sensitive, or locates the side
     of an unexplained mismatch.
     """
     for one in won:
         if one.equals:
             return _separating(one.winner.ranked.candidate)
+    if word == "outside_library" and not in_motions:
+        return ("hang a dead weight on the load cell and repeat the test at another speed: a reading that no motion goes with "
+                "comes from the load train, its clock or the rate")
     if word == "outside_library":
         return ("repeat the test and unload to zero once: motion that stays is inelastic" if unloads is False else
                 "repeat the test with the specimen, or a second one, mounted end for end: unexplained motion that turns "

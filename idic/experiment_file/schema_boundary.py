@@ -55,17 +55,19 @@ class SetTable(Strict):
 class CorrectionTable(Strict):
     """A correction of a logged or fixed motion; its amplitude ``boundary.SET.COMPONENT.KIND`` is identified."""
 
-    kind: Literal["slip", "rotation", "compliance", "misalignment"]
+    kind: Literal["slip", "rotation", "compliance", "misalignment", "seating"]
     start_s: float | None = None
     course: Literal["ramp", "jump", "travel"] | None = None
     column: str | None = None
     unit: str | None = None
     towards: Component | None = None
+    seated_at: Positive | None = None
 
     @model_validator(mode="after")
     def _own_keys(self):
-        own = {"start_s": ("slip",), "course": ("slip",), "column": ("rotation", "compliance", "misalignment"),
-               "unit": ("rotation", "compliance", "misalignment"), "towards": ("misalignment",)}
+        timed, logged = ("slip", "rotation", "misalignment"), ("rotation", "compliance", "misalignment", "seating")
+        own = {"start_s": timed, "course": timed, "column": logged, "unit": logged, "towards": ("misalignment",),
+               "seated_at": ("seating",)}
         for key in sorted(self.model_fields_set & set(own)):
             if self.kind not in own[key]:
                 raise refuse(f"{key} does not belong here", f"{key} of a {' or '.join(own[key])}", f"leave out {key}",
@@ -73,6 +75,13 @@ class CorrectionTable(Strict):
         if self.kind == "compliance" and self.column is None:
             raise refuse("machine compliance without a force", 'the measured force, e.g. column = "force_N"',
                          'write { kind = "compliance", column = "force_N" }', "no column")
+        if self.kind == "seating" and None in (self.column, self.seated_at):
+            raise refuse("seating without its force", 'the measured force and the load at which the grips have seated',
+                         'write { kind = "seating", column = "force_N", seated_at = 20.0 }',
+                         "no column" if self.column is None else "no seated_at")
+        if self.kind != "slip" and self.column is not None and self.model_fields_set & {"start_s", "course"}:
+            raise refuse("two courses of one correction", "a column, or start_s and course", "leave one of them out",
+                         f"column = {self.column!r} and a course in time")
         return self
 
 
@@ -227,3 +236,4 @@ class ChannelTable(Strict):
     simulated: SimulatedTable
     noise_std: Positive | None = None
     unit: str | None = None
+    drift_from_s: float | None = None

@@ -5,11 +5,12 @@ freedom ``boundary.SET.COMPONENT.KIND``, zero where the log is right:
 
     slip          mm       1 at the end of the course: the specimen has moved so much less than the log says
     compliance    mm/N     the machine's own deflection is in the log: u = u_log - C F, F a measured column
+    seating       mm       grips settle under the first load: u = u_log - s (1 - exp(-|F| / F_seated))
     rotation      rad/mm   the set turns about its middle in proportion to the motion
     misalignment  -        the set moves across, too, in proportion to the motion
 
-Rotation and misalignment may follow a column of the log instead; the amplitude (rad, mm) is then that at the column's
-largest value. At a set that is held at a fixed value, slip and compliance count along the axis.
+Rotation and misalignment may follow a column of the log, or begin at a time with a course of their own; the amplitude
+(rad, mm) is then that at the column's largest value, or at the end of the course. At a set that is held at a fixed value, slip, seating and compliance count along the axis.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class Material:
 class Correction:
     """What a drive may lack: ``amplitude * course(t)`` times a pattern on its set; see `idic.model.corrections`.
 
-    kind : "slip" | "rotation" | "compliance" | "misalignment"; reach : largest value of the pattern (mm for a
+    kind : "slip" | "rotation" | "compliance" | "misalignment" | "seating"; reach : largest value of the pattern (mm for a
     rotation); towards : the component that a misalignment moves.
     """
 
@@ -164,6 +164,8 @@ class Channel:
     kind "reaction": factor x sum of the reactions of a node set along ``component`` (N); "displacement": mean
     displacement of a node set along ``component``, less that of the set ``minus`` (mm: an extensometer, an LVDT);
     "pressure": the pressure on the edge set ``nodes`` (MPa).
+    drift_from : s, when its drift begins, None: at the reference frame; full_scale : largest reading of the test that these
+    frames are a part of, None: these are all
     """
 
     column: str
@@ -176,6 +178,13 @@ class Channel:
     unit: str = "N"
     kind: str = "reaction"
     minus: str | None = None
+    drift_from: float | None = None
+    full_scale: float | None = None
+
+    @property
+    def largest(self) -> float:
+        """Largest reading of the whole test, 1 where all are zero."""
+        return self.full_scale or float(np.abs(self.values).max()) or 1.0
 
 
 @dataclass(frozen=True)

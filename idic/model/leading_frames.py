@@ -63,7 +63,8 @@ def _drive(drive, pick: np.ndarray):
 
 
 def _channel(channel: Channel, pick: np.ndarray) -> Channel:
-    return replace(channel, values=channel.values[pick], rates=_cut(channel.rates, pick))
+    return replace(channel, values=channel.values[pick], rates=_cut(channel.rates, pick),
+                   full_scale=channel.largest)
 
 
 def _temperature(entry: Temperature, pick: np.ndarray) -> Temperature:

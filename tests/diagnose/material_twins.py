@@ -75,6 +75,7 @@ TRUTHS = {
     "clean": Truth("elastic", BODY, "elastic"),
     "plasticity": Truth("j2_linear", BODY | {"yield_stress": 33.0, "hardening_modulus": 400.0}, "elastic"),
     "damage": Truth("elastic_damage", BODY | {"threshold": 0.015, "softening": 15.0}, "elastic"),
+    "nonlinear_elasticity": Truth("nonlinear_elastic", BODY | {"nonlinearity": 6.0}, "elastic"),
     "viscoelasticity": Truth("maxwell", BODY | {"g_1": 0.04, "tau_1": 5.0}, "elastic"),
     "creep": Truth("creep", BODY | {"rate": 4e-5, "n": 3.0, "stress": 30.0}, "elastic"),
     "rate_dependence": Truth("viscoplastic", BODY | {"yield_stress": 30.0, "hardening_modulus": 200.0, "eta": 4000.0,

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from side_twins import GRIP, SHAPE, TIMES, Side
+from side_twins import GRIP, RADIUS, SHAPE, TIMES, Side
 
 AFTER = np.maximum(TIMES - 4.0, 0.0) / (TIMES[-1] - 4.0)  # a slip that begins at 4 s
 LOAD = GRIP / GRIP.max()
+WAY = np.where(TIMES == 0.0, 0.0, np.where(TIMES <= 8.0, 1.0, -1.0))  # of the grip: up, hold, down
+FRICTION, SEATING, CURVATURE = 3.0, 0.006, 0.06  # N, mm, of the largest force
 
 
 def _both(mean, slope=None):
@@ -19,6 +21,18 @@ def _scaled(camera, factor):
     """A camera nearer by this factor, about the middle of the image."""
     centre = np.array([(SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2])
     return replace(camera, matrix=factor * camera.matrix, origin_px=centre + factor * (camera.origin_px - centre))
+
+
+def _turned(camera, degrees):
+    """A camera turned about the middle of the image."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    turn, centre = np.array([[c, s], [-s, c]]), np.array([(SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2])
+    return replace(camera, matrix=turn @ camera.matrix, origin_px=centre + turn @ (camera.origin_px - centre))
+
+
+def _settled(F):
+    """Grips that settle under the first load."""
+    return SEATING * (1.0 - np.exp(-np.abs(F) / (0.15 * np.abs(F).max())))
 
 
 def shaken(camera, frame):
@@ -49,10 +63,19 @@ SIDES = {
     "force_scale": Side(force=lambda F: 1.03 * F),
     "force_offset": Side(force=lambda F: F + 1.5),
     "force_drift": Side(force=lambda F: F + 0.3 * TIMES),
+    "friction": Side(force=lambda F: F + FRICTION * WAY),
+    "load_cell_curvature": Side(force=lambda F: F * (1.0 + CURVATURE * F / np.abs(F).max())),
+    "thickness": Side(force=lambda F: 1.03 * F),
     "frame_time_offset": Side(log_late=0.06),
     "grip_slip": Side(motion={("RIGHT", "x"): _both(-0.006 * AFTER)}),
     "grip_rotation": Side(motion={("RIGHT", "x"): _both(0.0 * TIMES, -0.0015 * LOAD)}),
     "machine_compliance": Side(compliance=3e-5),
+    "seating": Side(toe=_settled),
+    "hole_geometry": Side(radius=1.03 * RADIUS),
+    "pixel_size": Side(camera=lambda camera, k: _scaled(camera, 1.02)),
+    "camera_rotation": Side(camera=lambda camera, k: _turned(camera, 0.5)),
+    "origin": Side(camera=lambda camera, k: replace(camera, origin_px=camera.origin_px + np.array([0.8, -0.6]))),
+    "parallax": Side(camera=lambda camera, k: replace(camera, tilt=np.array([0.004, 0.0]))),
     "lens_distortion": Side(camera=lambda camera, k: replace(camera, k1=2e-6)),
     "magnification": Side(camera=lambda camera, k: _scaled(camera, 1.0 + 4e-4 * TIMES[k] / TIMES[-1])),
     "camera_motion": Side(camera=shaken),

@@ -85,11 +85,13 @@ class Side:
     force: Callable | None = None
     log_late: float = 0.0  # s by which the log lags behind the images
     compliance: float = 0.0  # mm/N of the machine, in the log
+    radius: float = RADIUS  # mm, of the hole
+    toe: Callable | None = None  # way (mm) that the log shows and the specimen does not, of the force (n_frames,)
 
 
 def truth(side: Side):
     """Clean motion and force on the fine mesh  # mesh, (n_frames, n_nodes, 2), (n_frames,)"""
-    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", 8, 8, 6, name="BODY")
+    mesh = strip_with_hole(LENGTH, WIDTH, side.radius, "quad8", 8, 8, 6, name="BODY")
     factor = np.ones(mesh.n_elements)
     if side.modulus is not None:
         centres = np.array([mesh.nodes[conn[:4]].mean(axis=0) for conn in mesh.blocks[0].connectivity])
@@ -140,7 +142,8 @@ def write_folder(folder, side: Side, seed: int = 0, toml: str = TOML):
     (folder / "images").mkdir()
     write_images(folder, images())
     late = lambda values: np.interp(TIMES - side.log_late, TIMES, values)  # noqa: E731
-    grip = late(GRIP + side.compliance * force) + GRIP_NOISE * rng.standard_normal(len(TIMES)) * (TIMES > 0)
+    lost = 0.0 if side.toe is None else side.toe(force)
+    grip = late(GRIP + side.compliance * force + lost) + GRIP_NOISE * rng.standard_normal(len(TIMES)) * (TIMES > 0)
     shown = force if side.force is None else side.force(force)
     write_loads(folder, TIMES, {"force_N": late(shown) + FORCE_NOISE * rng.standard_normal(len(TIMES)),
                                 "grip_mm": grip})

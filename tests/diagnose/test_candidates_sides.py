@@ -6,19 +6,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matrix_of_sides import SIDES, TIMES, shaken
-from side_twins import TRUTH, refit, screening, write_folder
+from matrix_of_sides import CURVATURE, FRICTION, SEATING, SIDES, TIMES, shaken
+from side_twins import PIXEL, RADIUS, TOML, TRUTH, Side, refit, screening, write_folder
 
 from idic.diagnose.screen.candidate import candidates
 from idic.images.camera import Camera
 
 OWN = tuple(c.name for c in candidates() if c.family in ("boundary", "force", "camera", "heterogeneity"))
 LINEAR = tuple(name for name in OWN if name not in ("heterogeneity", "camera_motion"))
-FEW = tuple(name for name in LINEAR if name != "grip_slip")  # whose columns are a second's work
+FEW = tuple(name for name in LINEAR if name not in ("grip_slip", "grip_rotation", "hole_geometry"))  # quick columns
 
 # truth of the degree of freedom that the winning variant adds, where there is one number
 AMPLITUDES = {"force_offset": 1.5, "force_drift": 0.3, "frame_time_offset": 0.06, "grip_rotation": 0.0015 / 0.12,
-              "machine_compliance": 3e-5, "lens_distortion": 2e-6, "magnification": 4e-4 / TIMES[-1]}
+              "machine_compliance": 3e-5, "lens_distortion": 2e-6, "magnification": 4e-4 / TIMES[-1],
+              "friction": FRICTION, "load_cell_curvature": CURVATURE * (1.0 + CURVATURE),  # over the largest reading
+              "seating": SEATING, "hole_geometry": 1.03 * RADIUS, "pixel_size": PIXEL / 1.02, "camera_rotation": 0.5,
+              "origin": 0.8, "parallax": 0.004}
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +50,8 @@ def test_a_clean_record_names_nothing(twin):
     assert found.parameters["BODY.E"].value == pytest.approx(TRUTH["E"], rel=0.005)  # three standard deviations
 
 
-def test_an_effect_is_ranked_first_and_its_amplitude_and_the_modulus_are_recovered(twin):
-    name = "machine_compliance"
+@pytest.mark.parametrize("name", ["machine_compliance", "friction", "pixel_size"])
+def test_an_effect_is_ranked_first_and_its_amplitude_and_the_modulus_are_recovered(twin, name):
     found, result = screening(twin(name), FEW)
     _first_and_recovered(twin(name), name, found, result)
 
@@ -69,6 +72,33 @@ def _first_and_recovered(path, name, found, result):
     assert abs(again["BODY.E"]["value"] - TRUTH["E"]) < 3.0 * again["BODY.E"]["std"]
     assert abs(again["BODY.E"]["value"] - TRUTH["E"]) < max(abs(found.parameters["BODY.E"].value - TRUTH["E"]),
                                                             3.0 * again["BODY.E"]["std"])
+
+
+def test_a_thickness_is_the_modulus_where_that_is_free_and_found_where_it_is_known(twin, tmp_path):
+    _, result = screening(twin("thickness"), ("thickness", "force_offset"))
+    assert result.of("thickness").visibility < 1e-6 and result.of("thickness").standing == "cannot_tell"
+    known = TOML.replace("E = { value = 1800, unit = \"MPa\", identify = true }", f"E = {TRUTH['E']}")
+    path = write_folder(tmp_path / "known", SIDES["thickness"], toml=known)
+    _, result = screening(path, ("thickness", "force_offset", "force_drift"))
+    assert result.ranked[0].candidate.name == "thickness" and result.ranked[0].standing == "significant"
+    found = refit(path, result.ranked[0].variant).result["parameters"]["geometry.thickness"]
+    assert abs(found["value"] - 1.03 * 1.5) < 3.0 * found["std"]
+
+
+LATE = {"force_drift": (Side(force=lambda F: F + 2.0 * np.maximum(TIMES - 5.5, 0.0)), 5.5),
+        "grip_rotation": (Side(motion={("RIGHT", "x"): np.column_stack([0.0 * TIMES, 0.003 * np.maximum(TIMES - 5.5, 0.0) / 5.5])}),
+                          5.5)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LATE)
+def test_an_effect_that_begins_in_the_middle_of_the_test_is_named_with_its_beginning(name, tmp_path):
+    side, begins = LATE[name]
+    _, result = screening(write_folder(tmp_path / name, side), None)
+    best = result.ranked[0]
+    assert best.candidate.name == name
+    start = float(best.variant.label.split("from ")[1].split(" s")[0])
+    assert abs(start - begins) <= 2.2  # the grid of onsets: a fifth of the test
 
 
 def test_a_factor_of_the_force_is_indistinguishable_from_the_modulus_and_reported_as_invisible(twin):

@@ -118,9 +118,19 @@ def test_a_page_that_cannot_be_written_does_not_cost_the_verdict(yielding, tmp_p
     assert content["cautions"][-1] == note and yielding[2]["notes"] == []
 
 
+def test_a_quick_diagnosis_refits_one_candidate_and_says_so(yielding, tmp_path):
+    run = shutil.copytree(yielding[0], tmp_path / "run", ignore=shutil.ignore_patterns("diagnosis*", "enriched"))
+    content = diagnose_run(run, library=LIBRARY, quick=True)
+    assert content["named"] == ["plasticity"] and [c["name"] for c in content["candidates"] if c["refitted"]] == ["plasticity"]
+    assert content["cautions"][0].startswith("This was a quick diagnosis") and len(content["rounds"]) == 1
+    after, whole = content["model"]["parameters_after"]["BODY.E"], yielding[2]["model"]["parameters_after"]["BODY.E"]
+    assert abs(after["value"] - whole["value"]) < 3.0 * after["std"]  # a copy with twice the noise variance
+
+
 def test_page_and_json_are_complete(yielding):
     run, _, content = yielding
     page = (run / "diagnosis.html").read_text(encoding="utf-8")
+    assert content["headline"][:30] in page
     assert content["sentence"].split(":")[0][:30] in page
     letters = re.sub("base64,[A-Za-z0-9+/=]+", "", page)  # four letters of a picture may be "http"
     assert "http" not in letters.replace("http://www.w3", "")
@@ -164,7 +174,7 @@ def test_the_command_prints_its_verdict_and_writes_the_files_that_it_names(sound
     assert answer.returncode == 0, answer.stderr
     content = json.loads((run / "diagnosis.json").read_text())
     assert content["verdict"] == "none"
-    assert answer.stdout.startswith(content["sentence"]) and "Traceback" not in answer.stderr
+    assert answer.stdout.startswith(content["headline"]) and "Traceback" not in answer.stderr
     assert f"results  {run / 'diagnosis.json'}" in answer.stdout and f"report   {run / 'diagnosis.html'}" in answer.stdout
     assert "screening of the library" in answer.stderr and (run / "diagnosis.html").stat().st_size > 10_000
 

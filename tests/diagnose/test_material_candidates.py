@@ -20,12 +20,13 @@ from idic.virtual_tests.meshes import strip_with_hole, write_inp
 
 MATERIAL = {"plasticity", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
             "viscoelasticity", "creep", "damage", "orthotropy", "poisson_ratio", "geometric_nonlinearity",
-            "second_invariant", "thermal_expansion"}
+            "second_invariant", "thermal_expansion", "nonlinear_elasticity"}
 CONTRACT = {"plasticity", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
             "viscoelasticity", "creep", "damage", "orthotropy", "poisson_ratio", "geometric_nonlinearity",
             "heterogeneity", "thermal_expansion", "grip_slip", "grip_rotation", "machine_compliance", "force_scale",
             "force_offset", "force_drift", "frame_time_offset", "illumination", "lens_distortion", "magnification",
-            "camera_motion", "defocus"}
+            "camera_motion", "defocus", "pixel_size", "camera_rotation", "origin", "hole_geometry", "thickness", "seating",
+            "friction", "load_cell_curvature", "nonlinear_elasticity", "parallax"}
 ALSO = {
     "finite": NullModel('law = "elastic"\nkinematics = "finite"\nK = 2222.0\nG = { value = 740.0, identify = true }\n',
                    ELASTIC.grip),
@@ -43,13 +44,13 @@ ALSO = {
 EVERY = NULLS | ALSO
 APPLY = {  # which of MATERIAL a null leaves open
     "elastic": {"plasticity", "rate_dependence", "viscoelasticity", "creep", "damage", "orthotropy",
-                "geometric_nonlinearity", "thermal_expansion"},
-    "held": {"plasticity", "rate_dependence", "viscoelasticity", "creep", "damage", "orthotropy", "poisson_ratio",
+                "geometric_nonlinearity", "thermal_expansion", "nonlinear_elasticity"},
+    "held": {"nonlinear_elasticity", "plasticity", "rate_dependence", "viscoelasticity", "creep", "damage", "orthotropy", "poisson_ratio",
              "geometric_nonlinearity", "thermal_expansion"},
     "plastic": {"hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
                 "thermal_expansion"},
     "rubber": {"plasticity", "rate_dependence", "viscoelasticity", "creep", "second_invariant", "thermal_expansion"},
-    "finite": {"plasticity", "rate_dependence", "viscoelasticity", "creep", "damage", "orthotropy",
+    "finite": {"nonlinear_elasticity", "plasticity", "rate_dependence", "viscoelasticity", "creep", "damage", "orthotropy",
                "thermal_expansion"},
     "perfect": {"hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
                 "poisson_ratio", "thermal_expansion"},

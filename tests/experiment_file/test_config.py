@@ -144,7 +144,7 @@ def test_options_stages_and_degrees_of_freedom_are_read(folder):
 
 def test_every_further_degree_of_freedom_of_the_contract_has_a_name(folder):
     names = [f"camera.{n}" for n in ("pixel_size", "rotation_deg", "shift_col", "shift_row", "k1", "tilt_x", "tilt_y")]
-    names += [f"channel.force_kN.{n}" for n in ("scale", "offset", "drift")] + ["geometry.thickness", "time.offset"]
+    names += [f"channel.force_kN.{n}" for n in ("scale", "offset", "drift", "curvature", "friction", "friction_share")] + ["geometry.thickness", "time.offset"]
     with (folder / "experiment.toml").open("a") as stream:
         stream.writelines(f'[[dof]]\nname = "{name}"\n' for name in names)
     e = load_experiment(folder)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from experiment_file.small_experiment import TOML, write_experiment
 
+from idic.correlation.channels import drifting
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.tables.heterogeneities import heterogeneities
@@ -16,6 +17,7 @@ from idic.fe.assembly.variation import Variation
 from idic.model.drives import boundary_parameters, build_drives
 from idic.model.forward import build_forward
 from idic.model.heterogeneity import strayed, variations_at
+from idic.model.load_train import directions
 
 GRIP = 'uy = { column = "grip_um", noise_std = 0.2 }'
 
@@ -56,12 +58,54 @@ def test_a_fixed_end_may_slip_and_turn_with_a_column_too(tmp_path):
     assert histories[:, slip] == pytest.approx([0.0, 0.01, 0.01, 0.01])
 
 
+def test_a_rotation_may_begin_at_a_time_and_grips_may_settle_under_the_first_load(tmp_path):
+    text = ('{ kind = "rotation", start_s = 0.5, course = "ramp" }, '
+            '{ kind = "seating", column = "force_kN", seated_at = 0.1 }')
+    experiment = load_experiment(write_experiment(tmp_path / "test", corrected(text)))
+    drives = build_drives(experiment)
+    histories = drives.histories(experiment.parameters)
+    turn, settle = (drives.names.index(f"boundary.TOP.y.{kind}") for kind in ("rotation", "seating"))
+    values = experiment.parameters.with_values({"boundary.TOP.y.rotation": 0.01, "boundary.TOP.y.seating": 0.02})
+    moved = drives.histories(values) - histories
+    times, force = experiment.times, experiment.channels[0].values / 1000.0  # kN
+    start = np.maximum(times - 0.5, 0.0) / (times[-1] - 0.5)
+    assert moved[:, turn] == pytest.approx(0.01 * start)
+    assert moved[:, settle] == pytest.approx(-0.02 * (1.0 - np.exp(-force / 0.1)), abs=1e-12)
+
+
+@pytest.mark.parametrize("start, said", [(1.0, None), (9.0, "the drift begins outside the test")])
+def test_a_drift_of_a_channel_may_begin_at_a_time_of_the_test(tmp_path, start, said):
+    toml = TOML.replace('column = "force_kN"', f'column = "force_kN"\ndrift_from_s = {start}', 1)
+    path = write_experiment(tmp_path / "test", toml + '[[dof]]\nname = "channel.force_kN.drift"\n')
+    if said is not None:
+        with pytest.raises(InputError, match=said):
+            load_experiment(path)
+        return
+    experiment = load_experiment(path)
+    seconds = [drifting(experiment, experiment.channels[0], frame) for frame in range(experiment.n_frames)]
+    assert seconds == pytest.approx(np.maximum(experiment.times - start, 0.0))
+
+
+@pytest.mark.parametrize("motion, found", [
+    ([0.0, 1.0, 2.0, 2.0, 1.0, 0.0], [0, 1, 1, 1, -1, -1]),
+    ([0.0, -1.0, -1.005, -1.0, -2.0, 1.0], [0, -1, -1, -1, -1, 1]),  # a way back of less than the dead band
+    ([0.0, 0.001, -0.001, 0.0, 0.0, 2.0], [0, 0, 0, 0, 0, 1]),
+])
+def test_the_load_train_keeps_its_direction_while_it_rests(motion, found):
+    assert directions(np.array(motion), 0.02).tolist() == found
+
+
 @pytest.mark.parametrize("text, key, said", [
     ('{ kind = "slip", start_s = 9.0 }', "start_s", "outside the test"),
     ('{ kind = "compliance" }', "corrections", "without a force"),
     ('{ kind = "compliance", column = "grip_um" }', "column", ""),
     ('{ kind = "compliance", column = "strain" }', "column", ""),
     ('{ kind = "slip", column = "force_kN" }', "corrections", "does not belong here"),
+    ('{ kind = "seating", column = "force_kN" }', "corrections", "without its force"),
+    ('{ kind = "seating", seated_at = 20.0 }', "corrections", "without its force"),
+    ('{ kind = "compliance", column = "force_kN", seated_at = 20.0 }', "corrections", "does not belong here"),
+    ('{ kind = "rotation", column = "force_kN", start_s = 1.0 }', "corrections", "two courses"),
+    ('{ kind = "rotation", start_s = 9.0 }', "start_s", "outside the test"),
     ('{ kind = "slip" }, { kind = "slip", start_s = 1.0 }', "corrections", "given twice"),
     ('{ kind = "creep" }', "kind", ""),
 ])

@@ -27,7 +27,8 @@ CAMERA_DOFS = (("camera.pixel_size", PIXEL, 1e-3), ("camera.rotation_deg", 1.5, 
                ("camera.shift_row", -0.3, 1.0), ("camera.k1", 2e-6, 1e-5), ("camera.tilt_x", 1e-3, 1e-2),
                ("camera.tilt_y", -1e-3, 1e-2))
 CHANNEL_DOFS = (("channel.force.scale", 1.02, 0.01), ("channel.force.offset", 0.1, 0.1),
-                ("channel.force.drift", 0.02, 0.1))
+                ("channel.force.drift", 0.02, 0.1), ("channel.force.curvature", 0.05, 0.1),
+                ("channel.force.friction", 0.2, 0.1), ("channel.force.friction_share", 0.03, 0.1))
 MIXED = (*held_left(), parametrised("x"), parametrised("y"))
 LOADED = held_left()
 
@@ -63,6 +64,8 @@ BODIES = {
                                     **o),
     "elastic_damage": lambda **o: experiment("elastic_damage", ELASTIC | {"threshold": 0.004, "softening": 15.0},
                                              kinematics="finite", **o),
+    "nonlinear_elastic": lambda **o: experiment("nonlinear_elastic", ELASTIC | {"nonlinearity": 8.0},
+                                                kinematics="finite", **o),
     "j2_pressure": lambda **o: experiment("j2_pressure", STEEL | {"hardening_modulus": 60.0, "friction": 0.2},
                                           kinematics="finite", **o),
     "elastoplastic": lambda **o: experiment("elastoplastic", STEEL, kinematics="finite", **o),
@@ -91,7 +94,7 @@ BODIES = {
 }
 # What the images say follows from the displacements, whatever the law: these are repeats where (a) holds.
 LIKE_OTHERS = ("elastic, finite strain", "orthotropic", "j2_voce", "j2_power", "j2_power_reference", "mooney_rivlin",
-               "j2_swift", "j2_hill", "j2_kinematic", "viscoplastic", "maxwell", "creep", "elastic_damage", "j2_pressure",
+               "j2_swift", "j2_hill", "j2_kinematic", "viscoplastic", "maxwell", "creep", "elastic_damage", "nonlinear_elastic", "j2_pressure",
                "elastoplastic", "elastoplastic, back stress", "heterogeneous", "thickness and time")
 # Gradient of f carried along by F of the element's centre, for that of g. Camera and geometry are seen through the
 # gradient of u, which the columns take at the nodes: it jumps from one linear element to the next.

@@ -71,11 +71,12 @@ def pulled(top=0.05, offset=True, noise_std=0.0):
 
 
 def corrected_grips():
-    """The same with everything that may be wrong about a log: slip, compliance, rotation, motion askew; both ends."""
+    """The same with everything that may be wrong about a log: slip, compliance, seating, rotation, motion askew; both ends."""
     force = np.array([0.0, 5.0, 9.0, 12.0, 10.0])
     drive = column("grip", 0.1)
     corrections = (Correction("slip", -np.array([0.0, 0.0, 0.2, 0.6, 1.0]), "mm"),
                    Correction("compliance", -force, "mm/N"),
+                   Correction("seating", -(1.0 - np.exp(-force / 4.0)), "mm"),
                    Correction("rotation", drive.values, "rad/mm", WIDTH / 2.0),
                    Correction("misalignment", drive.values, ""))
     return (Prescribed("LEFT", "x", Constant(0.0, (Correction("rotation", force / 12.0, "rad", WIDTH / 2.0),))),

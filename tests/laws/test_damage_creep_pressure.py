@@ -33,6 +33,31 @@ def test_damaged_tension_at_finite_strain_is_linear_in_Green_strain_times_the_ex
     np.testing.assert_allclose(curve.P[:, 0, 0], expected, rtol=1e-8, atol=1e-7)
 
 
+# reversible nonlinear elasticity
+@pytest.mark.parametrize("n", [25.0, -15.0], ids=["softens", "stiffens"])
+def test_nonlinear_elastic_tension_is_Hooke_times_the_exponential_and_unloads_on_its_own_path(n):
+    out = np.linspace(0, 0.02, 21)
+    curve = point.uniaxial(compile("nonlinear_elastic", "small"), np.array([70e3, 0.3, n]),
+                           np.concatenate([out, out[-2::-1]]))
+    np.testing.assert_allclose(curve.P[:21, 0, 0], 70e3 * out * np.exp(-n * out), rtol=1e-8, atol=1e-7)
+    np.testing.assert_allclose(curve.P[21:, 0, 0], curve.P[19::-1, 0, 0], rtol=1e-8, atol=1e-7)
+
+
+def test_no_work_is_lost_or_won_around_a_closed_path_of_nonlinear_elasticity(rng):
+    """Three directions of strain, there and back by other ways: the work of a loop is zero for a potential alone."""
+    law, steps = compile("nonlinear_elastic", "small"), 1000
+    corners = [np.zeros((3, 3))]
+    for _ in range(3):
+        direction = rng.standard_normal((3, 3))
+        corners.append(0.01 * (direction + direction.T))
+    corners.append(corners[0])
+    strains = np.concatenate([np.linspace(a, b, steps, endpoint=False) for a, b in zip(corners, corners[1:], strict=False)]
+                             + [corners[-1][None]])
+    P = follow(law, 0, (np.eye(3) + strains)[:, None], np.array([70e3, 0.3, 25.0]))[0][:, 0]
+    work = 0.5 * np.einsum("tij,tij->t", P[1:] + P[:-1], np.diff(strains, axis=0))
+    assert abs(work.sum()) < 1e-6 * np.abs(work).sum()
+
+
 def test_dissipation_of_damage_equals_its_conjugate_energy(rng):
     """Work put in = stored + dissipated, the latter from the integral of (e : C : e / 2) dd."""
     law, steps = compile("elastic_damage", "small"), 2000

@@ -169,6 +169,8 @@ STORED = {  # P12, P11 in MPa at gamma = 0.1 in ten steps, default parameters: a
     ("maxwell", "finite"): (1753.887772748257, -69.55944492490192),
     ("mooney_rivlin", "finite"): (0.66, -0.024),
     ("neo_hookean", "finite"): (0.66, -0.021999999999999353),
+    ("nonlinear_elastic", "small"): (1448.0604366085292, 0.0),
+    ("nonlinear_elastic", "finite"): (1469.4178751004042, 252.7254330639517),
     ("orthotropic", "small"): (2843.9449064449063, 4200.268220069902),
     ("orthotropic", "finite"): (3078.280688861122, 4631.158046739493),
     ("viscoplastic", "finite"): (157.15972280071665, -13.485776200816714),

@@ -9,6 +9,7 @@ from idic.diagnose.screen.edits import driven, with_correction
 from idic.model.experiment import Column, Experiment
 
 PROBE_PX = 0.2
+ONSETS = (0.0, 0.2, 0.4, 0.6, 0.8)  # of the test, of a rotation with a course of its own
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -26,9 +27,13 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         if "rotation" not in present and _extended(experiment, nodes, component):
             found.append(_variant(situation, number, nodes, component, {"kind": "rotation"} | own,
                                   length / (half * size)))
+            found += [_variant(situation, number, nodes, component, {"kind": "rotation"} | course, length / half)
+                      for course in _courses(situation)]
         if "misalignment" not in present and "column" in drive and experiment.n_dim == 2 \
                 and _held_across(situation, nodes, component):
             found.append(_variant(situation, number, nodes, component, {"kind": "misalignment"}, length / size))
+            found += [_variant(situation, number, nodes, component, {"kind": "misalignment"} | course, length)
+                      for course in _courses(situation)]
     return tuple(found)
 
 
@@ -36,8 +41,19 @@ def _variant(situation: Situation, number: int, nodes: str, component: str, corr
              probe: float) -> Variant:
     name = f"boundary.{nodes}.{component}.{correction['kind']}"
     what = "turns" if correction["kind"] == "rotation" else "moves askew"
+    if "start_s" in correction:
+        what += f"{' at once' if correction['course'] == 'jump' else ''} from {correction['start_s']:.4g} s on"
     return Variant(f"{nodes} {what} (u{component})", with_correction(situation, number, component, correction), (name,),
                    {name: 0.0}, {name: probe}, exact=True)
+
+
+def _courses(situation: Situation) -> list[dict]:
+    """Courses that begin at some moment: evenly in time from then on, or at once."""
+    if not situation.experiment.extras.get("has_times", True):
+        return []
+    first = float(situation.experiment.times[situation.experiment.reference])
+    return [{"start_s": float(np.round(first + onset * situation.duration, 9)), "course": course}
+            for onset in ONSETS for course in (("ramp", "jump") if onset else ("ramp",))]
 
 
 def _main_column(experiment: Experiment) -> Column | None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import driven, with_correction
+from idic.diagnose.screen.edits import channel_unit, driven, with_correction
 
 PROBE_PX = 0.2
 
@@ -26,19 +24,11 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
             name, logged = f"boundary.{nodes}.{component}.compliance", "column" in drive
             edits = with_correction(situation, number, component,
                                     {"kind": "compliance", "column": force.column}
-                                    | _unit_of(situation, force.column))
+                                    | channel_unit(situation, force.column))
             found.append(Variant(f"{nodes} gives way along {component} with {force.column}", edits, (name,), {name: 0.0},
                                  {name: PROBE_PX * experiment.camera.pixel_size / size}, sign=1 if logged else 0,
                                  exact=True))
     return tuple(found)
-
-
-def _unit_of(situation: Situation, column: str) -> dict[str, Any]:
-    """The unit that [[channel]] gives to a column whose name has none."""
-    for table in situation.document.get("channel", ()):
-        if table.get("column") == column and "unit" in table:
-            return {"unit": table["unit"]}
-    return {}
 
 
 register(Candidate(

@@ -100,6 +100,19 @@ def white_channels(evidence: Evidence) -> np.ndarray:
     return np.array([part.channel_q / root for part in evidence.parts]).reshape(len(evidence.parts), len(root))
 
 
+def readings(evidence: Evidence) -> np.ndarray:
+    """Residual of every channel over the noise that frame-local unknowns leave in it  # (T, n_channels)
+
+    Unit normal for a complete model, also where a log's own noise is an unknown of every frame.
+    """
+    n, found = len(evidence.seen), np.zeros((len(evidence.parts), len(evidence.channel_weight)))
+    for t, part in enumerate(evidence.parts):
+        own = part.border[n:]
+        information = evidence.channel_weight - np.einsum("ci,ij,cj->c", own, part.inner, own)
+        found[t] = evidence.residual(part)[1] / np.sqrt(np.maximum(information, 1e-12 * evidence.channel_weight))
+    return found
+
+
 def positions(residual: ResidualEvidence) -> np.ndarray:
     """Nodes in the reference image  # (n_nodes, 2) px"""
     context = residual.context

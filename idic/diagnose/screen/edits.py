@@ -51,6 +51,14 @@ def with_correction(situation: Situation, number: int, component: str,
     return {"boundary": tables}
 
 
+def channel_unit(situation: Situation, column: str) -> dict[str, Any]:
+    """The unit that [[channel]] gives to a column whose name has none."""
+    for table in situation.document.get("channel", ()):
+        if table.get("column") == column and "unit" in table:
+            return {"unit": table["unit"]}
+    return {}
+
+
 def camera_key(situation: Situation, key: str) -> str:
     """The dotted key of an entry of the main camera's table, [camera] or the first [[camera]]."""
     return f"camera.0.{key}" if isinstance(situation.document.get("camera"), list) else f"camera.{key}"

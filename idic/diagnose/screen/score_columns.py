@@ -99,9 +99,10 @@ def _stepped(found: Identification, residual: ResidualEvidence, variants: Sequen
             others.append(_alternative(experiment, found, parameters.as_values()))
         return place[key]
 
-    pairs = []
+    pairs, moved = [], []
     for variant in variants:
         experiment = load(variant.edits)
+        moved.append(_node_motion(experiment, variant))
         pairs.append((position(experiment, variant.probe),
                       None if variant.exact else position(experiment, variant.null)))
     start = found.experiment.reference
@@ -114,6 +115,7 @@ def _stepped(found: Identification, residual: ResidualEvidence, variants: Sequen
     for t, answer in enumerate(answers):
         du, dchannels = answer.du[..., probes], answer.dchannels[:, probes]
         du[..., nulls] -= answer.du[..., of_nulls]
+        _to_fixed_points(found.experiment, residual.u[t], moved, du)
         dchannels[:, nulls] -= answer.dchannels[:, of_nulls]
         view = residual.view.at(int(residual.evidence.frames[t]))
         fields.append(view.columns(found.experiment.mesh.nodes, residual.u[t], du)[residual.evidence.seen])
@@ -123,6 +125,23 @@ def _stepped(found: Identification, residual: ResidualEvidence, variants: Sequen
     left = [v for v, good in zip(variants, answered, strict=True) if good]
     stepped = Columns(tuple(v.label for v in left), fields[..., answered], channels[..., answered])
     return answered, _with_recording(found, residual, left, load, stepped, gradients)
+
+
+def _node_motion(experiment: Experiment, variant: Variant) -> np.ndarray | None:
+    """Motion of the nodes (n_nodes, dim) mm from a variant's null to its probe; None where its mesh stays."""
+    found = [experiment.turned(morph.velocity) * (variant.probe[morph.name] - variant.null[morph.name])
+             for morph in experiment.morphs if morph.name in variant.new]
+    return np.sum(found, axis=0) if found else None
+
+
+def _to_fixed_points(experiment: Experiment, u: np.ndarray, moved: Sequence[np.ndarray | None], du: np.ndarray) -> None:
+    """Responses at nodes that move become those at fixed points of the body, in place (docs/method.md, equation 5.5)."""
+    if all(motion is None for motion in moved):
+        return
+    gradient = nodal_gradient(experiment, u)
+    for k, motion in enumerate(moved):
+        if motion is not None:
+            du[..., k] -= np.einsum("nij,nj->ni", gradient, motion) - motion
 
 
 def _with_recording(found: Identification, residual: ResidualEvidence, variants: Sequence[Variant], load: Load,

@@ -9,7 +9,7 @@ seen it, and left open where it would not.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -40,7 +40,8 @@ class Ranked:
     the probe) or, for direct variants, in units of the degree of freedom; gain : predicted drop of chi-square of the
     variant; effect_px, effect_channel : rms of what the model in hand leaves of it, px and standard deviations of a
     reading; verdict : "significant" | "small" | "inadmissible" | "excluded" | "cannot_tell"; largest_probe_z : standard deviations
-    by which a plausible effect would stand out, of the variant that shows most
+    by which a plausible effect would stand out, of the variant that shows most; moves : change of the identified parameters
+    per unit of the amplitude
     """
 
     candidate: Candidate
@@ -59,6 +60,7 @@ class Ranked:
     standing: str
     material: str = ""
     largest_probe_z: float = np.inf
+    moves: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def key(self) -> tuple[str, str]:
@@ -68,6 +70,11 @@ class Ranked:
     def called(self) -> str:
         """Its name, and where there are several materials the one that it is about."""
         return self.candidate.name.replace("_", " ") + (f" of {self.material}" if self.material else "")
+
+    @property
+    def probe_size(self) -> float:
+        """Amplitude of a plausible effect, infinite where none is known."""
+        return _probe_size(self.variant)
 
     @property
     def bound(self) -> float:
@@ -117,7 +124,8 @@ class Screening:
 
 
 def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns,
-           seed: int = 0, room: float = 0.0, materials: Sequence[str] = (), margin: Margin = ASSUMED) -> Screening:
+           seed: int = 0, room: float = 0.0, materials: Sequence[str] = (), margin: Margin = ASSUMED,
+           further: bool = False) -> Screening:
     """Score all columns and rank the candidates.
 
     Parameters
@@ -127,8 +135,10 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
     room : chi-square that free motions explain beyond noise: what is between the smallest effect and the practical margin
         must explain a good part of it
     margin : motion that no candidate may be blamed for
+    further : a cause is in the model already: what discretisation leaves of it is no room for another one
     """
     null = null_model(evidence, parameters)
+    smallest_px = margin.px if further else margin.smallest_effect_px
     scores = score(evidence, null, columns)
     groups: dict[tuple[str, str], list[int]] = {}
     for i, trial in enumerate(trials):
@@ -136,7 +146,8 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
     signs = np.array([trial.variant.sign for trial in trials])
     found = significances(scores, groups, signs, np.random.default_rng(seed)) if groups else {}
     sizes_px, sizes_channel = effects(evidence, parameters, columns, scores)
-    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, margin), material=key[1])  # type: ignore[index]
+    bounds_px = smallest_px, margin.px
+    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, bounds_px), material=key[1])  # type: ignore[index]
               for key, members in groups.items()]
     return Screening(tuple(sorted(ranked, key=lambda r: -r.statistic)), tuple(trials), scores)
 
@@ -148,19 +159,21 @@ def material_of_variant(variant: Variant, materials: Sequence[str]) -> str:
 
 
 def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significance, members: Sequence[int],
-            sizes_px: np.ndarray, sizes_channel: np.ndarray, room: float, margin: Margin) -> Ranked:
+            sizes_px: np.ndarray, sizes_channel: np.ndarray, room: float, bounds_px: tuple[float, float]) -> Ranked:
+    """bounds_px : smallest effect of a candidate that explains most of the room, and of any other"""
     best = standing.best
     trial = trials[best]
     same = [i for i in members if trials[i].variant is trial.variant]
     amplitude, std = float(scores.expected_change[best]), float(scores.std[best])
     effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
     gain = scores.gain(same)
-    min_effect_px = margin.smallest_effect_px if gain > MIN_ROOM_SHARE * room else margin.px
+    min_effect_px = bounds_px[0] if gain > MIN_ROOM_SHARE * room else bounds_px[1]
     matters = effect_channel > MIN_CHANNEL_EFFECT_STD or effect_px > min_effect_px
     return Ranked(trial.candidate, best, trial.variant, trial.name, standing.statistic, standing.p_familywise,
                   amplitude, std, float(scores.visibility[best]), gain, float(effect_px), float(effect_channel),
                   scores.bias_uncovered(best), _cell(standing, trial.variant, amplitude, std, matters),
-                  largest_probe_z=max(_stands_out(trials[i].variant, float(scores.std[i])) for i in members))
+                  largest_probe_z=max(_stands_out(trials[i].variant, float(scores.std[i])) for i in members),
+                  moves=dict(zip(scores.parameters, scores.moves[:, best].tolist(), strict=True)))
 
 
 def _cell(standing: Significance, variant: Variant, amplitude: float, std: float, matters: bool) -> str:

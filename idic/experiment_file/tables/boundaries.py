@@ -86,7 +86,19 @@ def _channel(made: Motion, table: ChannelTable, key: str, context: Context) -> C
     if kind == "displacement":
         values = _from_rest(made, values, table.column, factor, noise or 0.0, key, context)
     return Channel(table.column, values, noise, name, simulated.component, simulated.factor, rates, unit, kind,
-                   simulated.minus)
+                   simulated.minus, drift_from=_drift_from(table, key, context))
+
+
+def _drift_from(table: ChannelTable, key: str, context: Context) -> float | None:
+    """Time at which the drift of a channel begins, within the test."""
+    times = None if context.log is None else context.log.times
+    if table.drift_from_s is None or times is None:
+        return table.drift_from_s
+    if not times[0] <= table.drift_from_s < times[-1]:
+        raise InputError("the drift begins outside the test", file=context.file, key=f"{key}.drift_from_s",
+                         expected=f"{times[0]:g} <= drift_from_s < {times[-1]:g}, the times of the log",
+                         found=f"{table.drift_from_s:g}", remedy="correct drift_from_s")
+    return table.drift_from_s
 
 
 def _from_rest(made: Motion, values: np.ndarray, column: str, factor: float, noise: float, key: str,

@@ -42,6 +42,8 @@ def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, pla
             course, unit = _slip(table, drive, own, context), context.length_unit
         elif table.kind == "compliance":
             course, unit = _compliance(table, drive, own, context), f"{context.length_unit}/N"
+        elif table.kind == "seating":
+            course, unit = _seating(table, drive, own, context), context.length_unit
         else:
             course, unit = _in_proportion(table, drive, own, context)
         made.append(Correction(table.kind, course - course[context.reference], unit,
@@ -51,17 +53,23 @@ def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, pla
 
 def _slip(table: CorrectionTable, drive: Column | Constant, key: str, context) -> np.ndarray:
     """The course of the slip: at a fixed set positive, at a logged motion negative (the specimen lags behind)."""
+    start, times = _start(table, key, context)
+    if not isinstance(drive, Column):
+        return slip_course(times, start, table.course or "ramp", times)
+    return -end_sign(drive) * slip_course(times, start, table.course or "ramp", drive.values)
+
+
+def _start(table: CorrectionTable, key: str, context) -> tuple[float, np.ndarray]:
+    """When a course begins, and the times of all frames  # s, (n_frames,) s"""
     times = None if context.log is None else context.log.times
     if times is None:
         times = np.arange(context.n_frames, dtype=float)
     start = float(times[context.reference]) if table.start_s is None else table.start_s
     if not times[0] <= start < times[-1]:
-        raise InputError("the slip begins outside the test", file=context.file, key=f"{key}.start_s",
+        raise InputError(f"the {table.kind} begins outside the test", file=context.file, key=f"{key}.start_s",
                          expected=f"{times[0]:g} <= start_s < {times[-1]:g}, the times of the log",
                          found=f"{start:g}", remedy="correct start_s")
-    if not isinstance(drive, Column):
-        return slip_course(times, start, table.course or "ramp", times)
-    return -end_sign(drive) * slip_course(times, start, table.course or "ramp", drive.values)
+    return start, times
 
 
 def _compliance(table: CorrectionTable, drive: Column | Constant, key: str, context) -> np.ndarray:
@@ -69,9 +77,20 @@ def _compliance(table: CorrectionTable, drive: Column | Constant, key: str, cont
     return -along_the_motion(drive, force) * force if isinstance(drive, Column) else force
 
 
+def _seating(table: CorrectionTable, drive: Column | Constant, key: str, context) -> np.ndarray:
+    """Grips and couplings settle under the first load: all but a 1/e of the way at `seated_at`."""
+    force = _logged(table, None, key, context)
+    settled = 1.0 - np.exp(-np.abs(force) / table.seated_at)  # type: ignore[operator]
+    return -end_sign(drive) * settled if isinstance(drive, Column) else settled
+
+
 def _in_proportion(table: CorrectionTable, drive: Column | Constant, key: str, context) -> tuple[np.ndarray, str]:
     """Course and unit of a rotation or misalignment: the motion, or a column of the log relative to its largest."""
     what = "rad" if table.kind == "rotation" else context.length_unit
+    if table.start_s is not None or table.course is not None:
+        start, times = _start(table, key, context)
+        motion = drive.values if isinstance(drive, Column) else times
+        return slip_course(times, start, table.course or "ramp", motion), what
     if table.column is not None:
         values = _logged(table, None, key, context)
         return values / (np.abs(values).max() or 1.0), what

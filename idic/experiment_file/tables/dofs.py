@@ -22,6 +22,7 @@ from idic.materials import LawParameter, LawSpec
 from idic.materials.core.law import EXPANSION, law_for
 from idic.model.drives import boundary_parameters
 from idic.model.experiment import Channel, FurtherCamera, Load, Material, Prescribed
+from idic.model.load_train import way_of
 from idic.model.loads import load_parameters
 from idic.parameters import Parameter
 from idic.readers.units import factor_between, parse_unit
@@ -199,7 +200,7 @@ def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, 
         known |= (lens_dofs(name, by, shape) if isinstance(by, PlacedCamera)
                   else _camera_dofs(name, by, length_unit, shape))
     known |= of_placement
-    known |= _channel_dofs(channels, times)
+    known |= _channel_dofs(channels, times, way_of(prescribed) is not None)
     known |= _other_dofs(thickness, times, length_unit) | {p.name: p for p in holes}
     made = {name: known[name] for name in known_by_drive}
     made |= {name: replace(known[name], free=True) for name in calibrated}
@@ -256,7 +257,7 @@ def _camera_dofs(camera_name: str, camera: AnyCamera, length_unit: str, image_sh
     return made
 
 
-def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None) -> dict[str, Parameter]:
+def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None, moves: bool) -> dict[str, Parameter]:
     made = {}
     for channel in channels:
         size = float(np.abs(channel.values).max()) or 1.0
@@ -264,8 +265,13 @@ def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None) -> di
         made[f"{stem}.scale"] = Parameter(f"{stem}.scale", 1.0, "", scale=0.1)
         made[f"{stem}.offset"] = Parameter(f"{stem}.offset", 0.0, channel.unit, scale=0.1 * size)
         if times is not None and len(times) > 1:
+            duration = float(times[-1] - (times[0] if channel.drift_from is None else channel.drift_from))
             made[f"{stem}.drift"] = Parameter(f"{stem}.drift", 0.0, f"{channel.unit}/s",
-                                              scale=0.1 * size / float(np.ptp(times)))
+                                              scale=0.1 * size / duration)
+        made[f"{stem}.curvature"] = Parameter(f"{stem}.curvature", 0.0, "", scale=0.1)
+        if moves and channel.kind == "reaction":
+            made[f"{stem}.friction"] = Parameter(f"{stem}.friction", 0.0, channel.unit, scale=0.1 * size)
+            made[f"{stem}.friction_share"] = Parameter(f"{stem}.friction_share", 0.0, "", scale=0.1)
     return made
 
 

@@ -16,7 +16,6 @@ COLOUR_LIMIT_STD = 5.0  # standard deviations at the ends of the colour bar
 ONE_TEST_Z = 2.33  # of a single one-sided test at 1 %
 CANDIDATES_SHOWN = 12  # candidates in the ranking
 MAPS_WIDTH_SHARE = 0.87  # of the width: maps beside their colour bar
-LINEAR_SCORE, LINEAR_DROP = 5.0, 10.0  # scores, drops of chi-square up to which the axis is linear
 
 
 def residual_maps(record: DiagnosisRecord) -> Picture | None:
@@ -87,19 +86,18 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
                   color=["white" if _in_set(record, c) else _colour(record, c) for c in entries],
                   edgecolor=[_colour(record, c) for c in entries], linewidth=1.2)
         left.axvline(ONE_TEST_Z, color=BLACK, lw=0.8, ls=":")
-        left.set_xscale("symlog", linthresh=LINEAR_SCORE)
-        _ticks(left, (2.0, 4.0), LINEAR_SCORE)
-        left.set(yticks=y, xlabel="score [standard deviations]", title="Score",
-                 xlim=(0.0, None))
+        largest = max(_bar(c) for c in entries)
+        for row, entry in zip(y, entries, strict=True):
+            left.text(_bar(entry) + 0.01 * largest, row, f"{entry['score']:.3g}", va="center", fontsize=8, color=GREY)
+        left.set(yticks=y, xlabel="score [standard deviations]", title="Score", xlim=(0.0, 1.12 * max(largest, 1.0)))
         left.set_yticklabels([_label(record, c) for c in entries])
         for row, entry in zip(y, entries, strict=True):
             if not entry["refitted"]:
                 continue
             for offset, key, colour in ((0.17, "predicted_chi2_drop", GREY), (-0.17, "achieved_chi2_drop", BLUE)):
                 right.barh(row + offset, max(entry[key] or 0.0, 0.0), height=0.3, color=colour)
-        right.set_xscale("symlog", linthresh=LINEAR_DROP)
-        _ticks(right, (5.0,), LINEAR_DROP)
         right.set(xlabel="drop of χ² [–]", title="Drop of χ², predicted and achieved", xlim=(0.0, None))
+        right.ticklabel_format(axis="x", style="sci", scilimits=(-3, 5))
         handles = [Patch(color=GREY, label="predicted"), Patch(color=BLUE, label="achieved by the refit"),
                    Patch(facecolor=GREEN, label=name_of_best(record.content)),
                    Patch(facecolor=ORANGE, label="significant"),
@@ -161,12 +159,6 @@ def _decades(linear: float, low: float, high: float) -> list[float]:
     first = int(np.ceil(np.log10(linear)))
     powers = [10.0**k for k in range(first, int(np.floor(np.log10(max(high, -low, 10.0**first)))) + 1)]
     return [-x for x in powers[::-1] if -x >= low] + [0.0] + [x for x in powers if x <= high]
-
-
-def _ticks(axis, first: tuple[float, ...], linear: float) -> None:
-    """Ticks of such an x axis, with some in its linear part; numbers below 10000 in figures."""
-    at = [0.0, *(x for x in first if x <= axis.get_xlim()[1]), *_decades(linear, 0.0, axis.get_xlim()[1])[1:]]
-    axis.set_xticks(at, [f"{x:g}" if x < 1e4 else f"$10^{{{np.log10(x):.0f}}}$" for x in at])
 
 
 def _cropped(residuals):

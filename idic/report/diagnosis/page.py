@@ -23,6 +23,9 @@ VERDICTS = {"none": "no candidate is significant", "single": "one candidate sele
             "outside_library": "unexplained by the library", "blind": "this test cannot tell"}
 
 
+MIN_GOOD_PROBABILITY = 0.9  # that the selected set holds the truth: good news
+
+
 def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
     """Every figure in the order of a reader's questions; empty sections, and figures that fail, are left out."""
     def drawn(figure: Callable, *arguments) -> Any:
@@ -47,9 +50,12 @@ def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
 def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = None) -> str:
     """The HTML text; `sections` from `draw_sections`, drawn here if not given."""
     content = record.content
-    first, _, rest = content["sentence"].partition(" Next: ")
+    detail, _, rest = content["sentence"].partition(" Next: ")
+    first = content.get("headline", detail)  # not in diagnoses of earlier versions
     return filled_in(
-        "diagnosis.html.j2", title=record.title, first=first, rest=[f"Next: {rest}"] if rest else [],
+        "diagnosis.html.j2", title=record.title, first=first, rest=[rest.removesuffix(".")] if rest else [],
+        detail=detail if detail != first else "", left_over=content.get("left_over"),
+        not_excluded=content.get("not_excluded", ()),
         facts=_facts(content), sure=content["verdict"] in ("none", "single", "multiple"),
         cautions=content.get("cautions", ()),
         sections=draw_sections(record, Notes()) if sections is None else sections, parameters=_parameters(content),
@@ -59,12 +65,16 @@ def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = 
 
 
 def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
+    """Label, value, and whether it is good news, bad news or neither."""
     fit, mismatch = content["fit"], content["mismatch"]
     after, std = fit["heldout_excess_after"], fit["heldout_excess_std"]
     facts: list[tuple[str, str, bool | None]] = [("verdict", VERDICTS[content["verdict"]], content["verdict"] in ("none", "single", "multiple")),
-             ("probability under noise alone", p_text(mismatch["p_value"]), mismatch["p_value"] > 0.01),
+             ("probability under noise alone", p_text(mismatch["p_value"]), None),
              ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms", None),
              ("held-out excess before", number(fit["heldout_excess_before"], std), None)]
+    if content.get("probability") is not None:
+        facts.insert(1, ("probability that this is the cause" if content["named"] else "probability",
+                         f"{100.0 * content['probability']:.2g} %", content["probability"] > MIN_GOOD_PROBABILITY))
     if (margin := content.get("margin")) is not None:  # not in diagnoses of earlier versions
         floor = margin["camera_floor_px"]
         source = ("assumed: no frame is at rest" if floor is None else "from images at rest"
@@ -99,9 +109,8 @@ def _value(entry: Mapping | None) -> str:
 def _candidate(record: DiagnosisRecord, entry: Mapping) -> dict:
     drop = lambda key: "–" if entry[key] is None else f"{entry[key]:.3g}"  # noqa: E731
     return {"title": _title(record, entry["name"]) + (f" ({entry['form']})" if entry["form"] else ""),
-            "name": entry["name"],
-            "label": entry["label"], "family": entry["family"].replace("_", " "), "score": z_text(entry["score"]),
-            "p": p_text(entry["p_familywise"]), "effect": f"{entry['effect_px_rms']:.2g}",
+            "label": entry["label"], "score": z_text(entry["score"]),
+            "effect": f"{entry['effect_px_rms']:.2g}",
             "visibility": f"{entry['visibility']:.2f}", "predicted": drop("predicted_chi2_drop"),
             "achieved": drop("achieved_chi2_drop"), "heldout": heldout_drop(entry),
             "standing": standing_of(record.content, entry, STANDINGS[entry["standing"]])}

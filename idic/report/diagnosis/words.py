@@ -68,8 +68,8 @@ def _selected(content: Mapping, titles: Mapping[str, str]) -> str:
     share = content["fit"]["explainable_share_recovered"]
     heads = []
     won = _won(content)
-    for place, title in enumerate(_titles(content, titles)):
-        values = _new_values(content, won[place]["new"] if place < len(won) else None, place)
+    for place, title in enumerate(selected_titles(content, titles)):
+        values = new_values(content, won[place]["new"] if place < len(won) else None, place)
         heads.append(title + (f" ({values})" if values else ""))
     what = f"{100.0 * share:.3g} % of the explainable residual" if share is not None else "the channels"
     listed = " and ".join(heads) if len(heads) < 3 else ", ".join(heads[:-1]) + f", and {heads[-1]}"
@@ -80,7 +80,7 @@ def _won(content: Mapping) -> list[Mapping]:
     return [one for one in content.get("rounds", ()) if one["winner"]]
 
 
-def _titles(content: Mapping, titles: Mapping[str, str]) -> list[str]:
+def selected_titles(content: Mapping, titles: Mapping[str, str]) -> list[str]:
     """Titles of the selected candidates, each in its own form: an inclusion, then a gradient."""
     forms = [one.get("form") for one in _won(content)]
     return [_title(content, titles, name, forms[k] if k < len(forms) else None)
@@ -93,7 +93,7 @@ def _title(content: Mapping, titles: Mapping[str, str], name: str, form: str | N
     return f"{titles.get(name, name.replace('_', ' '))}{f' ({FORMS.get(form, form)})' if form else ''}"
 
 
-def _new_values(content: Mapping, names: Sequence[str] | None, number: int) -> str:
+def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> str:
     """Values of the parameters of a candidate; names : None counts all new parameters to the first candidate."""
     before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
     if names is None:
@@ -160,14 +160,33 @@ def _blind(content: Mapping) -> str:
 
 
 def _outside(content: Mapping, titles: Mapping[str, str]) -> str:
-    share, mismatch = content["fit"]["explainable_share_recovered"], content["mismatch"]
-    sides = dict.fromkeys(SIDE_WORDS.get(mismatch.get(key)) for key in ("side", "located_side"))
-    side = " or ".join(side for side in sides if side) or "the images"
-    text = f"{_when_where(content)}motion that is unexplained by the library, probably from {side}"
+    share = content["fit"]["explainable_share_recovered"]
+    side = side_in_words(content)
+    text = f"{_when_where(content)}{_unexplained(content)} that is unexplained by the library, probably from {side}"
     if content["named"] and share is not None:
-        best = " and ".join(_titles(content, titles))
+        best = " and ".join(selected_titles(content, titles))
         text += f" (nearest candidate: {best}, {100.0 * share:.3g} % of the explainable residual)"
     return _capital(f"{text}. Do not trust the identified parameters.") + _next(content)
+
+
+def side_in_words(content: Mapping) -> str:
+    """Where an unexplained part probably comes from."""
+    sides = dict.fromkeys(SIDE_WORDS.get(content["mismatch"].get(key)) for key in ("side", "located_side"))
+    return " or ".join(side for side in sides if side) or ("the force" if _in_channels(content) else "the images")
+
+
+def _in_channels(content: Mapping) -> bool:
+    return any(one["matters"] for one in (content.get("left") or {}).get("channels", ()))
+
+
+def _unexplained(content: Mapping) -> str:
+    """What is unexplained: motion, or the reading of a channel."""
+    return "a reading" if _in_channels(content) and not content["mismatch"].get("located_side") else "motion"
+
+
+def when_and_where(content: Mapping) -> str:
+    """Onset and place, "" where neither is known."""
+    return _when_where(content).removesuffix(": ")
 
 
 def _when_where(content: Mapping) -> str:

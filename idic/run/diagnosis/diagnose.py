@@ -25,7 +25,7 @@ from idic.workers.runner import TaskRunner
 
 
 def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: int = SEED,
-             library: Sequence[Candidate] | None = None, resume: bool = False) -> Diagnosis:
+             library: Sequence[Candidate] | None = None, resume: bool = False, quick: bool = False) -> Diagnosis:
     """Diagnose the finished identification of a RUN; writes only the refits, and the camera's floor where it is
     not known yet.
 
@@ -35,6 +35,7 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
     seed : of the noise that makes two copies of the recording
     library : candidates to test, all registered ones by default
     resume : refits that an interrupted diagnosis of this RUN has finished are not repeated
+    quick : screening and refit of the most promising candidate alone
 
     Raises
     ------
@@ -47,17 +48,18 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
     accepted = found.state.accepted
     floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)  # type: ignore[union-attr]
     return diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage, seed,
-                                   library, margin=Margin(floor))
+                                   library, margin=Margin(floor), quick=quick)
 
 
 def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,
-                 library: Sequence[Candidate] | None = None, resume: bool = False, blocks: bool = False) -> dict:
+                 library: Sequence[Candidate] | None = None, resume: bool = False, blocks: bool = False,
+                 quick: bool = False) -> dict:
     """Diagnose a finished RUN without a Prefect server; writes diagnosis.json, diagnosis.html, the enriched experiment.
 
     Parameters
     ----------
     workers : 0 runs everything in this process, otherwise so many Dask processes
-    stage, library, resume : as in `diagnose`
+    stage, library, resume, quick : as in `diagnose`
     blocks : also judge on parts of the recording that had no part in the fit (`idic.diagnose.blocks`)
 
     Returns
@@ -71,7 +73,7 @@ def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,
     """
     began = time.perf_counter()
     with open_cluster(workers) as runner:
-        return write_all(run, diagnose(run, runner, stage, library=library, resume=resume), began, blocks)
+        return write_all(run, diagnose(run, runner, stage, library=library, resume=resume, quick=quick), began, blocks)
 
 
 def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool = False) -> dict:

@@ -16,6 +16,8 @@ from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX, Margin
 from idic.diagnose.screen.select import Ranked
 from idic.diagnose.verdict import Rival, Round
 from idic.parameters import ParameterSet
+from idic.report.diagnosis.headline import headline, left_over
+from idic.report.diagnosis.not_excluded import not_excluded
 from idic.report.diagnosis.words import sentence
 from idic.store.result_file import RESULT_FILE, finite, read_result, write_json
 
@@ -50,13 +52,18 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
         "model": {"parameters_before": _before(run), "parameters_after": _after(diagnosis),
                   "experiment": None if enriched is None else str(enriched.relative_to(run))},
         "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded],
-        "cannot_tell": list(verdict.cannot_tell),
+        "cannot_tell": list(verdict.cannot_tell), "probability": diagnosis.probability,
+        "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px, "left": _left(diagnosis),
         "rounds": [_round(one) for one in diagnosis.rounds], "margin": margin_content(diagnosis.margin),
         "cost": dict(diagnosis.cost) | {"wall_s": wall_s},
     }
     content = finite(content)
+    titles = titles_of(diagnosis)
     content["cautions"] = cautions(diagnosis)
-    content["sentence"] = sentence(content, titles_of(diagnosis))
+    content["sentence"] = sentence(content, titles)
+    content["headline"] = headline(content, titles)
+    content["left_over"] = left_over(content)
+    content["not_excluded"] = [entry | {"title": titles.get(entry["name"], entry["name"])} for entry in not_excluded(diagnosis)]
     return content
 
 
@@ -66,6 +73,16 @@ def margin_content(margin: Margin) -> dict:
     return {"px": margin.px, "assumed_px": PRACTICAL_MARGIN_PX, "camera_px": margin.camera_px,
             "camera_floor_px": None if floor is None else floor.px,
             "still_frames": [] if floor is None else list(floor.frames), "words": margin.words}
+
+
+def _left(diagnosis: Diagnosis) -> dict:
+    """What the last model leaves on the whole recording: motion, channels."""
+    left = diagnosis.left
+    before = None if left is None else left.before.excess
+    return {"motion_px": None if left is None else left.motion_px, "motion_z": None if left is None else left.after.excess_z,
+            "motion_share": left.after.excess / before if left is not None and before and diagnosis.verdict.selected else None,
+            "channels": [{"column": one.column, "z": one.z, "share": one.share, "reading_share": one.reading_share,
+                          "significant": one.is_significant, "matters": one.matters} for one in diagnosis.channels]}
 
 
 def titles_of(diagnosis: Diagnosis) -> dict[str, str]:
@@ -148,5 +165,5 @@ def _round(one: Round) -> dict:
     new = () if one.winner is None else [name for name in one.winner.refitted.stds if name not in one.null.stds]
     return {"winner": one.winner.name if one.winner else None,
             "form": refitted_form(one.winner.ranked, one.winner) if one.winner else None, "new": list(new),
-            "equals": list(one.equals),
+            "equals": list(one.equals), "passed_over": None if one.passed_over is None else one.passed_over.name,
             "shortlist": [rival.name for rival in one.rivals], "null_excess": one.null.judgement.excess}

@@ -15,7 +15,7 @@ from idic.workers.dask_executor import check_scheduler, checked_memory_limit, op
 
 def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str | None = None,
                      stage: Callable[[str], None] = lambda text: None, resume: bool = False, blocks: bool = False,
-                     memory_limit: str | None = None) -> dict:
+                     memory_limit: str | None = None, quick: bool = False) -> dict:
     """``idic diagnose --no-prefect``: the same refits, files and bits as `idic_flows.diagnose.run_diagnosis`.
 
     Parameters
@@ -23,6 +23,7 @@ def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str
     workers, scheduler : a LocalCluster of so many processes (0: none; default one per core), or an existing Dask scheduler
     resume : refits that an interrupted diagnosis has finished are not repeated
     blocks : with a judgement on parts of the recording that had no part in the fit
+    quick : screening and refit of the most promising candidate alone
     memory_limit : memory of one worker process, "2GB"
 
     Returns
@@ -40,6 +41,6 @@ def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str
     check_scheduler(scheduler, run, say=stage)
     with (threadpool_limits(1, user_api="blas"),
           open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as runner):
-        diagnosis = diagnose(str(run), runner, stage, resume=resume)
+        diagnosis = diagnose(str(run), runner, stage, resume=resume, quick=quick)
         stage("writing figures and the enriched experiment")
         return write_all(str(run), diagnosis, began, blocks)

@@ -1,0 +1,38 @@
+"""Holes: radius or place differ from the mesh."""
+
+from __future__ import annotations
+
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.edits import further_dofs
+from idic.fe.mesh.morph import find_holes
+
+PROBE_RADIUS_SHARE = 0.02  # of the radius; places move as far
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    experiment = situation.experiment
+    if experiment.n_dim != 2 or experiment.morphs:
+        return ()
+    holes = find_holes(experiment.mesh)
+    found = []
+    for number, hole in enumerate(holes, start=1):
+        index = f"[{number}]" if len(holes) > 1 else ""
+        step = PROBE_RADIUS_SHARE * float(hole.radius)
+        at = {"hole_radius": float(hole.radius), "hole_x": float(hole.centre[0]), "hole_y": float(hole.centre[1])}
+        for key, what in (("hole_radius", "another radius"), ("hole_x", "another place along x"),
+                          ("hole_y", "another place along y")):
+            name = f"geometry.{key}{index}"
+            if (edits := further_dofs(situation, name)) is not None:
+                found.append(Variant(f"{what} of hole {number}" if index else f"{what} of the hole", edits, (name,),
+                                     {name: at[key]}, {name: at[key] + step}))
+    return tuple(found)
+
+
+register(Candidate(
+    "hole_geometry", "heterogeneity", "hole of another size or place", "the holes of the mesh",
+    rivals={"heterogeneity": "more or less material beside the hole",
+            "pixel_size": "a hole of another size in the image: with everything else, or alone",
+            "origin": "a hole beside its place: with the whole mesh, or alone"},
+    separating_tests=("measure the hole in the reference image", "measure the hole with a gauge"),
+    variants=variants,
+    paraphrase="radius or place of a hole differ from the mesh"))

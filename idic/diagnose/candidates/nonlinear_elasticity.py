@@ -1,0 +1,33 @@
+"""Reversible nonlinear elasticity: a stiffness that falls or rises with the strain and comes back on unloading."""
+
+from __future__ import annotations
+
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.enrich import enriched, materials_with, new
+
+PROBE_LOSS = 0.05  # of the secant stiffness at the largest strain
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    found = []
+    for name, _ in materials_with(situation, "elastic"):
+        strain = situation.strain[name]
+        if not strain > 0.0:
+            continue
+        dof, size = f"{name}.nonlinearity", PROBE_LOSS / strain
+        edits = enriched(situation, name, "nonlinear_elastic", nonlinearity=new(1.0 / strain))  # its scale
+        edits[f"material.{name}"]["kinematics"] = situation.experiment.material_of(name).kinematics
+        label = f"the stiffness of {name} changes with its strain"
+        found.append(Variant(label, edits, (dof,), {dof: 0.0}, {dof: size}, exact=True))
+    return tuple(found)
+
+
+register(Candidate(
+    "nonlinear_elasticity", "elastic_form", "nonlinear elasticity", "a stress in proportion to the strain",
+    rivals={"damage": "both soften: damage is lost for good, a nonlinear elastic body unloads on the path of its loading",
+            "plasticity": "both soften: plastic flow leaves strain behind",
+            "load_cell_curvature": "a force that bends over the motion: by the cell, or by the material",
+            "geometric_nonlinearity": "a stiffness that changes with the load"},
+    separating_tests=("unload to zero once", "load again: is the path that of the first loading?"),
+    variants=variants,
+    paraphrase="a stiffness that changes with the strain, reversible"))

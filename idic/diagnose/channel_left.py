@@ -1,0 +1,76 @@
+"""What a model leaves in the channels: they are judged like motions.
+
+The residual of a reading, over the noise that frame-local unknowns leave in it (`idic.diagnose.residual.heldout.readings`), is
+unit normal for a complete model; the sum of its squares over the frames is chi-square distributed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from idic.diagnose.residual.heldout import readings
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
+
+MIN_CHANNEL_Z = 5.0  # standard deviations of a channel's excess that count as something
+MAX_CHANNEL_EXCESS_LEFT = 0.1  # of the excess before: a formal fit, not the cause
+MIN_READING_SHARE = 1e-3  # of the largest reading, rms: below, simulations of one law on two meshes differ as much
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelLeft:
+    """Residual of one channel before and after an addition to the model.
+
+    column : name in the log; before, after : (T,) in standard deviations; noise_share : standard deviation of a reading over
+    the largest reading
+    """
+
+    column: str
+    before: np.ndarray
+    after: np.ndarray
+    noise_share: float
+
+    @property
+    def z(self) -> float:
+        """Excess that is left, in standard deviations of its noise."""
+        return excess(self.after) / float(np.sqrt(2.0 * max(len(self.after), 1)))
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether noise alone leaves as much less often than 5 standard deviations of a normal variable."""
+        return bool(stats.chi2.logsf((self.after**2).sum(), len(self.after)) < stats.norm.logsf(MIN_CHANNEL_Z))
+
+    @property
+    def share(self) -> float:
+        """What is left of the excess before, above 1 where the model has become worse in this channel."""
+        return max(excess(self.after), 0.0) / max(excess(self.before), 1e-300)
+
+    @property
+    def reading_share(self) -> float:
+        """Rms of what is left beyond noise, over the largest reading."""
+        return self.noise_share * float(np.sqrt(max(excess(self.after), 0.0) / max(len(self.after), 1)))
+
+    @property
+    def matters(self) -> bool:
+        """Whether a part is left that is significant, a good share of the excess before, and larger than discretisation."""
+        return self.is_significant and self.share > MAX_CHANNEL_EXCESS_LEFT and self.reading_share > MIN_READING_SHARE
+
+
+def excess(z: np.ndarray) -> float:
+    """Sum of squares beyond its expectation under noise."""
+    return float((z**2).sum() - len(z))
+
+
+def channels_left(before: ResidualEvidence, after: ResidualEvidence | None) -> tuple[ChannelLeft, ...]:
+    """Every channel of the recording.
+
+    after : of the enriched model; None: nothing was added
+    """
+    experiment = before.context.experiment
+    left = [readings(one.evidence) for one in (before, before if after is None else after)]
+    noise = before.context.weights.channel_noise
+    return tuple(ChannelLeft(channel.column, left[0][:, k], left[1][:, k],
+                             float(noise[k]) / max(float(np.abs(channel.values).max()), 1e-300))
+                 for k, channel in enumerate(experiment.channels))

@@ -1,0 +1,132 @@
+"""Selection goes both ways: every selected cause is tested again for removal and for exchange once others have joined it.
+
+The first cause is chosen while nothing else is in the model. What comes after may make it idle, or show that one of its
+rivals fits the whole better. A revised set keeps the causes before the one in question, leaves that one out or puts a
+rival in its place, and adds the later causes again; the whole is refitted and judged on the copy that had no part in it.
+
+    removal    accepted where the whole loses no more than a further cause would have to bring
+    exchange   accepted where the whole gains more than two models differ by noise
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+
+from idic.diagnose.refit import Refit
+from idic.diagnose.refit_job import ExperimentSource, Refits
+from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.rivals import edits_of, refit_of_candidate
+from idic.diagnose.screen.candidate import Candidate
+from idic.diagnose.screen.select import Ranked, Screening
+from idic.diagnose.verdict import (MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, MIN_SEPARATION_CHI2, Rival,
+                                   Round)
+
+MAX_EXCHANGES = 2  # rivals that are tried in the place of one cause
+MIN_EXCHANGE_SHARE = 0.3  # of the winner's drop of chi-square: a rival that may overtake it in the company of others
+Screen = Callable[[ExperimentSource, Refit, Sequence[Candidate]], Screening]
+
+
+@dataclass(frozen=True)
+class Workplace:
+    """What refits of revised sets need.
+
+    screen : scores some candidates against a model on the copy for choosing; refits, grid, seed : as of all refits
+    """
+
+    screen: Screen
+    refits: Refits
+    grid: Grid
+    seed: int
+
+
+def min_further_drop(rival: Rival, whole_drop: float) -> float:
+    """Held-out drop of chi-square that makes a cause one of several; whole_drop : of all causes together.
+
+    A drop below a share of what all explain is a flaw of their description: a course or a mesh that differs a little.
+    """
+    return max(MIN_HELDOUT_DROP + len(rival.ranked.variant.new), MIN_FURTHER_SHARE * whole_drop)
+
+
+def revised(rounds: Sequence[Round], place: Workplace) -> list[Round]:
+    """The rounds after removals and exchanges; as they are where every cause earns its place."""
+    rounds = list(rounds)
+    for _ in range(len(rounds)):
+        better = _better(rounds, place)
+        if better is None:
+            break
+        rounds = better
+    return rounds
+
+
+def _better(rounds: list[Round], place: Workplace) -> list[Round] | None:
+    """The first removal or exchange that is accepted, of all causes but the last, which has just earned its place."""
+    whole = rounds[-1].winner.refitted  # type: ignore[union-attr]
+    whole_drop = rounds[0].null.judgement.chi2 - whole.judgement.chi2
+    for number in range(len(rounds) - 1):
+        winner = rounds[number].winner
+        allowed = min_further_drop(winner, whole_drop)
+        if not is_needed(winner.ranked, whole, allowed):
+            without = _rebuilt(rounds, number, None, place)
+            if without is not None and _judged(without) - whole.judgement.chi2 < allowed:
+                return without
+        gap = max(MIN_SEPARATION_CHI2, MIN_DROP_DIFFERENCE * whole_drop)
+        for rival in exchangeable(rounds[number]):
+            other = _rebuilt(rounds, number, rival, place)
+            if other is not None and whole.judgement.chi2 - _judged(other) > gap:
+                return other
+    return None
+
+
+def is_needed(ranked: Ranked, whole: Refit, allowed: float) -> bool:
+    """Whether a parameter of a cause stands so far from its null in the whole that no refit without it need be made."""
+    variant = ranked.variant
+    for name in variant.new:
+        std, null = whole.stds.get(name), variant.null.get(name, 0.0)
+        if std and np.isfinite(null) and ((whole.values[name] - null) / std) ** 2 > 2.0 * allowed:
+            return True
+    return False
+
+
+def exchangeable(one: Round) -> list[Rival]:
+    """Rivals of a round's winner that come near it, or cannot be told from it, the best first."""
+    near = [r for r in one.rivals if r is not one.winner and r.refitted.usable and r.determined
+            and (r.name in one.equals or r.achieved > MIN_EXCHANGE_SHARE * one.winner.achieved)]
+    return sorted(near, key=lambda r: -r.achieved)[:MAX_EXCHANGES]
+
+
+def _judged(rounds: Sequence[Round]) -> float:
+    return rounds[-1].winner.refitted.judgement.chi2  # type: ignore[union-attr]
+
+
+def _rebuilt(rounds: Sequence[Round], number: int, instead: Rival | None, place: Workplace) -> list[Round] | None:
+    """The rounds with another cause, or none, in one place; None where a refit fails or a later cause does not apply."""
+    kept, here = list(rounds[:number]), rounds[number]
+    source, model = here.source, here.null
+    if instead is not None:
+        kept.append(replace(here, winner=instead, equals=(), crossed_judgement=None))
+        source, model = source.with_edits(edits_of(instead, here.screening)), instead.refitted
+    for later in rounds[number + 1:]:
+        known = later.winner.ranked
+        fresh = instead is None and model is here.null
+        screening = here.screening if fresh else place.screen(source, model, [known.candidate])
+        ranked = next((r for r in screening.ranked if r.key == known.key and np.isfinite(r.std)), None)
+        if ranked is None:
+            return None
+        rival = refit_of_candidate(source, model, ranked, screening, place.refits, place.grid, place.seed,
+                                   _starts(later.winner.refitted.values, rounds[-1].winner.refitted.values))
+        if not rival.refitted.usable:
+            return None
+        others = here.rivals if fresh else ()
+        kept.append(Round(screening, model, (rival, *(r for r in others if r.ranked.key != rival.ranked.key)), rival,
+                          source=source))
+        source, model = source.with_edits(edits_of(rival, screening)), rival.refitted
+    return kept
+
+
+def _starts(*values: Mapping[str, float]) -> Mapping[str, float]:
+    """Values of parameters, of the later ones where a name stands twice."""
+    return dict(chain.from_iterable(one.items() for one in values))

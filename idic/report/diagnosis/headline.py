@@ -1,0 +1,102 @@
+"""The headline of a diagnosis, as an engineer says it: cause, place, time, size, what it does to the parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from idic.report.diagnosis.words import new_values, selected_titles, side_in_words, when_and_where
+from idic.report.words import short_names, with_std
+
+MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
+MOSTLY = 0.5  # explained share from which a nearest candidate explains most of it
+MIN_LEFT_PX = 5e-4  # motion that is worth a word
+MIN_TEXT_Z = 5.0  # standard deviations of what is left that are worth a word
+
+
+def headline(content: Mapping, titles: Mapping[str, str]) -> str:
+    """One sentence in standard words.
+
+    titles : candidate -> its name in standard words
+    """
+    word, share = content["verdict"], content["fit"]["explainable_share_recovered"]
+    if word == "none":
+        return f"No missing physics shows: images and channels leave {_nothing(content)}."
+    if word == "blind":
+        return "This test says nothing about missing physics."
+    if word == "outside_library" and not (content["named"] and (share or 0.0) > MOSTLY):
+        where = when_and_where(content)
+        return (f"{side_in_words(content)} moves or reads in a way that no candidate explains{f' ({where})' if where else ''}: "
+                "do not trust the parameters.")
+    causes = _joined(_causes(content, titles, sizes=word != "outside_library"))
+    where = when_and_where(content)
+    said = f"{causes[:1].upper()}{causes[1:]}{f', {where},' if where else ''} "
+    if word == "outside_library":
+        return f"{said}explain{_s(content)} most of it ({_per_cent(share)}), but not all: do not trust the parameters yet."
+    moved = _moves(content)
+    effect = f"; without {'it' if len(content['named']) == 1 else 'them'} {', '.join(moved)}" if moved else ""
+    return f"{said}explain{_s(content)} {_per_cent(share)} of the residual{effect}."
+
+
+def left_over(content: Mapping) -> str | None:
+    """What the last model leaves, in a sentence; None where it is noise."""
+    left = content.get("left") or {}
+    parts = []
+    if (left.get("motion_z") or 0.0) > MIN_TEXT_Z and (left.get("motion_px") or 0.0) > MIN_LEFT_PX:
+        floor = content.get("camera_floor_px")
+        at_rest = " that is also there at rest" if floor and left["motion_px"] < 1.5 * floor else ""
+        parts.append(f"{left['motion_px']:.2g} px of motion{at_rest}{_of_before(left.get('motion_share'))}")
+    parts += [f"{100.0 * one['reading_share']:.2g} % of {one['column']}{_of_before(one['share'])}"
+              for one in left.get("channels", ()) if one["significant"]]
+    if not parts:
+        return None
+    small = content["verdict"] in ("single", "set", "multiple")
+    return f"Left over: {_joined(parts)}{'; a flaw of the description, no further cause' if small else ''}."
+
+
+def _of_before(share: float | None) -> str:
+    return f" ({_per_cent(share)} of the excess before)" if share is not None and share < 1.0 else ""
+
+
+def _nothing(content: Mapping) -> str:
+    return "noise and what the camera shows at rest" if content.get("camera_floor_px") else "noise"
+
+
+def _causes(content: Mapping, titles: Mapping[str, str], sizes: bool) -> list[str]:
+    """Selected candidates with their sizes; indistinguishable ones joined by "or"."""
+    found = []
+    won = [one for one in content.get("rounds", ()) if one["winner"]]
+    for place, title in enumerate(selected_titles(content, titles)):
+        one = won[place] if place < len(won) else {"equals": (), "new": None}
+        size = new_values(content, one["new"], place) if sizes else ""
+        others = [titles.get(name, name.replace("_", " ")) for name in dict.fromkeys(one["equals"])]
+        found.append(" or ".join([title + (f" ({size})" if size else ""), *others]))
+    return found
+
+
+def _moves(content: Mapping) -> list[str]:
+    """How the missing cause had biased the parameters."""
+    before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
+    shown, found = short_names(after), []
+    for name, old in before.items():
+        new = after.get(name)
+        if new is None or None in (old["value"], old["std"], new["value"]) or not new["value"]:
+            continue
+        if abs(new["value"] - old["value"]) > MIN_MOVE_STD * (new["std"] or old["std"]):
+            share = 100.0 * (old["value"] / new["value"] - 1.0)
+            found.append(f"{shown[name]} came out {abs(share):.2g} % too {'high' if share > 0 else 'low'} "
+                         f"({with_std(old['value'], None, old['unit'])} for {with_std(new['value'], new['std'], new['unit'])})")
+    return found
+
+
+def _per_cent(share: float | None) -> str:
+    if share is None:
+        return "all"
+    return f"{100.0 * share:.2g} %" if share < 0.995 else "all"
+
+
+def _s(content: Mapping) -> str:
+    return "s" if len(content["named"]) == 1 else ""
+
+
+def _joined(parts: Sequence[str]) -> str:
+    return " and ".join(parts) if len(parts) < 3 else ", ".join(parts[:-1]) + f", and {parts[-1]}"

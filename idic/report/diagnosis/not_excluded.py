@@ -1,0 +1,104 @@
+"""What a diagnosis cannot exclude: indistinguishable rivals, rivals that come near, and effects that this test cannot see.
+
+An effect that the identified parameters imitate does not show, and moves them all the same: its plausible size is named
+with the shift that it would cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from idic.diagnose.chain import Diagnosis
+from idic.diagnose.screen.candidate import Variant
+from idic.diagnose.screen.select import Ranked
+from idic.diagnose.verdict import MIN_EXCESS_Z, Round
+from idic.report.words import short_names, two_digits
+
+MIN_HIDDEN_SHIFT_STD = 2.0  # standard deviations of a parameter that an invisible effect would move it by
+MIN_NEAR_SHARE = 0.3  # of the winner's drop of chi-square: a rival that comes near
+MAX_HIDDEN = 5  # invisible effects that are named, the largest shift first
+
+
+def not_excluded(diagnosis: Diagnosis) -> list[dict[str, str]]:
+    """Entries ``name``, ``why``, the nearest first."""
+    won = [one for one in diagnosis.rounds if one.winner is not None]
+    near = [*_indistinguishable(won), *_near(won, diagnosis), *_passed_over(diagnosis)]
+    known = {entry["name"] for entry in near} | set(diagnosis.verdict.selected)
+    return near + [entry for entry in _hidden(diagnosis) if entry["name"] not in known]
+
+
+def _indistinguishable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
+    for one in won:
+        for name in dict.fromkeys(one.equals):
+            yield {"name": name, "why": "indistinguishable under this loading"}
+
+
+def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
+    """Known rivals of a selected candidate that explain a good part of what it explains, where something is left."""
+    if not (diagnosis.verdict.after.excess_z > MIN_EXCESS_Z or any(one.is_significant for one in diagnosis.channels)):
+        return
+    for one in won:
+        selected = one.winner.ranked.candidate  # type: ignore[union-attr]
+        for rival in one.rivals:
+            other = rival.ranked.candidate
+            why = selected.rivals.get(other.name) or other.rivals.get(selected.name)
+            if (why and rival is not one.winner and rival.name not in one.equals and rival.refitted.usable
+                    and rival.achieved > MIN_NEAR_SHARE * one.winner.achieved):  # type: ignore[union-attr]
+                share = rival.achieved / one.winner.achieved  # type: ignore[union-attr]
+                yield {"name": other.name, "why": f"reaches {share:.0%} of what {selected.title} explains, and a part is left ({why})"}
+
+
+def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
+    """A candidate that would explain too little more to be a further cause."""
+    last = diagnosis.rounds[-1]
+    if last.passed_over is not None:
+        drop = diagnosis.rounds[0].null.judgement.chi2 - last.passed_over.refitted.judgement.chi2
+        yield {"name": last.passed_over.name, "why":
+               f"as a further cause it would explain {100.0 * last.passed_over.heldout / drop:.2g} % of the whole; so little may be a "
+               "flaw of the description"}
+
+
+def _hidden(diagnosis: Diagnosis) -> list[dict[str, str]]:
+    """Candidates that this test cannot see, whose plausible size would move an identified parameter."""
+    parameters = diagnosis.found.result["parameters"]
+    stds = {name: entry["std"] * abs(diagnosis.found.parameters[name].factor)
+            for name, entry in parameters.items() if entry.get("free") and entry["std"]}
+    shown = short_names(list(stds))
+    found = []
+    for ranked in diagnosis.rounds[-1].screening.ranked:
+        shift = hidden_shift(ranked, stds) if ranked.standing == "cannot_tell" else None
+        if shift is not None:
+            name, size, in_std = shift
+            share = size / (diagnosis.found.parameters[name].value or np.inf)
+            found.append((abs(in_std), {"name": ranked.candidate.name, "why":
+                          f"{probe_words(ranked.variant)} would not show and would move {shown[name]} by "
+                          f"{'+' if share > 0 else '−'}{two_digits(100.0 * abs(share))} % ({two_digits(abs(in_std))} standard deviations)"}))
+    return [entry for _, entry in sorted(found, key=lambda one: -one[0])][:MAX_HIDDEN]
+
+
+def hidden_shift(ranked: Ranked, stds: Mapping[str, float]) -> tuple[str, float, float] | None:
+    """Parameter that a plausible effect moves most: its name, the shift (internal unit), in standard deviations.
+
+    None where no shift matters, or the effect is of no size.
+    """
+    size = ranked.probe_size
+    if not np.isfinite(size):
+        return None
+    shifts = {name: -ranked.moves[name] * size for name in stds if name in ranked.moves}
+    name = max(shifts, key=lambda n: abs(shifts[n]) / stds[n], default=None)
+    if name is None or not abs(shifts[name]) > MIN_HIDDEN_SHIFT_STD * stds[name]:
+        return None
+    return name, shifts[name], shifts[name] / stds[name]
+
+
+def probe_words(variant: Variant) -> str:
+    """The plausible size of an effect, by its own degree of freedom where it has one finite null."""
+    name = variant.new[0] if variant.new else ""
+    null, probe = variant.null.get(name, np.nan), variant.probe.get(name, np.nan)
+    if not (np.isfinite(null) and np.isfinite(probe)) or null == probe:
+        return variant.label
+    key = name.rpartition(".")[2].replace("_", " ")
+    change = f"{100.0 * (probe / null - 1.0):+.2g} %" if null else f"{probe:.2g}"
+    return f"{variant.label} ({key} {change})"

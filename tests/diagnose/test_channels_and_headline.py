@@ -1,0 +1,135 @@
+"""What is left in a channel forbids a verdict; the headline, what is not excluded, and the probability of the named set."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_verdicts import LEFT, POWER, left, ranked, rival, round_of, screening
+
+from idic.diagnose.cautions import channel_cautions
+from idic.diagnose.channel_left import ChannelLeft
+from idic.diagnose.probability import P_NONE, P_UNEXPLAINED, P_WITH_LEFTOVER, probability
+from idic.diagnose.screen.candidate import Variant
+from idic.diagnose.verdict import ExcessLeft, conclude
+from idic.report.diagnosis.headline import headline, left_over
+from idic.report.diagnosis.not_excluded import hidden_shift, probe_words
+
+T = 16
+
+
+def channel(before, after, noise_share=2e-3):
+    """A channel with so many standard deviations in every frame, before and after."""
+    return ChannelLeft("force_N", np.full(T, float(before)), np.full(T, float(after)), noise_share)
+
+
+# channels -----------------------------------------------------------------------------------------
+def test_noise_in_a_channel_is_nothing():
+    z = np.random.default_rng(0).standard_normal((2000, T))
+    found = [ChannelLeft("force_N", one, one, 2e-3) for one in z]
+    assert not any(one.is_significant or one.matters for one in found)
+    assert np.mean([one.z for one in found]) == pytest.approx(0.0, abs=3.0 / np.sqrt(2000))
+
+
+@pytest.mark.parametrize(("one", "matters"), [
+    (channel(10.0, 3.5), True),  # an eighth of the excess: a formal fit
+    (channel(20.0, 3.5), False),  # 3 %: a flaw of the description
+    (channel(10.0, 3.5, 1e-4), False),  # 0.03 % of the largest reading: two meshes differ as much
+    (channel(1.0, 3.5), True),  # worse than without the candidate
+    (channel(10.0, 1.2), False)], ids=["formal fit", "few per cent", "tiny", "worse", "noise"])
+def test_a_part_left_in_a_channel_counts_where_it_is_significant_large_and_a_good_share(one, matters):
+    assert one.matters == matters
+
+
+def test_what_is_left_in_a_channel_forbids_single():
+    """All motions are explained; the force is not: friction that was told as viscoelasticity."""
+    alone = round_of(screening(ranked("viscoelasticity")), [rival("viscoelasticity", 3000.0)])
+    before, after = left(300.0), left(0.0)
+    excess = [ExcessLeft(before, after, POWER)]
+    assert conclude([alone], before, after, True, excess, channels=[channel(10.0, 1.0)]).word == "single"
+    assert conclude([alone], before, after, True, excess, channels=[channel(10.0, 5.0)]).word == "outside_library"
+
+
+def test_a_channel_that_is_left_is_told_with_its_size():
+    (said,) = channel_cautions([channel(10.0, 3.5), channel(20.0, 3.5)])
+    assert said.startswith("force_N is not explained: 0.67 % of its largest reading") and "11% of the excess before" in said
+
+
+def test_a_channel_that_no_candidate_explains_is_no_none():
+    entries = screening(ranked("plasticity", "excluded"))
+    told = conclude([round_of(entries)], left(0.0), left(0.0), real=False, excess=LEFT, channels=[channel(5.0, 5.0)])
+    assert told.word == "outside_library" and "dead weight" in told.next_experiment
+
+
+# probability --------------------------------------------------------------------------------------
+def verdict_of(heldout, after=0.0):
+    alone = round_of(screening(ranked("creep")), [rival("creep", heldout)])
+    excess = ExcessLeft(left(300.0), left(after), POWER)
+    return conclude([alone], left(300.0), left(after), True, [excess]), [alone], excess
+
+
+def test_the_probability_grows_with_the_strength_and_falls_with_what_is_left():
+    faint, clear = (probability(*verdict_of(heldout), []) for heldout in (40.0, 5000.0))
+    assert 0.8 < faint < clear < 1.0
+    assert probability(*verdict_of(5000.0, after=28.0), []) == P_WITH_LEFTOVER
+    assert probability(*verdict_of(5000.0), [channel(20.0, 3.5)]) == P_WITH_LEFTOVER
+
+
+def test_the_words_without_a_name_have_probabilities_of_their_own():
+    verdict, rounds, excess = verdict_of(5000.0)
+    told = {word: probability(replace(verdict, word=word), rounds, excess, []) for word in ("none", "blind", "outside_library")}
+    assert told == {"none": P_NONE, "blind": None, "outside_library": P_UNEXPLAINED}
+
+
+# headline -----------------------------------------------------------------------------------------
+CONTENT = {
+    "verdict": "single", "named": ["friction"], "indistinguishable": [],
+    "rounds": [{"winner": "friction", "form": None, "new": ["channel.force_N.friction_share"], "equals": []}],
+    "candidates": [{"name": "friction", "form": None}, {"name": "viscoelasticity", "form": None}],
+    "mismatch": {"onset_frame": 0, "visible_frame": 8, "place": None, "side": "force", "located_side": None},
+    "model": {"parameters_before": {"BODY.E": {"value": 2544.0, "std": 20.0, "unit": "MPa"}},
+              "parameters_after": {"BODY.E": {"value": 2000.0, "std": 4.0, "unit": "MPa"},
+                                   "channel.force_N.friction_share": {"value": 0.0199, "std": 0.0018, "unit": ""}}},
+    "fit": {"explainable_share_recovered": 0.97}, "left": {"motion_px": 0.0, "motion_z": 0.0, "channels": []}}
+TITLES = {"friction": "friction in the load train", "viscoelasticity": "Prony viscoelasticity"}
+
+
+def test_a_headline_says_cause_time_size_and_what_it_does_to_the_parameters():
+    said = headline(CONTENT, TITLES)
+    assert said.startswith("Friction in the load train (") and "0.0199 ± 0.0018" in said
+    assert "from the start" in said and "explains 97 % of the residual" in said
+    assert "BODY.E came out 27 % too high" in said and "2000.0 ± 4.0 MPa" in said and said.endswith(".")
+
+
+def test_indistinguishable_names_are_joined_by_or():
+    rounds = [CONTENT["rounds"][0] | {"equals": ["viscoelasticity"]}]
+    assert "or Prony viscoelasticity" in headline(CONTENT | {"verdict": "set", "rounds": rounds}, TITLES)
+
+
+def test_a_nearest_cause_that_explains_most_is_said_and_doubted():
+    said = headline(CONTENT | {"verdict": "outside_library"}, TITLES)
+    assert said.startswith("Friction in the load train") and "most of it (97 %)" in said and "do not trust" in said
+    far = headline(CONTENT | {"verdict": "outside_library", "fit": {"explainable_share_recovered": 0.3}}, TITLES)
+    assert "no candidate explains" in far and "riction" not in far
+
+
+def test_what_is_left_is_said_with_its_size():
+    force = {"column": "force_N", "z": 9.0, "share": 0.03, "reading_share": 0.004, "significant": True, "matters": False}
+    left_of = {"motion_px": 0.02, "motion_z": 40.0, "motion_share": 0.29, "channels": [force]}
+    said = left_over(CONTENT | {"left": left_of, "camera_floor_px": 0.019})
+    assert "0.02 px of motion that is also there at rest (29 % of the excess before)" in said
+    assert "0.4 % of force_N (3 % of the excess before)" in said and "no further cause" in said
+    assert left_over(CONTENT) is None
+
+
+# not excluded -------------------------------------------------------------------------------------
+def test_an_effect_that_does_not_show_is_named_with_the_shift_that_it_would_cause():
+    """A load cell that is bent by 2 % moves E by 28 MPa, twelve standard deviations, and shows by four."""
+    bent = replace(ranked("load_cell_curvature", "cannot_tell", direct=True), moves={"BODY.E": -1400.0},
+                   variant=Variant("force_N is bent", {}, ("c",), {"c": 0.0}, {"c": 0.02}, direct=True))
+    name, shift, in_std = hidden_shift(bent, {"BODY.E": 2.3})
+    assert (name, shift) == ("BODY.E", 28.0) and in_std == pytest.approx(12.2, abs=0.1)
+    assert hidden_shift(bent, {"BODY.E": 20.0}) is None
+    assert probe_words(bent.variant) == "force_N is bent (c 0.02)"
+    larger = Variant("another pixel size", {}, ("camera.pixel_size",), {"camera.pixel_size": 0.05},
+                     {"camera.pixel_size": 0.051}, direct=True)
+    assert probe_words(larger) == "another pixel size (pixel size +2 %)"

@@ -1,0 +1,174 @@
+"""Selection goes both ways: causes that later ones make idle are removed, and rivals that fit the whole better take their
+place. On a world whose answers are known: chi-square that is left by every set of causes.
+"""
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from idic.diagnose.refit import Refit
+from idic.diagnose.refit_job import Told
+from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.revision import Workplace, exchangeable, is_needed, min_further_drop, revised
+from idic.diagnose.screen.candidate import Variant, candidates
+from idic.diagnose.screen.score_columns import ScoreColumn
+from idic.diagnose.screen.select import Ranked, Screening
+from idic.diagnose.verdict import MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round
+
+T, RANK = 10, 100
+KNOWN = {candidate.name: candidate for candidate in candidates()}
+NAMES = ("magnification", "thermal_expansion", "camera_motion")
+
+
+@dataclass(frozen=True)
+class Folder:
+    """Edits alone: what a model holds."""
+
+    edits: dict = field(default_factory=dict)
+
+    def with_edits(self, edits):
+        return Folder({**self.edits, **edits})
+
+
+def fit(chi2):
+    return Fit(np.arange(1, T + 1), np.full(T, RANK + chi2 / T), np.full(T, RANK), np.zeros((T, 0)), 1.0)
+
+
+def refit(names, left, amplitude=1.0):
+    values = {f"{name}.size": amplitude for name in names}
+    return Refit("+".join(sorted(names)), sorted(names)[-1] if names else "null", "converged", values,
+                 dict.fromkeys(values, 0.1), np.zeros((T, 0)), None, fit(left), fit(left))
+
+
+def ranked(name):
+    variant = Variant(name, {name: True}, (f"{name}.size",), {f"{name}.size": 0.0}, {f"{name}.size": 1.0}, direct=True)
+    return Ranked(KNOWN[name], 0, variant, name, 10.0, 1e-6, 1.0, 0.1, 1.0, 100.0, 0.05, 0.0, {}, "significant")
+
+
+def screening(names=NAMES):
+    entries = tuple(ranked(name) for name in names)
+    trials = tuple(ScoreColumn(r.candidate, r.variant, r.label) for r in entries)
+    return Screening(entries, trials, SimpleNamespace(z=np.ones(len(trials))))
+
+
+def world(left):
+    """A workplace in which every set of causes leaves what the table says; and a log of the sets that were refitted."""
+    asked = []
+
+    def refits(jobs):
+        answers = []
+        for job in jobs:
+            names = frozenset({**job.source.edits, **job.edits[0]})
+            asked.append(names)
+            answers.append(replace(refit(names, left[names]), label=job.labels[-1]))
+        return answers
+
+    return Workplace(lambda source, null, library: screening([c.name for c in library]), refits, None, 0), asked
+
+
+def chosen(order, left, rivals=()):
+    """Rounds as they were selected one after the other; rivals : refitted beside the first winner."""
+    rounds, source, null = [], Folder(), refit((), left[frozenset()])
+    for number, name in enumerate(order):
+        found = []
+        for other in (name, *(rivals if number == 0 else ())):
+            names = frozenset({*source.edits, other})
+            answer = replace(refit(names, left[names]), label=other)
+            drop = null.choice.chi2 - answer.choice.chi2
+            found.append(Rival(ranked(other), answer, drop, drop, drop))
+        rounds.append(Round(screening(), null, tuple(found), found[0], source=source))
+        source, null = source.with_edits({name: True}), found[0].refitted
+    return rounds
+
+
+def sets(*pairs):
+    return {frozenset(names): chi2 for names, chi2 in pairs}
+
+
+def test_a_cause_that_a_later_one_makes_idle_is_removed():
+    """The second one alone leaves what both leave: the first had stood in for it."""
+    left = sets(((), 5000.0), (("magnification",), 1000.0), (("magnification", "camera_motion"), 10.0),
+                (("camera_motion",), 15.0))
+    place, _ = world(left)
+    rounds = chosen(("magnification", "camera_motion"), left)
+    rounds[-1] = idle(rounds[-1], "magnification")
+    (one,) = revised(rounds, place)
+    assert one.winner.name == "camera_motion" and one.null is rounds[0].null and one.source.edits == {}
+
+
+def idle(one, name):
+    """The whole in which the amplitude of a cause is known to be about zero."""
+    winner = one.winner
+    values = {**winner.refitted.values, f"{name}.size": 0.1}
+    again = replace(winner, refitted=replace(winner.refitted, values=values))
+    return replace(one, winner=again, rivals=(again,))
+
+
+def test_a_cause_that_explains_a_few_per_cent_given_the_others_is_removed_too():
+    left = sets(((), 5000.0), (("magnification",), 1000.0), (("magnification", "camera_motion"), 10.0),
+                (("camera_motion",), 10.0 + 0.8 * MIN_FURTHER_SHARE * 4990.0))
+    rounds = chosen(("magnification", "camera_motion"), left)
+    rounds[-1] = idle(rounds[-1], "magnification")
+    assert [one.winner.name for one in revised(rounds, world(left)[0])] == ["camera_motion"]
+
+
+def test_two_causes_that_are_both_needed_stay_without_a_refit():
+    left = sets(((), 5000.0), (("magnification",), 1000.0), (("magnification", "camera_motion"), 10.0))
+    rounds = chosen(("magnification", "camera_motion"), left)
+    sharp = replace(rounds[-1].winner.refitted, stds=dict.fromkeys(rounds[-1].winner.refitted.values, 1e-3))
+    rounds[-1] = replace(rounds[-1], winner=replace(rounds[-1].winner, refitted=sharp))
+    place, asked = world(left)
+    assert revised(rounds, place) == rounds and asked == []
+
+
+def test_a_rival_that_fits_the_whole_better_takes_the_place_of_the_first():
+    left = sets(((), 5000.0), (("magnification",), 1000.0), (("thermal_expansion",), 1200.0),
+                (("magnification", "camera_motion"), 400.0), (("thermal_expansion", "camera_motion"), 20.0),
+                (("camera_motion",), 3000.0))
+    rounds = chosen(("magnification", "camera_motion"), left, rivals=("thermal_expansion",))
+    found = revised(rounds, world(left)[0])
+    assert [one.winner.name for one in found] == ["thermal_expansion", "camera_motion"]
+    assert found[1].source.edits == {"thermal_expansion": True}
+
+
+def test_a_rival_that_is_better_by_noise_alone_does_not():
+    left = sets(((), 5000.0), (("magnification",), 1000.0), (("thermal_expansion",), 1200.0),
+                (("magnification", "camera_motion"), 25.0), (("thermal_expansion", "camera_motion"), 20.0),
+                (("camera_motion",), 3000.0))
+    rounds = chosen(("magnification", "camera_motion"), left, rivals=("thermal_expansion",))
+    assert [one.winner.name for one in revised(rounds, world(left)[0])] == ["magnification", "camera_motion"]
+
+
+@pytest.mark.parametrize(("drop", "tried"), [(0.2, False), (0.5, True)])
+def test_only_rivals_that_come_near_are_tried(drop, tried):
+    left = sets(((), 5000.0), (("magnification",), 1000.0), (("thermal_expansion",), 5000.0 - drop * 4000.0))
+    (one,) = chosen(("magnification",), left, rivals=("thermal_expansion",))
+    assert [r.name for r in exchangeable(one)] == (["thermal_expansion"] if tried else [])
+
+
+def test_a_further_cause_has_a_bar_of_its_own_and_a_share_of_the_whole():
+    (one,) = chosen(("magnification",), sets(((), 5000.0), (("magnification",), 1000.0)))
+    assert min_further_drop(one.winner, 100.0) == MIN_HELDOUT_DROP + 1
+    assert min_further_drop(one.winner, 1e5) == MIN_FURTHER_SHARE * 1e5
+
+
+def test_a_parameter_far_from_its_null_needs_no_refit_to_be_kept():
+    whole = refit(("magnification",), 0.0)
+    assert is_needed(ranked("magnification"), whole, 40.0)  # ten standard deviations: 100 of chi-square
+    assert not is_needed(ranked("magnification"), whole, 60.0)
+    assert not is_needed(ranked("magnification"), replace(whole, stds={"magnification.size": None}), 1.0)
+
+
+# progress -----------------------------------------------------------------------------------------
+def test_every_wave_of_refits_is_told_with_its_number_and_the_time_that_is_left():
+    said = []
+    jobs = [SimpleNamespace(name=name) for name in NAMES]
+    told = Told(lambda asked: [None] * len(asked), said.append, planned=3)
+    told(jobs[:1])
+    told.seconds = 90.0
+    told(jobs[1:])
+    assert told([]) == []
+    assert said[0] == "refit 1 of 3: magnification"
+    assert said[1] == "refit 2 to 3 of 3, at most about 3 min: thermal expansion, camera motion"
