@@ -1,4 +1,4 @@
-"""Commands on finished runs: `report`, `fields`, `compare`, `systematic`."""
+"""Commands on finished runs: `report`, `clean`, `fields`, `compare`, `systematic`."""
 
 from __future__ import annotations
 
@@ -22,6 +22,20 @@ def report(run: Run) -> None:
         from idic.run.reporting.write import write_report
 
         typer.echo(f"{user_path(write_report(run))} written")
+
+
+@app.command()
+def clean(
+    run: Run,
+    results_only: Annotated[bool, typer.Option(
+        "--results-only", help="Also remove images, motions and state: no --resume, report or diagnosis afterwards.")] = False,
+) -> None:
+    """Remove what `idic report` makes again; pages, tables and results stay."""
+    with outcome(run=run):
+        from idic.store.clean import clean_run
+
+        typer.echo(f"{clean_run(run, results_only) / 1e6:.1f} MB freed; "
+                   + ("pages, tables and results are left" if results_only else f"idic report {user_path(run)} makes them again"))
 
 
 @app.command()

@@ -1,0 +1,79 @@
+"""`idic clean`: a RUN becomes smaller, and what is needed to go on stays."""
+
+import json
+
+import pytest
+from experiment_file.small_experiment import write_experiment
+from typer.testing import CliRunner
+
+from idic.cli.app import app
+from idic.errors import InputError
+from idic.run.plain import identify_experiment
+from idic.run.reporting.write import write_report
+from idic.store.clean import clean_run
+from idic.store.run_lock import RunBusy, run_lock
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("clean")
+    identify_experiment(write_experiment(folder / "test"), folder / "run", overrides={"options.max_iterations": 1})
+    write_report(folder / "run")
+    (folder / "run" / "figures" / "where.png").write_bytes(b"of a diagnosis")
+    (folder / "run" / "diagnosis.json").write_text(json.dumps({"mismatch": {"figure": "figures/where.png"}}))
+    return folder / "run"
+
+
+def contents(run):
+    return {file.relative_to(run).as_posix(): file.read_bytes() for file in run.rglob("*") if file.is_file()}
+
+
+def test_a_run_at_work_is_left_alone(run):
+    before = contents(run)
+    with run_lock(run), pytest.raises(RunBusy):
+        clean_run(run)
+    assert contents(run).keys() == before.keys()
+
+
+def test_pictures_go_and_come_back_with_the_report_and_results_stay(run):
+    before = contents(run)
+    size = sum(len(data) for data in before.values())
+    answer = CliRunner().invoke(app, ["clean", str(run)])
+    assert answer.exit_code == 0 and "MB freed" in answer.stdout
+    after = contents(run)
+    gone = before.keys() - after.keys()
+    assert gone and all(name.startswith(("figures/", "paraview/")) for name in gone)
+    assert after["figures/where.png"] == b"of a diagnosis"  # nothing else makes it again
+    assert all(before[name] == after[name] for name in after if name != "run.lock")
+    assert clean_run(run) == 0
+    write_report(run)
+    assert contents(run).keys() == before.keys()
+    assert size - sum(len(data) for data in after.values()) > 0
+
+
+def test_results_only_leaves_pages_tables_and_results(run):
+    clean_run(run, results_only=True)
+    left = contents(run)
+    assert {"result.json", "report.html", "tables/frames.csv"} <= left.keys()
+    assert not any(name.startswith("run.zarr") for name in left)
+
+
+def test_what_a_link_leads_to_stays(tmp_path):
+    (tmp_path / "outside").mkdir()
+    (tmp_path / "outside" / "holiday.png").write_bytes(b"mine")
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "result.json").write_text("{}")
+    (run / "figures").symlink_to(tmp_path / "outside", target_is_directory=True)
+    (run / "run.zarr").symlink_to(tmp_path / "outside", target_is_directory=True)
+    clean_run(run, results_only=True)
+    assert (tmp_path / "outside" / "holiday.png").read_bytes() == b"mine"
+    assert not (run / "run.zarr").is_symlink()
+
+
+def test_a_folder_that_is_no_run_is_refused_and_nothing_is_removed(tmp_path):
+    (tmp_path / "figures").mkdir()
+    (tmp_path / "figures" / "holiday.png").write_bytes(b"mine")
+    with pytest.raises(InputError, match="no finished identification"):
+        clean_run(tmp_path)
+    assert (tmp_path / "figures" / "holiday.png").exists()
