@@ -30,8 +30,11 @@ def start_values(experiment: Experiment) -> tuple[str, ...]:
 
 
 def implausible_values(experiment: Experiment) -> Iterator[str]:
-    """Moduli and strengths that differ from the typical ones of their law by orders of magnitude."""
-    for material in experiment.materials:
+    """Moduli and strengths that differ from the typical ones of their law by orders of magnitude.
+
+    The laws of an external solver are its own: nothing is known of them.
+    """
+    for material in experiment.materials if experiment.solver is None else ():
         own = {name.removeprefix(f"{material.element_set}."): p for name, p in experiment.parameters.items()
                if name.startswith(f"{material.element_set}.")}
         for known in law_for(material.law, own).parameters:
