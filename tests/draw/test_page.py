@@ -271,4 +271,3 @@ def test_a_real_recording_without_a_log_is_identified_with_few_clicks(tmp_path):
         result = identified(page, folder)
     # the metal flows already, and flow keeps the volume: the elastic law that the page begins with ends at its bound
     assert result["status"] == "at_bound" and result["parameters"]["SPECIMEN.nu"]["value"] > 0.4
-    assert (folder / "runs" / "run-1" / "report.html").is_file()
