@@ -27,7 +27,7 @@ def candidates_table(content: Mapping) -> Table:
 
 
 def told(content: Mapping) -> list[str]:
-    """What a diagnosis says, line by line: headline, what is left, what is not excluded, the next test, cautions."""
+    """What a diagnosis says, line by line: headline, residual excess, effects not excluded, next test, cautions."""
     lines = [content["headline"], *([content["left_over"]] if content["left_over"] else ())]
     if content["not_excluded"]:
         lines += ["Not excluded:", *(f"· {entry['title']}: {entry['why']}" for entry in content["not_excluded"])]

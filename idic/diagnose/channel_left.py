@@ -44,12 +44,12 @@ class ChannelLeft:
 
     @property
     def share(self) -> float:
-        """What is left of the excess before, above 1 where the model has become worse in this channel."""
+        """Residual excess over the excess before, above 1 where the model has become worse in this channel."""
         return max(excess(self.after), 0.0) / max(excess(self.before), 1e-300)
 
     @property
     def reading_share(self) -> float:
-        """Rms of what is left beyond noise, over the largest reading."""
+        """Rms of the residual beyond noise, over the largest reading."""
         return self.noise_share * float(np.sqrt(max(excess(self.after), 0.0) / max(len(self.after), 1)))
 
     @property

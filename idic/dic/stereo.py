@@ -143,7 +143,7 @@ def _normal_equations(eyes: Sequence[_Eye], frame: int, u: np.ndarray, smoother:
 def _information(eyes: Sequence[_Eye], frame: int, u: np.ndarray, smoother: SurfaceSmoother):
     """sum_c w J^T H J and sum_c w J^T q with gain and offset eliminated, and rms per camera.
 
-    The gain and offset of a frame are taken out of q; what they take out of H, two directions of all nodes together, only
+    The gain and offset of a frame are taken out of q; their part of H, two directions of all nodes together, only
     lengthens the way.
     """
     nodes, total, gap, rms = eyes[0].experiment.mesh.nodes, None, 0.0, []

@@ -1,4 +1,4 @@
-"""What is left in a channel forbids a verdict; the headline, what is not excluded, and the probability of the named set."""
+"""A residual in a channel forbids a verdict; the headline, the effects not excluded, and the probability of the named set."""
 
 from dataclasses import replace
 

@@ -10,7 +10,7 @@ from idic.report.words import short_names, with_std
 MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
 MOSTLY = 0.5  # explained share from which a nearest candidate explains most of it
 MIN_LEFT_PX = 5e-4  # motion that is worth a word
-MIN_TEXT_Z = 5.0  # standard deviations of what is left that are worth a word
+MIN_TEXT_Z = 5.0  # standard deviations: a smaller residual excess is not told
 
 
 def headline(content: Mapping, titles: Mapping[str, str]) -> str:
