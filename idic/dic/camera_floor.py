@@ -27,10 +27,9 @@ from idic.dic.frame import DicFrame, dic_frame
 from idic.dic.noise import gradient_share
 from idic.dic.regularisation import Regularisation, Smoother, build_smoother
 from idic.dic.status import is_recognised
-from idic.dic.still import MAX_LEVEL_SHARE, StillFrames, without_rigid
+from idic.dic.still import MAX_LEVEL_SHARE, StillFrames, declared_stack, without_rigid
 from idic.fe.mesh.mesh import surface_cells
 from idic.images.interpolate import prefilter
-from idic.images.quality.stabilise import StabilisedStack
 from idic.images.stack import Stack
 from idic.model.experiment import Experiment
 
@@ -154,9 +153,7 @@ def _measured(experiment: Experiment, reference: ReferenceImage, smoother: Smoot
 def _images(experiment: Experiment, still: StillFrames) -> tuple[Stack, list[int]]:
     """The stack of the still images, and at most `MAX_STILL_FRAMES` of their numbers."""
     if still.separate:
-        stack = experiment.extras["still_stack"]
-        if experiment.noise.stabiliser is not None:
-            stack = StabilisedStack(stack, experiment.noise.stabiliser)
+        stack = declared_stack(experiment)
         numbers = list(range(stack.n_frames))
     else:
         stack = experiment.stack

@@ -19,6 +19,8 @@ import numpy as np
 
 from idic.correlation.experiment_reference import camera_at
 from idic.correlation.view import view_of
+from idic.images.quality.stabilise import StabilisedStack
+from idic.images.stack import Stack
 from idic.model.experiment import Column, Experiment
 
 MAX_LEVEL_SHARE = 0.01  # of the largest amplitude of the test's leading motion, or of the range of a reading
@@ -84,6 +86,12 @@ def find_still_frames(experiment: Experiment, motion_px: np.ndarray | None = Non
     told = "declared" if declared or separate else ""
     return StillFrames(frames, " and ".join(part for part in (told, source if own else "") if part) or source,
                        tuple(k for k in frames if _is_after_load(k, rest, experiment)), separate)
+
+
+def declared_stack(experiment: Experiment) -> Stack:
+    """The separate images at rest, with the grey values that the test is compared in."""
+    stack, stabiliser = experiment.extras["still_stack"], experiment.noise.stabiliser
+    return stack if stabiliser is None else StabilisedStack(stack, stabiliser)
 
 
 def _is_after_load(frame: int, rest: np.ndarray | None, experiment: Experiment) -> bool:

@@ -15,6 +15,7 @@ from idic.correlation.reference import MAX_GRADIENT_NOISE
 from idic.images.interpolate import DEGREES, gradient_at_pixels, prefilter
 from idic.images.quality.gradient_noise import gradient_noise_share
 from idic.images.quality.noise_covariance import NoiseCovariance, noise_covariance, pixel_gain
+from idic.identify.noise.recordings import recordings
 from idic.model.experiment import CorrelatedNoise, Experiment, Noise
 
 MAD_TO_STD = 1.4826  # median absolute deviation -> standard deviation of a normal distribution
@@ -73,10 +74,10 @@ def gradient_notes(experiment: Experiment) -> list[str]:
 
 
 def with_measured_noise(experiment: Experiment) -> Experiment:
-    """The experiment with the covariance of its image noise, where consecutive images show more than it assumes.
+    """The experiment with the covariance of its image noise, where its images show more than it assumes.
 
-    Every camera is judged by its own images (`idic.images.quality.noise_covariance`). What is given or measured in
-    still frames stays where the images agree with it, to the last bit.
+    Every camera is judged by its own images (`idic.images.quality.noise_covariance`). What is given or measured stays
+    where the images agree with it, to the last bit.
     """
     views = experiment.views
     noises = [measured_noise(view) for view in views]
@@ -85,18 +86,23 @@ def with_measured_noise(experiment: Experiment) -> Experiment:
 
 
 def measured_noise(view: Experiment) -> Noise:
-    """The noise of one camera, with its correlation where that matters; unchanged for heights and unknown noise."""
+    """The noise of one camera, with its correlation where that matters; unchanged for heights and unknown noise.
+
+    Images at rest decide where they tell it, else consecutive images of the test.
+    """
     noise = view.noise
     if view.stack is None or view.quantity != "grey" or not noise.std_gv or noise.correlated is not None:
         return noise
     pixel_map = build_reference(view, view.camera).pixel_map
     region = pixel_map.to_image(np.ones(len(pixel_map.points())), 0.0) > 0.0
-    frames = [k for k in range(view.reference, view.n_frames) if k not in view.excluded]
-    found = noise_covariance(view.stack, frames, region, view.options.lowpass_px)
-    return noise if found is None else _judged(noise, found, view.options.lowpass_px)
+    for recording in recordings(view):
+        found = noise_covariance(recording.stack, recording.frames, region, view.options.lowpass_px)
+        if found is not None:
+            return _judged(noise, found, view.options.lowpass_px, recording.source)
+    return noise
 
 
-def _judged(noise: Noise, found: NoiseCovariance, lowpass_px: float) -> Noise:
+def _judged(noise: Noise, found: NoiseCovariance, lowpass_px: float, source: str) -> Noise:
     ratio = found.sum_std_gv / noise.std_gv
     margin = max(MIN_NOISE_RATIO, 1.0 + MIN_STANDARD_ERRORS * found.relative_uncertainty)
     if not margin < ratio < MAX_NOISE_RATIO:
@@ -104,7 +110,7 @@ def _judged(noise: Noise, found: NoiseCovariance, lowpass_px: float) -> Noise:
     compared = found.std_gv * np.sqrt(max(pixel_gain(found.correlation, lowpass_px), 0.0))
     std = float(compared) if compared > MIN_NOISE_RATIO * noise.std_gv else noise.std_gv
     rows = tuple(tuple(float(value) for value in row) for row in found.correlation)
-    return replace(noise, std_gv=std, correlated=CorrelatedNoise(found.std_gv, found.sum_std_gv, rows, noise.std_gv))
+    return replace(noise, std_gv=std, correlated=CorrelatedNoise(found.std_gv, found.sum_std_gv, rows, noise.std_gv, source))
 
 
 def noise_content(view: Experiment) -> dict:
@@ -113,7 +119,8 @@ def noise_content(view: Experiment) -> dict:
     content = {"std_gv": noise.std_gv, "source": noise.source, "unit": view.value_unit}
     if (found := noise.correlated) is None:
         return content
-    return content | {"recorded_std_gv": found.recorded_gv, "sum_std_gv": found.sum_std_gv,
+    told = {"covariance_source": found.source} if found.source else {}
+    return content | told | {"recorded_std_gv": found.recorded_gv, "sum_std_gv": found.sum_std_gv,
                       "stated_std_gv": found.stated_gv, "correlation": [list(row) for row in found.correlation]}
 
 
@@ -136,7 +143,7 @@ def noise_notes(experiment: Experiment) -> list[str]:
             continue
         beside = 0.5 * (found.correlation[middle][middle + 1] + found.correlation[middle + 1][middle])
         text = (f"image noise{of}: {found.stated_gv:.3g} {view.value_unit} ({view.noise.source.replace('_', ' ')}), but "
-                f"consecutive images show {found.recorded_gv:.3g}")
+                f"{found.source.replace('_', ' ')} show {found.recorded_gv:.3g}")
         if abs(beside) > MIN_TOLD_CORRELATION:
             text += f" with a correlation of {beside:.2f} between neighbouring pixels"
         notes.append(f"{text}: sums against the gradient carry {found.sum_std_gv:.3g}, which weights and error bars count")

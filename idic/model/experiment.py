@@ -195,12 +195,14 @@ class CorrelatedNoise:
     sum_std_gv : of independent pixel noise that scatters sums against the gradient as this noise does (GV)
     correlation : (2 L + 1, 2 L + 1) of pixels so many rows and columns apart, 1 in the middle
     stated_gv : what was given or found before (GV)
+    source : "still_frames" | "consecutive_images", "" of measured fields
     """
 
     recorded_gv: float
     sum_std_gv: float
     correlation: tuple[tuple[float, ...], ...]
     stated_gv: float
+    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -381,9 +383,10 @@ class Experiment:
         mesh = self.mesh
         if further.axis_order:
             mesh = replace(mesh, nodes=mesh.nodes[:, list(further.axis_order)])
+        extras = {key: value for key, value in self.extras.items() if key != "still_stack"}  # of the main camera
         return replace(self, mesh=mesh, camera=further.camera, stack=further.stack, labels=further.labels,
                        noise=further.noise, mask=further.mask, surface=further.surface, camera_name=further.name,
-                       axis_order=further.axis_order, cameras=())
+                       axis_order=further.axis_order, cameras=(), extras=extras)
 
     def turned(self, field: np.ndarray) -> np.ndarray:
         """A nodal vector field of the simulation in the axes of this view  # (n_nodes, dim, ...)"""

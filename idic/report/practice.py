@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from idic.images.quality.drift import MIN_TOLD_SHIFT_PX
 from idic.report import words
 from idic.report.record import Practice, RunRecord
 
@@ -124,11 +125,14 @@ def _floors(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], 
 
 
 def _camera_floor(record: RunRecord) -> str | None:
-    """What frames at rest show after rigid motion and image noise are taken off."""
+    """What frames at rest show after rigid motion and image noise are taken off, and how far they have moved."""
     found = record.result.get("camera_floor") or {}
     if found.get("px") is None:
         return None
     where = f", in images at rest ({', '.join(found['labels'])})"
+    if (drift := max(found["drift_px"], default=0.0)) > MIN_TOLD_SHIFT_PX:
+        furthest = found["labels"][found["drift_px"].index(drift)]
+        where += f"; {furthest} has moved by {drift:.2g} px against the reference"
     if not found["px"]:
         return f"below {found['bound_px']:.2g} px{where}"
     return _length(found["px"], record.pixel_size_mm, where)

@@ -206,6 +206,15 @@ def test_correlations_and_biases_above_the_error_bars_are_said():
     assert second.startswith("nu: a finer mesh")
 
 
+def test_an_image_called_still_that_has_moved_is_told():
+    floor = {"px": 0.02, "bound_px": 0.03, "length_px": 50.0, "frames": [1, 2], "labels": ["a.tif", "b.tif"],
+             "drift_px": [0.01, 0.17], "source": "declared"}
+    moved = render_page(make_record(result={**make_result(), "camera_floor": floor}))
+    assert "b.tif has moved by 0.17 px" in moved and "a.tif has moved" not in moved
+    still = render_page(make_record(result={**make_result(), "camera_floor": floor | {"drift_px": [0.01, 0.02]}}))
+    assert "has moved by" not in still
+
+
 def test_the_table_of_good_practice_lists_unknown_entries():
     page = render_page(make_record(), ())
     for text in ("a camera of 5 megapixels", "4.3 px = 0.215 mm", "392 × quad4, mean side 9.6 px = 0.48 mm",

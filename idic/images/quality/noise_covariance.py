@@ -61,8 +61,8 @@ def noise_covariance(stack: Stack, frames: Sequence[int], region: np.ndarray, lo
 
     Parameters
     ----------
-    frames : image numbers in the order of the test; the first one is the reference, which `region` belongs to
-    region : (ny, nx) bool, the specimen in the reference image
+    frames : image numbers in the order of recording
+    region : (ny, nx) bool, the specimen in the first of them
     lowpass_px : low-pass of the images before correlation; the covariance is that before it
     """
     corners = _tile_corners(region)
@@ -215,10 +215,12 @@ def _lagged(values: np.ndarray, others: np.ndarray | None = None) -> np.ndarray:
 
 
 def _good(tiles: Sequence[_TileNoise]) -> list[_TileNoise]:
-    """The tiles of a pair in which there is nothing but noise; none where these are too few."""
+    """The tiles of a pair in which there is nothing but noise; none where these are too few, or one image is a copy."""
     if len(tiles) < MIN_GOOD_TILES:
         return []
     limit = MAX_TILE_VARIANCE_RATIO * float(np.median([tile.variance for tile in tiles]))
+    if limit == 0.0:
+        return []
     good = [tile for tile in tiles if tile.variance <= limit]
     return good if len(good) >= max(MIN_GOOD_TILES, len(tiles) // 2) else []
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from idic.images.stack import ArrayStack
 from idic.validation.misfit.page import draw_misfit
-from idic.validation.misfit.worlds import RIGHT, WRONG, Draw, draw, virtual_test
+from idic.validation.misfit.worlds import METAL_SIZE, POLYMER_SIZE, RIGHT, WRONG, Draw, draw, virtual_test
 from idic.validation.studies.open_hole_strip import write_clean
 from idic.validation.studies.realisation import Disturbance
 from idic.validation.studies.study import Case, Rendering, Study
@@ -37,7 +37,8 @@ def _numbered(truths: list[Draw], each: int) -> list[tuple[int, Draw]]:
 
 
 def _rendering(drawn: Draw, k: int) -> Rendering:
-    return Rendering(f"{drawn.world}-{k:02d}", partial(_write, drawn), f"{drawn}, without noise")
+    size = POLYMER_SIZE if drawn.elastic else METAL_SIZE
+    return Rendering(f"{drawn.world}-{k:02d}", partial(_write, drawn), f"{drawn} {size}, without noise")
 
 
 def _write(drawn: Draw, folder: Path) -> ArrayStack:

@@ -1,0 +1,61 @@
+"""Which images the covariance of the noise comes from: those at rest, else consecutive ones of the test."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dic_cases import experiment, grid, pictures
+from scipy.ndimage import gaussian_filter
+
+from idic.identify.input_noise import measured_noise, noise_content, noise_notes
+from idic.images.stack import ArrayStack
+from idic.model.experiment import Channel, Noise
+
+SHAPE, FRAME, STD, SMOOTHING_PX = (180, 160), (20, 20, 140, 160, 20), 2.0, 0.6
+LOADS = np.array([0.0, 0.0, 0.4, 0.7, 1.0])  # frame 1 before the load
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return np.array(pictures(FRAME, [lambda at, load=load: load * 0.004 * at for load in LOADS], SHAPE))
+
+
+def smooth(rng):
+    """Noise of STD that neighbours share  # SHAPE"""
+    noise = gaussian_filter(rng.standard_normal(SHAPE), SMOOTHING_PX, mode="wrap")
+    return STD * noise / noise.std()
+
+
+def recording(clean, logged=True, **more):
+    """Independent noise in the frames at rest, smooth noise in the others."""
+    rng = np.random.default_rng(3)
+    noise = [smooth(rng) if load else STD * rng.standard_normal(SHAPE) for load in LOADS]
+    channels = (Channel("force_N", 1e3 * LOADS, 1.0, "TOP", "y"),) if logged else ()
+    return experiment(grid(*FRAME), (clean + noise).astype(np.float32), noise=Noise(STD), channels=channels, **more)
+
+
+def test_frames_that_the_log_finds_at_rest_come_before_those_under_load(clean):
+    found = measured_noise(recording(clean, logged=False)).correlated
+    assert found.source == "consecutive_images" and found.sum_std_gv > 1.3 * STD and found.correlation[4][5] > 0.2
+    assert measured_noise(recording(clean)).correlated is None
+
+
+def test_images_that_are_declared_still_come_before_the_log(clean):
+    e, rng = recording(clean), np.random.default_rng(5)
+    among = measured_noise(replace(e, extras={"still_frames": (2, 3, 4)}))
+    assert among.correlated.source == "still_frames"
+    images = np.array([clean[0] + smooth(rng) for _ in LOADS]).astype(np.float32)
+    separate = replace(e, extras={"still_stack": ArrayStack(images)})
+    separate = replace(separate, noise=measured_noise(separate))
+    assert separate.noise.in_sums_gv > 1.3 * STD
+    assert "still frames show" in noise_notes(separate)[0]
+    assert noise_content(separate)["covariance_source"] == "still_frames"
+
+
+def test_a_copy_of_the_reference_tells_nothing(clean):
+    images = recording(clean).stack
+    copied = experiment(grid(*FRAME), np.array([images.frame(k) for k in (0, 0, 2, 3, 4)]), noise=Noise(STD),
+                        channels=recording(clean).channels)
+    assert measured_noise(copied).correlated.source == "consecutive_images"
