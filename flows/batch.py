@@ -18,9 +18,8 @@ from idic.run.batch.runs import ERROR, BatchJob, BatchOutcome, identify_job, ide
 from idic.run.batch.starts import with_starts
 from idic.run.batch.store import Batch
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.workers.prefect_server import start_server
 from idic.workers.runner import JobKillsWorkers, TaskRunner
-from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
+from idic_flows.settings import connected, flow_server, show_dashboards  # before Prefect: it reads its settings from the environment
 from idic_flows.stages import run_stage
 
 
@@ -66,12 +65,12 @@ def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | Non
     batch = Batch(out, runs, sensitivity)
     limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler, out, say=console.stage)
-    with start_server() as server, batch.claim(resume), _kept_when_interrupted(batch):
+    with flow_server() as server, batch.claim(resume), _kept_when_interrupted(batch):
         with open_cluster(workers, scheduler, limit, ("idic.run.batch.runs",)) as runner:
             batch.write("running")
             console.stage("starting Prefect")
             with connected(server):
-                console.dashboards(server.dashboard, runner.dashboard, server.password)
+                show_dashboards(console.dashboards, server, runner.dashboard)
                 return _batch_in_prefect(_Work(batch, runner, console))
 
 

@@ -13,9 +13,8 @@ from idic.validation.trial.plan import Campaign, Trial
 from idic.validation.trial.seal import REGISTER, Folder, seal, tool_state
 from idic.validation.trial.trial import TrialJob, check_solvers, run_trial
 from idic.workers.dask_executor import check_scheduler, open_cluster
-from idic.workers.prefect_server import start_server
 from idic.workers.runner import TaskRunner
-from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
+from idic_flows.settings import connected, flow_server, show_dashboards  # before Prefect: it reads its settings from the environment
 from idic_flows.stages import run_stage
 from idic_flows.study import StudyConsole
 
@@ -42,10 +41,10 @@ def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Se
         raise InputError("this trial exists already", file=folder.out, expected="a new folder, or --resume",
                          found="an earlier trial", remedy="add --resume to continue it, or choose another --out")
     check_scheduler(scheduler, out, say=console.stage)
-    with start_server() as server, open_cluster(workers, scheduler, preload=("idic.validation.trial.trial",)) as runner:
+    with flow_server() as server, open_cluster(workers, scheduler, preload=("idic.validation.trial.trial",)) as runner:
         console.stage("starting Prefect")
         with connected(server):
-            console.dashboards(server.dashboard, runner.dashboard, server.password)
+            show_dashboards(console.dashboards, server, runner.dashboard)
             return _trial_in_prefect(_Run(folder, campaign, chosen, runner, console))
 
 

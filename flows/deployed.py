@@ -15,24 +15,30 @@ from prefect.states import Completed, Failed, State
 from idic.errors import InputError
 
 ROOT_VARIABLE = "IDIC_DATA_ROOT"
+PAUSE_SECONDS = 30 * 24 * 3600  # a suspended run that nobody resumes in this time fails; its RUN folder stays resumable
 
 
 @flow(name="idic-identify-deployed", persist_result=False)
 def identify(experiment: str, out: str, workers: int | None = None, scheduler: str | None = None,
-             sensitivity: str = "auto", overrides: dict[str, str] | None = None) -> State:
+             sensitivity: str = "auto", overrides: dict[str, str] | None = None, pause_after: int | None = None) -> State:
     """``idic identify EXPERIMENT --out RUN --resume`` on the worker.
 
     Paths are the worker's; where the variable IDIC_DATA_ROOT is set there, they must lie below that folder. The run
     fails where the identification did not converge; its results are in `out` all the same. Started again after a lost
-    worker, it resumes where it stood.
+    worker, it resumes where it stood. With `pause_after` it is suspended at the end of that stage of the schedule, so
+    that the worker is free, until somebody resumes it in Prefect.
     """
+    from prefect.flow_runs import suspend_flow_run
+
     from idic.run.reporting.write import write_report
     from idic_flows.identify import run_identification
 
     source, run = data_path(experiment, "experiment"), data_path(out, "out")
     result = run_identification([source], run, resume=True, workers=workers, scheduler=scheduler,
-                                sensitivity=sensitivity, overrides=overrides)
+                                sensitivity=sensitivity, overrides=overrides, pause_after=pause_after)
     page = write_report(run)
+    if "paused_after_stage" in result:
+        suspend_flow_run(timeout=PAUSE_SECONDS)  # ends this process; it begins anew and continues the RUN when resumed
     message = f"{result['status']} after {result['iterations']} iterations: {page}"
     return Completed(message=message) if result["status"] == "converged" else Failed(message=message)
 
@@ -50,6 +56,50 @@ def batch(experiments: list[str], out: str, starts: int | None = None, spread: f
                         scheduler=scheduler, sensitivity=sensitivity, overrides=overrides)
     message = f"{headline(content)} {folder / 'batch.html'}"
     return (Completed if content["converged"] == len(content["runs"]) else Failed)(message=message)
+
+
+@flow(name="idic-diagnose-deployed", persist_result=False)
+def diagnose(run: str, workers: int | None = None, scheduler: str | None = None, blocks: bool = False,
+             quick: bool = False) -> State:
+    """``idic diagnose RUN --resume`` on the worker; paths as of `identify`."""
+    from idic_flows.diagnose import run_diagnosis
+
+    folder = data_path(run, "run")
+    found = run_diagnosis(folder, workers, scheduler, resume=True, blocks=blocks, quick=quick)
+    return Completed(message=f"{found['verdict']}: {found['headline']}: {folder / 'diagnosis.html'}")
+
+
+@flow(name="idic-systematic-deployed", persist_result=False)
+def systematic(run: str, bias: bool = True, spread: bool = True, workers: int | None = None,
+               scheduler: str | None = None) -> State:
+    """``idic systematic RUN`` on the worker; paths as of `identify`."""
+    from idic.run.reporting.write import write_report
+    from idic_flows.systematic import run_systematic
+
+    folder = data_path(run, "run")
+    run_systematic(folder, bias, spread, workers, scheduler)
+    return Completed(message=f"{write_report(folder)}")
+
+
+@flow(name="idic-study-deployed", persist_result=False)
+def study(name: str, out: str, size: str = "full", only: list[str] | None = None, workers: int | None = None,
+          scheduler: str | None = None) -> State:
+    """``idic study NAME --out DIR --resume`` on the worker; paths as of `identify`."""
+    from idic_flows.study import run_study
+
+    return Completed(message=f"{run_study(name, data_path(out, 'out'), size, only, workers, scheduler, resume=True)}")
+
+
+@flow(name="idic-trial-deployed", persist_result=False)
+def trial(out: str, size: str = "full", seed: int = 1, only: list[str] | None = None, workers: int | None = None,
+          scheduler: str | None = None) -> State:
+    """``idic trial --out DIR --resume`` on the worker; paths as of `identify`."""
+    from idic_flows.blind_trial import run_blind_trial
+
+    return Completed(message=f"{run_blind_trial(data_path(out, 'out'), size, seed, only, workers, scheduler, resume=True)}")
+
+
+FLOWS = (identify, batch, diagnose, systematic, study, trial)
 
 
 def data_path(text: str, key: str) -> Path:

@@ -10,9 +10,8 @@ from pathlib import Path
 from idic.run.diagnosis.diagnose import diagnose, write_all
 from idic.run.diagnosis.source import open_source
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.workers.prefect_server import start_server
 from idic.workers.runner import TaskRunner
-from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
+from idic_flows.settings import connected, flow_server  # before Prefect: it reads its settings from the environment
 from idic_flows.stages import run_stage
 
 
@@ -38,7 +37,7 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     open_source(run)
     limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler, run, say=stage)
-    with start_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as runner:
+    with flow_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as runner:
         with connected(server):
             return _diagnose_in_prefect(str(run), runner, stage, began, resume, blocks, quick)
 

@@ -11,23 +11,25 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from idic_flows.settings import connected, server_is_gone  # before Prefect: it reads the environment
-from idic_flows.stages import publish_evaluations, publish_schedule, run_stage
+from idic_flows.settings import connected, flow_server, server_is_gone, show_dashboards  # before Prefect: it reads the environment
+from idic_flows.stages import publish_evaluations, publish_residual, publish_schedule, run_stage
 
 from idic.identify.driver import StageHook, run_loop
 from idic.identify.step.state import LoopState
 from idic.run.plain import Console, OpenRun, earlier_result, plan_run
+from idic.run.runs import check_pause
 from idic.run.session import Timing
 from idic.run.warm_up import compile_image_kernels
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.workers.prefect_server import start_server
 
 
 def run_identification(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
                        scheduler: str | None = None, sensitivity: str = "auto",
                        overrides: Mapping[str, Any] | None = None, console: Console | None = None,
-                       memory_limit: str | None = None) -> dict:
+                       memory_limit: str | None = None, pause_after: int | None = None) -> dict:
     """Identify the parameters of an experiment; returns the content of ``RUN/result.json``.
+
+    A run that pauses has the key "paused_after_stage" in it.
 
     Parameters
     ----------
@@ -38,6 +40,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     sensitivity : "direct", "perturbed" or "auto"
     overrides : ``--set key=value``
     memory_limit : memory of one worker process, "2GB"
+    pause_after : stage of the schedule (1: the first) after which the run pauses, to be resumed
 
     Raises
     ------
@@ -47,9 +50,10 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     began, console = time.perf_counter(), console or Console()
     planned = plan_run(paths, out, dict(overrides or {}))
     planned.check(sensitivity)
+    check_pause(planned, pause_after)
     limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler, out, planned.to_see, console.stage)
-    with start_server() as server, planned.claim(resume):
+    with flow_server() as server, planned.claim(resume):
         done = earlier_result(planned, console) if resume else None
         if done is not None:
             return done
@@ -59,8 +63,8 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
             compiled = runner.background(compile_image_kernels, planned.first_job, "compile")
             console.stage("starting Prefect")
             with connected(server):
-                console.dashboards(server.dashboard, runner.dashboard, server.password)
-                run = OpenRun(planned, runner, sensitivity, Timing(), began, console)
+                show_dashboards(console.dashboards, server, runner.dashboard)
+                run = OpenRun(planned, runner, sensitivity, Timing(), began, console, pause_after)
                 with run.kept_when_interrupted():
                     try:
                         return _identify_in_prefect(run, compiled, paths, out)
@@ -77,22 +81,25 @@ def _identify_in_prefect(run: OpenRun, compiled: Callable[[], None], paths: Sequ
 
     @flow(name="idic-identify", flow_run_name=f"identify-{time.strftime('%H%M%S')}", validate_parameters=False,
           persist_result=False)
-    def identify(experiments: list[str], out: str, sensitivity: str, workers: int) -> dict:
+    def identify(experiments: list[str], out: str, sensitivity: str, workers: int, pause_after: int | None) -> dict:
         if not run.planned.prepared:
             run.say_prepare()
             run_stage("prepare", run.planned.prepare, run.runner)
         points = run.open_points()
         publish_schedule(points.experiment)
+        shown: list[int] = []
 
         def progress(state: LoopState) -> None:
             run.console.iteration(state)
             publish_evaluations(points.experiment, state)
+            if len(paths) == 1 and state.accepted is not None and state.accepted.number not in shown:
+                shown.append(state.accepted.number)
+                publish_residual(run.planned.store.run)
 
-        state = run_loop(points, _with_kernels(run_stage, compiled), progress)
-        run.console.stage("residual maps and result")
-        return run_stage("postprocess", points.postprocess, state, run.began)
+        state = run_loop(points, _with_kernels(run_stage, compiled), progress, pause_after)
+        return run_stage("postprocess", run.written, points, state)
 
-    return identify([str(path) for path in paths], str(out), run.sensitivity, run.runner.workers)
+    return identify([str(path) for path in paths], str(out), run.sensitivity, run.runner.workers, run.pause_after)
 
 
 def _with_kernels(stage: StageHook, compiled: Callable[[], None]) -> StageHook:

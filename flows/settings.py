@@ -1,19 +1,48 @@
-"""Quiet Prefect, tied to one server. Import this before Prefect: its settings are read from the environment."""
+"""The Prefect server of a flow, and quiet settings. Import this before Prefect: it reads the environment."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from idic.workers.prefect_server import PrefectServer
+from idic.workers.prefect_server import PrefectServer, start_server
 
 
 @contextmanager
-def connected(server: PrefectServer) -> Iterator[None]:
+def flow_server() -> Iterator[PrefectServer | None]:
+    """The server of a ``with`` block: the configured one, or one of its own. None inside a flow run: that of the flow."""
+    if _inside_a_flow():
+        yield None
+    else:
+        with start_server() as server:
+            yield server
+
+
+def _inside_a_flow() -> bool:
+    if "prefect" not in sys.modules:
+        return False
+    from prefect.context import FlowRunContext
+
+    return FlowRunContext.get() is not None
+
+
+def show_dashboards(show: Callable[[str | None, str | None, str | None], None], server: PrefectServer | None,
+                    dask: str | None) -> None:
+    """Call show(address of Prefect, of Dask, password of Prefect); `server` as of `flow_server`."""
+    show(None if server is None else server.dashboard, dask, None if server is None else server.password)
+
+
+@contextmanager
+def connected(server: PrefectServer | None) -> Iterator[None]:
     """Run flows against `server` for a ``with`` block; wait until it answers, hand over what is still on its way.
 
+    server : None changes nothing: the flow becomes part of the flow run that calls it
     No heartbeat: it would add a second to every flow, and our own checkpoint says where a killed run stood.
     """
+    if server is None:
+        yield
+        return
     from prefect.settings import (
         PREFECT_API_AUTH_STRING,
         PREFECT_API_URL,

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from idic.identify.step.stages import resolve_stages
 from idic.identify.step.state import LoopState
 from idic.model.experiment import Experiment
 
-SCHEDULE, EVALUATIONS = "idic-schedule", "idic-evaluations"  # keys of the artifacts
+SCHEDULE, EVALUATIONS, RESIDUAL = "idic-schedule", "idic-evaluations", "idic-residual"  # keys of the artifacts
 
 
 def run_stage(name: str, function: Callable, *arguments) -> Any:
@@ -35,6 +37,25 @@ def publish_evaluations(experiment: Experiment, state: LoopState) -> None:
 
     create_table_artifact(key=EVALUATIONS, description=f"Iteration {state.iteration}: {state.status}",
                           table=evaluations_table(experiment, state))  # type: ignore[unused-coroutine]
+
+
+def publish_residual(run: Path) -> None:
+    """The residual map of the last frame at the accepted point as an image artifact, a version of it per iteration.
+
+    run : of one experiment whose frames are images
+    """
+    from prefect.artifacts import create_image_artifact
+
+    from idic.draw.point import RANGE, accepted_point
+
+    point = accepted_point(run)
+    if point is None:
+        return
+    chi2 = "" if point.chi2 is None else f", chi2 per pixel {point.chi2:.3g}"
+    create_image_artifact(  # type: ignore[unused-coroutine]
+        key=RESIDUAL, image_url=f"data:image/png;base64,{base64.b64encode(point.picture).decode('ascii')}",
+        description=f"Residual of frame {point.frame} after evaluation {point.evaluation}{chi2}; full colour: "
+                    f"{RANGE:g} standard deviations of the noise")
 
 
 def schedule_table(experiment: Experiment) -> list[dict[str, str]]:

@@ -17,9 +17,8 @@ from idic.validation.studies.registry import make_study
 from idic.validation.studies.store import StudyStore, write_page
 from idic.validation.studies.study import Case, Study
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.workers.prefect_server import start_server
 from idic.workers.runner import TaskRunner
-from idic_flows.settings import connected  # before Prefect: it reads its settings from the environment
+from idic_flows.settings import connected, flow_server, show_dashboards  # before Prefect: it reads its settings from the environment
 from idic_flows.stages import run_stage
 
 
@@ -61,11 +60,11 @@ def run_study(name: str, out: str | Path, size: str = "full", only: Sequence[str
                          found="an earlier study", remedy="add --resume to continue it, or choose another --out")
     limit = checked_memory_limit(memory_limit, workers, scheduler)
     check_scheduler(scheduler, out, say=console.stage)
-    with start_server() as server, store.claim(f"study {name} {size}", title=study.title):
+    with flow_server() as server, store.claim(f"study {name} {size}", title=study.title):
         with open_cluster(workers, scheduler, limit, ("idic.validation.studies.case",)) as runner:
             console.stage("starting Prefect")
             with connected(server):
-                console.dashboards(server.dashboard, runner.dashboard, server.password)
+                show_dashboards(console.dashboards, server, runner.dashboard)
                 return _study_in_prefect(_Run(study, store, chosen, runner, console))
 
 

@@ -9,7 +9,8 @@ result has tables and pictures (docs/python.md).
 
 From folders: `load_experiment` reads a folder, `build_forward` and `solve` simulate it, `identify_experiment` finds
 its parameters, `write_report` makes the page. `write_example` writes a folder to try, `write_design` judges a test that
-is not made yet, `dic_stack` measures the displacement of all frames without a model. Each is loaded at its first use.
+is not made yet, `dic_stack` measures the displacement of all frames without a model. `flow` holds the Prefect flows.
+Each is loaded at its first use.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ _LAZY = {
     "dic_stack": "idic.dic",
 }
 
-__all__ = ["__version__", "identify", *_LAZY]  # noqa: PLE0604  (ruff does not see that the keys are strings)
+__all__ = ["__version__", "flow", "identify", *_LAZY]  # noqa: PLE0604  (ruff does not see that the keys are strings)
 
 
 def __getattr__(name: str):
@@ -37,6 +38,8 @@ def __getattr__(name: str):
 
     if name == "identify":  # a package that can be called
         return import_module("idic.identify")
+    if name == "flow":
+        return import_module("idic_flows.public")
     if name not in _LAZY:
         raise AttributeError(f"module 'idic' has no attribute {name!r}")
     return getattr(import_module(_LAZY[name]), name)

@@ -12,7 +12,7 @@ import typer
 from idic.cli.app import (AllowExternal, MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, app,
                           UsePrefect, exit_code, read_overrides)
 from idic.cli.command import user_path
-from idic.cli.outcomes import outcome
+from idic.cli.outcomes import outcome, paused
 
 
 class Method(StrEnum):
@@ -33,6 +33,8 @@ def identify(
     sensitivity: SensitivityOption = Sensitivity.auto,
     method: Annotated[Method | None, typer.Option(
         help="integrated: the law is fitted to the images; two-step: to the displacements of a free FE-DIC.")] = None,
+    pause_after: Annotated[int | None, typer.Option(
+        metavar="STAGE", help="Pause when this stage of the schedule is done; --resume goes on with the next.")] = None,
     overrides: Overrides = None,
     prefect: UsePrefect = True,
     allow_external: AllowExternal = None,
@@ -41,8 +43,11 @@ def identify(
     with outcome(run=out, resume=True):
         if method is not None:
             overrides = [*(overrides or ()), f"options.method={method.value.replace('-', '_')}"]
-        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, prefect, memory_limit)
+        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, prefect, memory_limit,
+                           pause_after)
         _show_result(result, out)
+        if "paused_after_stage" in result:
+            typer.echo(paused(result["paused_after_stage"]), err=True)
         raise typer.Exit(exit_code(result["status"]))
 
 
@@ -68,7 +73,7 @@ def demo(
 
 
 def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, overrides, prefect: bool,
-              memory_limit=None) -> dict:
+              memory_limit=None, pause_after: int | None = None) -> dict:
     from rich.console import Console
 
     from idic.cli.progress import progress_view
@@ -86,7 +91,7 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
 
         callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards, view.said)
         return run(experiments, out, resume=resume, workers=workers, scheduler=scheduler, sensitivity=sensitivity.value,
-                   overrides=settings, console=callbacks, memory_limit=memory_limit)
+                   overrides=settings, console=callbacks, memory_limit=memory_limit, pause_after=pause_after)
 
 
 def _server(prefect: bool) -> AbstractContextManager:

@@ -103,6 +103,11 @@ def _how_to_go_on() -> str:
     return f"interrupted; all finished steps are stored. To continue:\n  {_resume_command()}"
 
 
+def paused(stage: int) -> str:
+    """What to do after a pause at the end of a stage of the schedule."""
+    return f"paused after stage {stage}; all finished steps are stored. To continue:\n  {_resume_command()}"
+
+
 def _resume_command() -> str:
     words = ["idic", *sys.argv[1:]]
     return shlex.join(words if "--resume" in words else [*words, "--resume"])

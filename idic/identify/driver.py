@@ -46,18 +46,21 @@ def call(name: str, function: Callable, *arguments: object) -> Any:
 
 
 def run_loop(points: PointStore, stage: StageHook = call,
-             progress: Callable[[LoopState], None] = lambda state: None) -> LoopState:
-    """Drive an identification to its end; returns the last state.
+             progress: Callable[[LoopState], None] = lambda state: None, pause_after: int | None = None) -> LoopState:
+    """Drive an identification to its end, or to the end of a stage of its schedule; returns the last state.
 
     Parameters
     ----------
     points : where it begins or resumes, and where evaluated points are kept
     stage : makes a named stage of an iteration ("simulate it003", "correlate it003", "update it003")
     progress : called with the first state and with every later one
+    pause_after : number of a stage of the schedule (1: the first); the loop returns a running state where this process
+        has seen its end and another stage follows
     """
     state = points.state()
     progress(state)
-    while state.running:
+    began_in = state.schedule.stage
+    while state.running and not (pause_after is not None and began_in < pause_after <= state.schedule.stage):
         number, trials = f"it{state.evaluations:03d}", trial_states(state)
         failed = stage(f"simulate {number}", points.simulate, trials)
         evaluated = stage(f"correlate {number}", points.correlate, trials, failed)

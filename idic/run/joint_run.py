@@ -121,6 +121,10 @@ class JointRun:
     def to_see(self) -> tuple[ExperimentToSee, ...]:
         return tuple(one for part in self.parts.values() for one in part.to_see)
 
+    @property
+    def n_stages(self) -> int:
+        return len(resolve_stages(self.joint.whole))
+
     def prepare(self, runner: TaskRunner) -> None:
         for part in self.parts.values():
             if not part.prepared:

@@ -22,7 +22,7 @@ from idic.errors import InputError
 from idic.identify.driver import log_progress, run_loop
 from idic.identify.step.state import LoopState
 from idic.run.joint_run import JointRun
-from idic.run.runs import Points, Run, SingleRun
+from idic.run.runs import Points, Run, SingleRun, check_pause
 from idic.run.session import Timing
 from idic.store.arrays import leave_stuck_io
 from idic.store.run_store import RunStore
@@ -47,7 +47,10 @@ class Console:
 
 @dataclass(frozen=True)
 class OpenRun:
-    """A claimed run, its workers and its progress. began : `time.perf_counter` at its start."""
+    """A claimed run, its workers and its progress.
+
+    began : `time.perf_counter` at its start; pause_after : number of the stage of the schedule after which it pauses
+    """
 
     planned: Run
     runner: TaskRunner
@@ -55,6 +58,7 @@ class OpenRun:
     timing: Timing
     began: float
     console: Console
+    pause_after: int | None = None
 
     def open_points(self) -> Points:
         return self.planned.open_points(self.runner, self.sensitivity, self.timing, self.console.tasks, self.console.said)
@@ -85,14 +89,20 @@ class OpenRun:
             self.say_prepare()
             self.planned.prepare(self.runner)
         points = self.open_points()
-        state = run_loop(points, progress=self.console.iteration)
+        return self.written(points, run_loop(points, progress=self.console.iteration, pause_after=self.pause_after))
+
+    def written(self, points: Points, state: LoopState) -> dict:
+        """The result of the loop's last state: residual maps and all, or that of an interrupted run where it pauses."""
+        if state.running:
+            return (points.write_interrupted(self.began) or {}) | {"paused_after_stage": self.pause_after}
         self.console.stage("residual maps and result")
         return points.postprocess(state, self.began)
 
 
 def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
                      scheduler: str | None = None, sensitivity: str = "auto", overrides: Mapping[str, Any] | None = None,
-                     console: Console | None = None, memory_limit: str | None = None) -> dict:
+                     console: Console | None = None, memory_limit: str | None = None,
+                     pause_after: int | None = None) -> dict:
     """``idic identify --no-prefect``: the same stages, files and bits without Prefect.
 
     Parameters
@@ -105,10 +115,11 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
     sensitivity : "direct", "perturbed" or "auto"
     overrides : ``--set key=value``
     memory_limit : memory of one worker process, "2GB"
+    pause_after : stage of the schedule (1: the first) after which the run pauses, to be resumed
 
     Returns
     -------
-    The content of ``RUN/result.json``.
+    The content of ``RUN/result.json``, and the key "paused_after_stage" where the run pauses.
 
     Raises
     ------
@@ -118,6 +129,7 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
     began, console = time.perf_counter(), console or Console()
     planned = plan_run(paths, out, dict(overrides or {}))
     planned.check(sensitivity)
+    check_pause(planned, pause_after)
     if workers is None and scheduler is None and memory_limit is None and not planned.worth_workers:
         workers = 0
     limit = checked_memory_limit(memory_limit, workers, scheduler)
@@ -130,7 +142,7 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
         with open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as runner:
             planned.ingest(lambda done, total: console.tasks("ingest", done, total))
             console.dashboards(None, runner.dashboard, None)
-            run = OpenRun(planned, runner, sensitivity, Timing(), began, console)
+            run = OpenRun(planned, runner, sensitivity, Timing(), began, console, pause_after)
             with run.kept_when_interrupted():
                 return run.identify()
 

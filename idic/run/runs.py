@@ -19,6 +19,7 @@ from idic.experiment_file.load import load_experiment
 from idic.identify.driver import PointStore
 from idic.identify.measured_start import needs_free_dic
 from idic.identify.sensitivity import checked_sensitivity
+from idic.identify.step.stages import resolve_stages
 from idic.identify.step.state import LoopState
 from idic.model.experiment import Experiment
 from idic.report.evidence.cost import expected_cost
@@ -51,7 +52,7 @@ class Run(Protocol):
     prepared : whether `prepare` is behind it; measures : whether it begins with a free FE-DIC;
     worth_workers : whether worker processes save more time than their start takes;
     first_job : (folder, experiment, overrides) for the compilation of the image kernels;
-    to_see : the experiments that every worker must find.
+    to_see : the experiments that every worker must find; n_stages : stages of the schedule.
     """
 
     @property
@@ -66,6 +67,8 @@ class Run(Protocol):
     def first_job(self) -> tuple[str, str, dict]: ...
     @property
     def to_see(self) -> tuple[ExperimentToSee, ...]: ...
+    @property
+    def n_stages(self) -> int: ...
     def check(self, sensitivity: str) -> None: ...
     def claim(self, resume: bool): ...
     def recover(self) -> list[str]: ...
@@ -134,12 +137,26 @@ class SingleRun:
     def to_see(self) -> tuple[ExperimentToSee, ...]:
         return (ExperimentToSee(self.path, self.overrides, self.experiment.identity),)
 
+    @property
+    def n_stages(self) -> int:
+        return len(resolve_stages(self.experiment))
+
     def prepare(self, runner: TaskRunner) -> None:
         prepare(str(self.store.run), self.path, self.overrides, runner)
 
     def open_points(self, runner: TaskRunner, sensitivity: str, timing: Timing, tasks: Progress | None = None,
                     say: Callable[[str], None] | None = None) -> RunPoints:
         return RunPoints(open_session(self.store.run, runner, sensitivity, tasks, say), timing)
+
+
+def check_pause(run: Run, pause_after: int | None) -> None:
+    """Refuse a pause after a stage that does not exist or is the last one (`InputError`)."""
+    if pause_after is None or 1 <= pause_after < run.n_stages:
+        return
+    n = run.n_stages
+    raise InputError("no stage to pause after", key="--pause-after", found=str(pause_after),
+                     expected="a schedule of several stages ([[stage]])" if n == 1 else
+                     f"a stage from 1 to {n - 1}: the schedule has {n}", remedy="choose another number, or leave it out")
 
 
 def earlier_run(folder: Path) -> InputError:

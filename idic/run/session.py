@@ -50,7 +50,7 @@ class Session:
         """The results of jobs in their order, made by the workers; `what` names them in progress bar and dashboard."""
         names = [f"{what}-it{job.evaluation:03d}-{job.label}" if isinstance(job, SimulationJob)
                  else f"{what}-it{job.evaluation:03d}-frames{job.first}-{job.last - 1}" for job in jobs]
-        return self.runner.stream(function, jobs, names, retries=1,
+        return self.runner.stream(function, jobs, names, retries=1, copies=True,
                                   progress=lambda done, total: self.progress(what, done, total))
 
 

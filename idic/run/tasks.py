@@ -98,7 +98,7 @@ def simulate(job: SimulationJob) -> SimulationReport:
     reason = ""
     for attempt in _attempts(context, job):
         try:
-            with context.store.building(name, ident) as folder:
+            with context.store.building(name, ident, once=True) as folder:
                 steps = _write_frames(context, attempt, parameters, local, folder)
                 write_array(folder, "steps", steps)
             return SimulationReport(job.label, "", tuple(steps), time.perf_counter() - began)

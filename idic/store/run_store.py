@@ -79,7 +79,7 @@ class RunStore:
 
     # groups ---------------------------------------------------------------------------------------
     @contextmanager
-    def building(self, name: str, ident: Mapping | None = None) -> Iterator[Path]:
+    def building(self, name: str, ident: Mapping | None = None, once: bool = False) -> Iterator[Path]:
         """A new group, built under a temporary name and renamed at the end of a ``with`` block without exception.
 
         An older group of the same name is replaced. A repeated task is harmless: its group replaces the first one.
@@ -90,10 +90,12 @@ class RunStore:
             ``"it003/SPECIMEN.E"``, for instance.
         ident : mapping
             The inputs of the contents (JSON values; floats as hex); `finished` compares them.
+        once : bool
+            A group that another process has finished with the same inputs meanwhile stays, as others may be reading it.
         """
         target = self._inside(name)
         _require_parents(self.path, target.parent)
-        with _renamed_when_complete(target) as folder:
+        with _renamed_when_complete(target, lambda: once and self.finished(name, ident) is not None) as folder:
             _create_group(folder, {"ident": dict(ident or {}), "finished": True})
             yield folder
             for array in _arrays_in(folder):
@@ -206,8 +208,11 @@ class RunStore:
 
 
 @contextmanager
-def _renamed_when_complete(target: Path) -> Iterator[Path]:
-    """A temporary folder next to `target`; it replaces `target` if the block ends without an exception."""
+def _renamed_when_complete(target: Path, unless: Callable[[], bool] = lambda: False) -> Iterator[Path]:
+    """A temporary folder next to `target`; it replaces `target` if the block ends without an exception.
+
+    unless : asked at the end; True drops the new folder
+    """
     target.parent.mkdir(parents=True, exist_ok=True)
     folder = target.parent / f".{target.name}.{uuid.uuid4().hex[:12]}.tmp"
     folder.mkdir()
@@ -217,6 +222,9 @@ def _renamed_when_complete(target: Path) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
+    if unless():
+        shutil.rmtree(folder, ignore_errors=True)
+        return
     _remove_tree(target)  # a rename onto a non-empty folder fails; a kill in between loses one group
     os.rename(folder, target)
     _sync(target.parent)

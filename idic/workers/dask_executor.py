@@ -9,6 +9,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,11 @@ from idic.errors import InputError
 from idic.workers.dask_connection import LOOPBACK, connected
 from idic.workers.dask_settings import be_quiet, cluster_settings
 from idic.workers.probe import ExperimentToSee, check_workers
-from idic.workers.runner import JobKillsWorkers, SerialRunner, TaskRunner
+from idic.workers.runner import SerialRunner, TaskRunner
+from idic.workers.submission import ALLOWED_FAILURES, Submission
+from idic.workers.task_limits import TaskLimits, task_limits
 
 SMALLEST_MEMORY = 350_000_000  # bytes of a worker process
-ALLOWED_FAILURES = 8  # deaths of workers before a job fails; deaths caused by other jobs count too
 START_ATTEMPTS = 3
 _MAX_SETTLE_SECONDS = 10
 _MAX_IMPORT_SECONDS = 60  # on a slow file system; then the jobs are sent without waiting
@@ -56,11 +58,13 @@ def open_cluster(
     Raises
     ------
     InputError
-        The scheduler cannot be reached, or is on another machine without TLS.
+        The scheduler cannot be reached, or is on another machine without TLS; a limit of tasks that is none
+        (`idic.workers.task_limits`).
     """
     if scheduler is None and workers == 0:
         yield SerialRunner()
         return
+    limits = task_limits()
     be_quiet()
     import dask
     import distributed
@@ -71,7 +75,7 @@ def open_cluster(
             client = stack.enter_context(_local(distributed, workers or default_workers(), memory_limit))
         else:
             client = stack.enter_context(connected(scheduler))
-        yield DaskRunner(client, preload)
+        yield DaskRunner(client, preload, limits)
 
 
 def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str | None) -> int | None:
@@ -126,8 +130,8 @@ class DaskRunner:
         in one thread and runs them in another, and Python fails where both import a package for the first time.
     """
 
-    def __init__(self, client, preload: Sequence[str] = ()):
-        self._client = client
+    def __init__(self, client, preload: Sequence[str] = (), limits: TaskLimits | None = None):
+        self._client, self._limits = client, limits or TaskLimits()
         self._imports = {  # the references keep Dask from dropping the tasks
             worker: client.submit(_import_modules, tuple(preload), workers=[worker], key=f"import-{worker}", pure=False)
             for worker in client.nthreads() if preload
@@ -155,13 +159,14 @@ class DaskRunner:
 
         return self._client.dashboard_link if find_spec("bokeh") else None
 
-    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None) -> Iterator[Any]:
+    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False) -> Iterator[Any]:
         """See `TaskRunner.stream`."""
         names = list(names)
         if len(names) != len(jobs):
             raise ValueError(f"{len(jobs)} jobs, {len(names)} names")
         self._after_imports()
-        submission = _Submission(self._client, function, jobs, names, retries)
+        limits = replace(self._limits, retries=max(retries, self._limits.retries))
+        submission = Submission(self._client, function, jobs, names, limits, copies)
         try:
             yield from submission.in_order(progress, ahead or len(jobs))
         finally:
@@ -178,65 +183,6 @@ class DaskRunner:
         future = self._client.submit(function, job, key=f"{name}-{uuid.uuid4().hex[:8]}", pure=False,
                                      workers=worker and [worker], allow_other_workers=worker is not None)
         return lambda: _over(future)
-
-
-class _Submission:
-    """The submitted and completed jobs of one call."""
-
-    def __init__(self, client, function: Callable, jobs: Sequence, names: list[str], retries: int):
-        self._client, self._function, self._jobs = client, function, jobs
-        self._names, self._retries = names, retries
-        self._token = uuid.uuid4().hex[:8]  # keys are unique: Dask would answer a known key from memory
-        self._waiting: dict[Any, int] = {}
-
-    def in_order(self, progress, ahead: int) -> Iterator[Any]:
-        from distributed import as_completed
-
-        total, submitted, done, back = len(self._jobs), 0, 0, {}
-        completed = as_completed(loop=self._client.loop)
-        for wanted in range(total):
-            while submitted < min(total, wanted + max(1, ahead)):
-                completed.add(self._submit(submitted))
-                submitted += 1
-            while wanted not in back:
-                future = next(completed)
-                index = self._waiting.pop(future)
-                back[index] = self._result(future, index)
-                done += 1
-                if progress is not None:
-                    progress(done, total)
-            yield back.pop(wanted)
-
-    def _submit(self, index: int):
-        key = f"{self._names[index]}-{self._token}-{index}"
-        future = self._client.submit(self._function, self._jobs[index], key=key, pure=False, retries=self._retries)
-        self._waiting[future] = index
-        return future
-
-    def _result(self, future, index: int):
-        from distributed import KilledWorker
-        from distributed.client import FutureCancelledError
-
-        try:
-            return future.result()
-        except KilledWorker as problem:
-            raise JobKillsWorkers(
-                f"the worker processes keep dying on {self._names[index]}",
-                found=f"{ALLOWED_FAILURES + 1} deaths; memory is the usual reason",
-                remedy="use fewer --workers, a smaller model or image region, or a machine with more memory; "
-                "then run the command again with --resume",
-            ) from problem
-        except FutureCancelledError as problem:
-            raise InputError(
-                "the connection to the Dask scheduler was lost",
-                found=str(problem),
-                remedy="check that the scheduler still runs, then run the command again with --resume",
-            ) from problem
-
-    def cancel(self) -> None:
-        if self._waiting:
-            self._client.cancel(list(self._waiting), force=True)
-            self._waiting = {}
 
 
 def _over(future) -> None:

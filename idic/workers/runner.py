@@ -37,6 +37,7 @@ class TaskRunner(Protocol):
         retries: int = 0,
         progress: Progress | None = None,
         ahead: int | None = None,
+        copies: bool = False,
     ) -> Iterator[Any]:
         """Yield ``function(job)`` in job order, each as soon as all earlier results are available.
 
@@ -51,6 +52,8 @@ class TaskRunner(Protocol):
         ahead : int, optional
             At most so many jobs are submitted beyond the next one to be yielded: bounds the number of waiting results.
             Default: no bound.
+        copies : bool
+            A job that straggles may run on a second worker at the same time (`idic.workers.task_limits`).
 
         Raises
         ------
@@ -88,7 +91,7 @@ class SerialRunner:
     workers: int = 1
     dashboard: str | None = None
 
-    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None) -> Iterator[Any]:
+    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False) -> Iterator[Any]:
         """See `TaskRunner.stream`."""
         for done, (job, _) in enumerate(zip(jobs, names, strict=True), start=1):
             result = self._attempt(function, job, retries)

@@ -66,7 +66,7 @@ class Murderous:
     def __init__(self, victim):
         self.victim, self.done = victim, []
 
-    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None):
+    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False):
         for job in jobs:
             if job.name == self.victim:
                 raise JobKillsWorkers(f"the worker processes keep dying on {job.name}")

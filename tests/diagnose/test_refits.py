@@ -129,7 +129,7 @@ class Counting:
     def __init__(self, dies_at=None):
         self.dies_at, self.done = dies_at, []
 
-    def stream(self, function, jobs, names, retries=0):
+    def stream(self, function, jobs, names, retries=0, copies=False):
         for one in jobs:
             if one.name == self.dies_at:
                 raise KeyboardInterrupt
@@ -164,7 +164,7 @@ class Answering:
     def __init__(self, workers):
         self.workers, self.asked = workers, []
 
-    def stream(self, function, jobs, names, retries=0):
+    def stream(self, function, jobs, names, retries=0, copies=False):
         for one in jobs:
             self.asked.append((one.name, one.early_stop))
             rng = np.random.default_rng([len(one.name), *map(ord, one.name)])
@@ -197,7 +197,7 @@ def asked_for(shortlist, reserve, achieved, left):
     found = []
 
     class Even(Answering):
-        def stream(self, function, jobs, names, retries=0):
+        def stream(self, function, jobs, names, retries=0, copies=False):
             for one in jobs:
                 found.append(one.name)
                 yield made(name=one.name, choice=leaving(left), judgement=leaving(left), phi=1.0)

@@ -12,9 +12,17 @@ import textwrap
 import time
 import urllib.request
 
+import cv2
+import numpy as np
+import prefect
 import pytest
-from idic_flows.stages import EVALUATIONS, SCHEDULE
+from experiment_file.small_experiment import write_experiment
+from idic_flows.settings import connected
+from idic_flows.stages import EVALUATIONS, RESIDUAL, SCHEDULE
 
+import idic
+from idic.errors import InputError
+from idic.run.plain import identify_plainly
 from idic.virtual_tests.examples import write_example
 from idic.workers.dask_connection import LOOPBACK
 from idic.workers.dask_settings import ONE_THREAD
@@ -104,7 +112,7 @@ def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_da
     assert shown == dict.fromkeys(["prepare", *stages, "postprocess"], "COMPLETED")
 
     assert flow["parameters"] == {"experiments": [str(tmp_path / "experiment")], "out": str(tmp_path / "run"),
-                                  "sensitivity": "perturbed", "workers": 1}
+                                  "sensitivity": "perturbed", "workers": 1, "pause_after": None}
     (schedule,) = [json.loads(one["data"]) for one in artifacts if one["key"] == SCHEDULE]
     assert schedule[-1]["free"].split(", ") == PARAMETERS and schedule[-1]["locked"] == "none"
     courses = sorted((json.loads(one["data"]) for one in artifacts if one["key"] == EVALUATIONS), key=len)
@@ -112,8 +120,44 @@ def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_da
     assert len(courses[-1]) == 2 and courses[-1][-1]["step"] == "accepted"
     assert float(courses[-1][-1]["sheet.E [MPa]"]) == pytest.approx(result["parameters"]["sheet.E"]["value"], rel=1e-5)
 
+    pictures = [one["data"] for one in artifacts if one["key"] == RESIDUAL]
+    assert len(pictures) == 2
+    for picture in pictures:
+        png = base64.b64decode(picture.removeprefix("data:image/png;base64,"))
+        assert cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED).shape[2] == 4
+
     names = [re.sub(r"-[0-9a-f]{8}-\d+$", "", key) for key in dask_tasks()]
     for number in range(2):
         simulated = [name for name in names if name.startswith(f"simulate-it{number:03d}-")]
         assert sorted(simulated) == sorted(f"simulate-it{number:03d}-{label}" for label in ["base", *PARAMETERS])
         assert any(name.startswith(f"correlate-it{number:03d}-frames") for name in names)
+
+
+def test_a_flow_of_ones_own_calls_idic_and_a_run_pauses_between_the_stages_of_its_schedule(tmp_path, shared_server):
+    """On the server of the flow that calls. Resumed, the run has the bits of one that did not pause."""
+    write_example("demo", tmp_path / "experiment", reduced=True)
+    file = tmp_path / "experiment" / "experiment.toml"
+    file.write_text(file.read_text() + '\n[[stage]]\nfree = ["sheet.E", "sheet.nu"]\nmax_iterations = 2\n[[stage]]\nfree = "all"\n')
+
+    @prefect.flow(name="laboratory", persist_result=False)
+    def laboratory(pause_after):
+        return idic.flow.identify([tmp_path / "experiment"], tmp_path / "run", resume=True, workers=0,
+                                  overrides={"options.max_iterations": 4}, pause_after=pause_after)
+
+    with start_server() as server, connected(server):
+        paused = laboratory(1)
+        resumed = laboratory(1)
+        shown = shown_by(server, "flow_runs")
+    whole = idic.identify_experiment(tmp_path / "experiment", tmp_path / "whole", overrides={"options.max_iterations": 4})
+    assert paused["status"] == "interrupted" and paused["paused_after_stage"] == 1
+    assert {entry["stage"] for entry in paused["history"]} == {0}
+    assert "paused_after_stage" not in resumed
+    assert resumed["parameters"] == whole["parameters"] and resumed["history"] == whole["history"]
+    assert len([run for run in shown if run["name"].startswith("identify-") and run["parent_task_run_id"]]) == 2
+
+
+def test_a_pause_after_a_stage_that_is_none_is_refused(tmp_path):
+    write_experiment(tmp_path / "experiment")
+    with pytest.raises(InputError, match="--pause-after") as problem:
+        identify_plainly([tmp_path / "experiment"], tmp_path / "run", workers=0, pause_after=1)
+    assert "[[stage]]" in problem.value.expected and not (tmp_path / "run").exists()

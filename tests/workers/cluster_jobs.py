@@ -36,6 +36,19 @@ def die_once(job):
     return value
 
 
+def slow_once(job):
+    """Slow at its first start: `seconds`, or until it is started again; `job` is (marker file, value[, seconds])."""
+    marker, value, *seconds = job
+    if Path(marker).is_dir():
+        return value
+    with open(marker, "a") as file:
+        file.write("x")
+    end = time.monotonic() + (seconds[0] if seconds else 60.0)
+    while Path(marker).read_text() == "x" and time.monotonic() < end:
+        time.sleep(0.1)
+    return value
+
+
 _held = []
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-from cluster_jobs import (die_always, die_once, fail_until, hold_memory, loaded, refuse, slow_first, square,
+from cluster_jobs import (die_always, die_once, fail_until, hold_memory, loaded, refuse, slow_first, slow_once, square,
                           thread_limits)
 from experiment_file.small_experiment import write_experiment
 
@@ -21,6 +21,7 @@ from idic.errors import InputError, NotConverged
 from idic.workers.dask_connection import checked_address
 from idic.workers.dask_executor import open_cluster
 from idic.workers.runner import SerialRunner
+from idic.workers.task_limits import TaskLimits, task_limits
 
 HERE = Path(__file__).parent
 posix = pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
@@ -115,6 +116,35 @@ def test_the_dashboard_shows_the_names(cluster):
     assert "simulate" in keys
 
 
+def test_a_job_that_straggles_is_also_given_to_a_free_worker(cluster, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "_limits", TaskLimits(seconds=1.0))
+    began, said = time.monotonic(), []
+    jobs = [(tmp_path / "mark", 1), (tmp_path, 2), (tmp_path, 3)]  # the first hangs until it is started again
+    found = cluster.stream(slow_once, jobs, names(3), progress=lambda *counts: said.append(counts), copies=True)
+    assert list(found) == [1, 2, 3]
+    assert said == [(1, 3), (2, 3), (3, 3)] and time.monotonic() - began < 50
+    assert (tmp_path / "mark").read_text() == "xx"  # started twice
+
+
+def test_a_job_without_leave_to_run_twice_is_waited_for(cluster, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "_limits", TaskLimits(seconds=1.0))
+    assert cluster.map(slow_once, [(tmp_path / "mark", 1, 3.5), (tmp_path, 2)], names(2)) == [1, 2]
+    assert (tmp_path / "mark").read_text() == "x"
+
+
+def test_limits_of_a_task_come_from_the_environment(monkeypatch):
+    assert task_limits() == TaskLimits()
+    monkeypatch.setenv("IDIC_TASK_RETRIES", "2")
+    monkeypatch.setenv("IDIC_TASK_SECONDS", "900")
+    assert task_limits() == TaskLimits(2, 900.0)
+    assert TaskLimits().straggles_after(0.0) == float("inf") and TaskLimits().straggles_after(100.0) == 300.0
+    for name, text in (("IDIC_TASK_SECONDS", "soon"), ("IDIC_TASK_SECONDS", "0.1"), ("IDIC_TASK_RETRIES", "1.5"),
+                       ("IDIC_TASK_RETRIES", "21")):
+        with monkeypatch.context() as patch, pytest.raises(InputError, match=name):
+            patch.setenv(name, text)
+            task_limits()
+
+
 @posix
 def test_a_lost_worker_costs_nothing_but_time(cluster, tmp_path):
     jobs = [(tmp_path / f"mark{i}" if i == 3 else tmp_path, i) for i in range(8)]
@@ -126,7 +156,8 @@ def test_a_lost_worker_costs_nothing_but_time(cluster, tmp_path):
 def test_a_job_that_always_kills_its_worker_is_named(tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(HERE))
-        patch.setattr("idic.workers.dask_executor.ALLOWED_FAILURES", 1)  # each death costs the start of a worker
+        patch.setattr("idic.workers.dask_executor.ALLOWED_FAILURES", 1)
+        patch.setattr("idic.workers.submission.ALLOWED_FAILURES", 1)  # each death costs the start of a worker
         with open_cluster(1) as runner, pytest.raises(InputError, match="dying on simulate-it001-A.E") as problem:
             runner.map(die_always, [0], ["simulate-it001-A.E"])
     assert "fewer --workers" in problem.value.remedy

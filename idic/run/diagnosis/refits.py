@@ -36,7 +36,7 @@ def run_refits(runner: TaskRunner, store: RefitStore | None, jobs: Sequence[Refi
     missing = [job for job, refitted in zip(jobs, known, strict=True) if refitted is None]
     names = [f"refit-{job.name}-{number}" for number, job in enumerate(missing)]
     made = []
-    for job, refitted in zip(missing, runner.stream(run_refit, missing, names, retries=1), strict=True):
+    for job, refitted in zip(missing, runner.stream(run_refit, missing, names, retries=1, copies=True), strict=True):
         if store is not None:
             store.put(job, refitted)
         made.append(refitted)

@@ -1,0 +1,50 @@
+"""The systematic errors of a RUN as a Prefect flow: every assessment a Dask task."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from idic_flows.settings import connected, flow_server  # before Prefect: it reads its settings from the environment
+from idic_flows.stages import run_stage
+
+from idic.run.systematic import systematic
+from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+from idic.workers.runner import Progress, TaskRunner
+
+
+def run_systematic(run: str | Path, bias: bool = True, spread: bool = True, workers: int | None = None,
+                   scheduler: str | None = None, memory_limit: str | None = None,
+                   stage: Callable[[str], None] = lambda text: None, progress: Progress | None = None) -> dict:
+    """Estimate what the error bars of a finished RUN do not count; returns the new content of its result.json.
+
+    Parameters
+    ----------
+    bias, spread : the discretisation bias; the spread over treatments of boundary and camera
+    workers, scheduler : a LocalCluster of so many processes (0: none), or an existing Dask scheduler
+    memory_limit : memory of one worker process, "2GB"
+    progress : called with the number of finished assessments and of all, after each
+
+    Raises
+    ------
+    InputError
+        As `idic.run.systematic.systematic`.
+    """
+    limit = checked_memory_limit(memory_limit, workers, scheduler)
+    check_scheduler(scheduler, run, say=stage)
+    with flow_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.systematic",)) as runner:
+        with connected(server):
+            return _assess_in_prefect(str(run), runner, bias, spread, progress)
+
+
+def _assess_in_prefect(run: str, runner: TaskRunner, bias: bool, spread: bool, progress: Progress | None) -> dict:
+    """The flow; made here because importing Prefect takes seconds. Its parameters are what Prefect's pages show."""
+    from prefect import flow
+
+    @flow(name="idic-systematic", flow_run_name=f"systematic-{time.strftime('%H%M%S')}", validate_parameters=False,
+          persist_result=False)
+    def whole(run: str, bias: bool, spread: bool, workers: int) -> dict:
+        return run_stage("assess", systematic, run, runner, bias, spread, progress)
+
+    return whole(run, bias, spread, runner.workers)
