@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# A Prefect server with a password, deploy/prefect_deploy.py, a worker, and runs of both deployments through it.
-# Needs `python` (or $PYTHON) with idic installed. Three minutes.
+# A Prefect server with a password, deploy/prefect_deploy.py, a worker, and runs of its deployments, one with a pause.
+# Needs `python` (or $PYTHON) with idic installed. Five minutes.
 set -euo pipefail
 source "$(dirname "$0")/common.sh"
 need ss curl
@@ -40,6 +40,17 @@ start idic-identify-deployed/idic -p experiment="$scratch/data/test" -p out="$sc
   || fail "the deployed identification"
 grep -q '"status": "converged"' "$scratch/data/run/result.json" && [ -s "$scratch/data/run/report.html" ] || fail "no result"
 ok "idic-identify-deployed/idic by a worker: converged, with its report"
+
+cp -r "$scratch/data/test" "$scratch/data/staged"
+printf '\n[[stage]]\nfree = ["sheet.E", "sheet.nu"]\nmax_iterations = 2\n[[stage]]\nfree = "all"\n' >> "$scratch/data/staged/experiment.toml"
+"$python" "$deploy/checks/resume_paused_run.py" "$scratch/data/staged" "$scratch/data/paused" $((5 * patience)) > "$scratch/pause.log" 2>&1 \
+  || { cat "$scratch/pause.log" >&2; fail "the run with a pause"; }
+ok "suspended after the first stage of its schedule, with a report; resumed in Prefect, converged"
+
+start idic-diagnose-deployed/idic -p run="$scratch/data/run" -p workers=1 -p quick=true > "$scratch/diagnose.log" 2>&1 \
+  || fail "the deployed diagnosis"
+[ -s "$scratch/data/run/diagnosis.html" ] || fail "no page of the diagnosis"
+ok "idic-diagnose-deployed/idic by a worker: its page"
 
 start idic-batch-deployed/idic -p experiments="[\"$scratch/data/test\"]" -p out="$scratch/data/batch" -p starts=2 -p workers=2 \
   > "$scratch/batch-run.log" 2>&1 || fail "the deployed batch"

@@ -12,7 +12,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -92,11 +92,12 @@ class OpenRun:
         return self.written(points, run_loop(points, progress=self.console.iteration, pause_after=self.pause_after))
 
     def written(self, points: Points, state: LoopState) -> dict:
-        """The result of the loop's last state: residual maps and all, or that of an interrupted run where it pauses."""
-        if state.running:
-            return (points.write_interrupted(self.began) or {}) | {"paused_after_stage": self.pause_after}
+        """The result of the loop's last state, residual maps included; status "interrupted" where the run pauses."""
         self.console.stage("residual maps and result")
-        return points.postprocess(state, self.began)
+        if not state.running:
+            return points.postprocess(state, self.began)
+        result = points.postprocess(replace(state, status="interrupted"), self.began)
+        return result | {"paused_after_stage": self.pause_after}
 
 
 def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
