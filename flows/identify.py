@@ -59,7 +59,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
             return done
         console.stage("ingesting images")
         with open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as runner:
-            planned.ingest(lambda done, total: console.tasks("ingest", done, total))
+            planned.ingest(runner, lambda done, total: console.tasks("ingest", done, total))
             compiled = runner.background(compile_image_kernels, planned.first_job, "compile")
             console.stage("starting Prefect")
             with connected(server):

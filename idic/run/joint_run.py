@@ -97,9 +97,9 @@ class JointRun:
         whole = result is not None and all(finished_result(part.store) is not None for part in self.parts.values())
         return result if whole else None
 
-    def ingest(self, progress: Callable[[int, int], None] | None = None) -> None:
+    def ingest(self, runner: TaskRunner, progress: Callable[[int, int], None] | None = None) -> None:
         for part in self.parts.values():
-            part.ingest(progress)
+            part.ingest(runner, progress)
 
     @property
     def prepared(self) -> bool:

@@ -141,7 +141,7 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
             return done
         console.stage("ingesting images")
         with open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as runner:
-            planned.ingest(lambda done, total: console.tasks("ingest", done, total))
+            planned.ingest(runner, lambda done, total: console.tasks("ingest", done, total))
             console.dashboards(None, runner.dashboard, None)
             run = OpenRun(planned, runner, sensitivity, Timing(), began, console, pause_after)
             with run.kept_when_interrupted():
@@ -221,7 +221,7 @@ def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda
         done = earlier_result(planned, console) if resume else None
         if done is not None:
             return done
-        planned.ingest()
+        planned.ingest(runner)
         result = OpenRun(planned, runner, sensitivity, Timing(), began, console).identify()
         say(result["status"])
         return result

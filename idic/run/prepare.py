@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,21 +16,27 @@ from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.dic.boundary import BoundaryStart, boundary_start, virtual_boundaries
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
+from idic.experiment_file.tables.camera_noise import recorded
 from idic.identify.input_noise import measured_noise
 from idic.identify.measured_start import measured_start, needs_free_dic
 from idic.identify.step.stages import resolve_stages
 from idic.identify.two_step import check_method, is_two_step, regularisation_of
 from idic.identify.weights import noise_weights
+from idic.images.stack import Stack
 from idic.model.drives import build_drives, set_nodes
 from idic.model.experiment import Experiment, Measured, Parametrised
 from idic.model.forward import build_forward
+from idic.readers.images import FileStack
 from idic.store.arrays import read_array, write_array
 from idic.store.camera_groups import group_of, ingest_all, noise_entry, with_stored_images
 from idic.store.checkpoint import save_checkpoint, to_hex
 from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA
 from idic.store.path_names import path_name
 from idic.store.run_store import RunStore
+from idic.store.stack import Ingested, IngestJob
 from idic.workers.runner import TaskRunner
+
+BYTES_FOR_WORKERS = 200_000_000  # half a second of one process; less is not worth the wait for the workers
 
 
 def check_before_writing(experiment: Experiment) -> None:
@@ -92,9 +98,33 @@ def _check_measurable(experiment: Experiment, visible: np.ndarray) -> None:
                              remedy='use virtual = "bspline", whose modes need no measurement')
 
 
-def ingest(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None) -> None:
-    """Copy the images of all cameras into the RUN, where they are not there yet."""
-    ingest_all(store, experiment, progress)
+def ingest(store: RunStore, experiment: Experiment, runner: TaskRunner,
+           progress: Callable[[int, int], None] | None = None) -> None:
+    """Copy the images of all cameras into the RUN, where they are not there yet.
+
+    progress : called as progress(done, total) over the images of all cameras
+    """
+    stacks = [recorded(view.stack) for view in experiment.views]
+    by_workers = runner.workers > 1 and sum(map(_bytes, stacks)) > BYTES_FOR_WORKERS and all(map(_has_a_file_each, stacks))
+
+    def on_workers(function: Callable[[IngestJob], Ingested], jobs: Sequence[IngestJob]) -> Iterable[Ingested]:
+        return runner.stream(function, [_with_its_own_frames(job) for job in jobs], [job.name for job in jobs], retries=1)
+
+    ingest_all(store, experiment, progress, on_workers if by_workers else map)
+
+
+def _bytes(stack: Stack) -> float:
+    return float(stack.n_frames * np.prod(stack.shape))  # one byte per pixel at least
+
+
+def _has_a_file_each(stack: Stack) -> bool:
+    """Whether every frame is a file of its own; the pages of one file are best read in turn."""
+    return isinstance(stack, FileStack) and len({entry.path for entry in stack.entries}) == stack.n_frames
+
+
+def _with_its_own_frames(job: IngestJob) -> IngestJob:
+    """The job without the other frames of its stack: thousands of jobs would each carry thousands of names."""
+    return replace(job, stack=FileStack(list(job.stack.entries[job.first : job.last]), job.stack.with_gaps), begins=job.first)
 
 
 def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:

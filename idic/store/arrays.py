@@ -77,11 +77,11 @@ def _opened(folder: str, mode: str, description: tuple) -> zarr.Array:
     """The array as Zarr reads it; `description` tells its zarr.json from an older one of the same name."""
     path = Path(folder)
     try:
-        array = zarr.open_array(store=folder, mode=mode, zarr_format=3, config={"write_empty_chunks": True})
+        array = zarr.open_array(store=folder, mode=mode, zarr_format=3)
     except (FileNotFoundError, ValueError, KeyError, TypeError) as problem:
         raise _damage(path, found=f"{type(problem).__name__}: {problem}") from problem
     _refuse_foreign(array, path)
-    return array
+    return array.with_config({"write_empty_chunks": True})  # as of `create_array`; open_array leaves it out
 
 
 def _refuse_foreign(array: zarr.Array, path: Path) -> None:

@@ -16,7 +16,7 @@ from idic.store.arrays import Damaged
 from idic.store.image_files import refuse_changed
 from idic.store.run_store import RunStore
 from idic.store.stack import GROUP as IMAGES
-from idic.store.stack import ZarrStack
+from idic.store.stack import Spread, ZarrStack
 from idic.store.stack import ingest as ingest_stack
 
 
@@ -25,17 +25,19 @@ def group_of(experiment: Experiment, number: int, what: str) -> str:
     return what if number == 0 else f"cameras/{experiment.cameras[number - 1].name}/{what}"
 
 
-def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None) -> None:
+def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None,
+               spread: Spread = map) -> None:
     """Copy the images of every camera into the RUN, unless they are there already.
 
-    progress : called as progress(done, total) over the images of all cameras
+    progress : called as progress(done, total) over the images of all cameras; spread : as of `idic.store.stack.ingest`
     """
     views = experiment.views
     total = sum(view.stack.n_frames for view in views)
     before = 0
     for number, view in enumerate(views):
         report = progress and (lambda done, _, before=before: progress(before + done, total))  # type: ignore[misc]
-        ingest_stack(store, recorded(view.stack), report, experiment.identity, group_of(experiment, number, IMAGES))
+        group = group_of(experiment, number, IMAGES)
+        ingest_stack(store, recorded(view.stack), report, experiment.identity, group, spread)
         before += view.stack.n_frames
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import shutil
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -75,8 +76,31 @@ class ZarrStack:
         return frames
 
 
+@dataclass(frozen=True)
+class IngestJob:
+    """The frames [first, last) of a recording, to be copied into the array of a group.
+
+    stack : from frame `begins` of the recording on; files : those that no job before has
+    """
+
+    group: str
+    stack: Stack
+    first: int
+    last: int
+    files: tuple[Path, ...]
+    begins: int = 0
+
+    @property
+    def name(self) -> str:
+        return f"ingest-frames{self.first}-{self.last - 1}"
+
+
+Ingested = tuple[list[int], list[dict]]  # checksums of frames, descriptions of files
+Spread = Callable[[Callable[[IngestJob], Ingested], Sequence[IngestJob]], Iterable[Ingested]]  # as `map` does, in order
+
+
 def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = None, source: str = "",
-           name: str = GROUP) -> ZarrStack:
+           name: str = GROUP, spread: Spread = map) -> ZarrStack:
     """Copy a stack into ``run.zarr/images`` (or the group `name`) unless it holds a complete copy of the same source.
 
     Parameters
@@ -89,6 +113,8 @@ def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = No
         Called as ``progress(done, total)`` after every chunk.
     source : str
         Identity of the stack (a hash of names, sizes and settings); a copy of another source is replaced.
+    spread : callable
+        Calls a function with every job; the workers, where they copy the chunks.
 
     Raises
     ------
@@ -105,25 +131,43 @@ def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = No
     with store.building(name, ident) as group:
         array = create_array(group, ARRAY, (stack.n_frames, *first.shape), (step, *first.shape), first.dtype)
         checksums: list[int] = []
-        files: dict[Path, dict] = {}
-        for start in range(0, stack.n_frames, step):
-            numbers = range(start, min(start + step, stack.n_frames))
-            files |= {path: describe(path) for path in files_of(stack, numbers) if path not in files}
-            frames = np.stack([_checked(stack, k, first) for k in numbers])
-            array[start : start + len(frames)] = frames
-            checksums += [zlib.crc32(image) for image in frames]
+        files: list[dict] = []
+        jobs = _ingest_jobs(str(group), stack, step)
+        for job, (own, described) in zip(jobs, spread(ingest_frames, jobs), strict=True):
+            checksums += own
+            files += described
             if progress is not None:
-                progress(start + len(frames), stack.n_frames)
-        array.attrs.update({"finished": True, "frame_crc32": checksums, FILES: list(files.values())})
+                progress(job.last, stack.n_frames)
+        array.attrs.update({"finished": True, "frame_crc32": checksums, FILES: files})
     return ZarrStack(store.group(name))
 
 
-def _checked(stack: Stack, k: int, first: np.ndarray) -> np.ndarray:
-    image = np.asarray(stack.frame(k))
-    if image.shape != first.shape or image.dtype != first.dtype:
+def _ingest_jobs(group: str, stack: Stack, step: int) -> list[IngestJob]:
+    """A job per chunk of `step` frames; a file of many frames belongs to the first of its jobs."""
+    jobs, seen = [], set()
+    for first in range(0, stack.n_frames, step):
+        last = min(first + step, stack.n_frames)
+        new = tuple(path for path in files_of(stack, range(first, last)) if path not in seen)
+        seen.update(new)
+        jobs.append(IngestJob(group, stack, first, last, new))
+    return jobs
+
+
+def ingest_frames(job: IngestJob) -> Ingested:
+    """Copy some frames (a task); returns the checksums of the frames, and the descriptions of the job's files."""
+    array = open_array(job.group, ARRAY, "r+")
+    described = [describe(path) for path in job.files]
+    frames = np.stack([_checked(job, k, array.shape[1:], array.dtype) for k in range(job.first, job.last)])
+    array[job.first : job.last] = frames
+    return [zlib.crc32(image) for image in frames], described
+
+
+def _checked(job: IngestJob, k: int, shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
+    image = np.asarray(job.stack.frame(k - job.begins))
+    if image.shape != shape or image.dtype != dtype:
         raise InputError(
             f"frame {k} differs from frame 0 in size or depth",
-            expected=f"{first.shape[0]} x {first.shape[1]} {first.dtype}",
+            expected=f"{shape[0]} x {shape[1]} {dtype}",
             found=f"{' x '.join(map(str, image.shape))} {image.dtype}",
             remedy="remove or convert this image",
         )

@@ -242,7 +242,7 @@ def test_in_a_run_the_search_is_kept_and_repeated_to_the_last_bit(folder, tmp_pa
     experiment = load_experiment(path)
     store = RunStore(run)
     with store.claim(experiment.identity):
-        ingest(store, experiment)
+        ingest(store, experiment, SerialRunner())
         prepare(str(run), str(path), {}, SerialRunner())
         session = open_session(run, SerialRunner(), "direct")
         assert start_values(session) is None  # nothing of this law asks for it

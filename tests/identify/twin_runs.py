@@ -144,7 +144,7 @@ def identify(path, run, sensitivity="direct", **overrides):
     began, experiment = time.perf_counter(), load_experiment(path, overrides)
     store, runner = RunStore(run), SerialRunner()
     with store.claim(experiment.identity, title=experiment.title):
-        ingest(store, experiment)
+        ingest(store, experiment, SerialRunner())
         prepare(str(run), str(path), overrides, runner)
         points = RunPoints(open_session(run, runner, sensitivity), Timing())
         state = run_loop(points)

@@ -272,3 +272,14 @@ def test_a_second_process_is_refused_while_the_first_one_works(tmp_path):
     with RunStore(tmp_path / "run").claim("x"):
         holder = json.loads((tmp_path / "run" / LOCK_NAME).read_text())
         assert holder["pid"] == os.getpid()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
+def test_a_chunk_of_nothing_but_the_fill_value_is_written_by_another_process_too(tmp_path, dtype):
+    """A black frame, or a residual map without a valid pixel: a chunk that is not there means damage."""
+    store = RunStore(tmp_path / "run")
+    with store.claim("identity"), store.building("maps") as folder:
+        FrameArrays.create(folder, "r", 2, (3, 4), 1, dtype=dtype)
+        for k in range(2):
+            FrameArrays.open(folder, "r", "r+").write(k, np.full((1, 3, 4), np.nan if dtype is np.float32 else 0, dtype))
+    assert not FrameArrays.open(store.group("maps"), "r").missing()

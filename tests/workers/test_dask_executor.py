@@ -8,16 +8,22 @@ import textwrap
 import threading
 import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
+import tifffile
 from cluster_jobs import (die_always, die_once, fail_until, hold_memory, loaded, refuse, slow_first, slow_once, square,
                           thread_limits)
-from experiment_file.small_experiment import write_experiment
+from experiment_file.small_experiment import load_experiment, write_experiment
 
 from idic.errors import InputError, NotConverged
+from idic.readers.images import open_stack
+from idic.run.prepare import ingest
+from idic.store.run_store import RunStore
+from idic.store.stack import ZarrStack
 from idic.workers.dask_connection import checked_address
 from idic.workers.dask_executor import open_cluster
 from idic.workers.runner import SerialRunner
@@ -130,6 +136,29 @@ def test_a_job_without_leave_to_run_twice_is_waited_for(cluster, tmp_path, monke
     monkeypatch.setattr(cluster, "_limits", TaskLimits(seconds=1.0))
     assert cluster.map(slow_once, [(tmp_path / "mark", 1, 3.5), (tmp_path, 2)], names(2)) == [1, 2]
     assert (tmp_path / "mark").read_text() == "x"
+
+
+def test_the_workers_copy_images_as_one_process_does(cluster, tmp_path, monkeypatch):
+    experiment = load_experiment(write_experiment(tmp_path / "test"))
+    paths = [tmp_path / f"{k}.tif" for k in range(40)]  # three chunks
+    for k, path in enumerate(paths):
+        tifffile.imwrite(path, np.random.default_rng(k).integers(0, 256, (50, 60), dtype=np.uint8))
+    experiment = replace(experiment, stack=open_stack(paths))
+    monkeypatch.setattr("idic.run.prepare.BYTES_FOR_WORKERS", 0)
+    seen, copies = [], []
+    for name, runner in (("one", SerialRunner()), ("workers", cluster)):
+        store = RunStore(tmp_path / name)
+        with store.claim("identity"):
+            ingest(store, experiment, runner, lambda *counts: seen.append(counts))
+        copies.append(ZarrStack(store.group("images")))
+    assert seen == [(16, 40), (32, 40), (40, 40)] * 2
+    assert copies[0].files == copies[1].files and [file["name"] for file in copies[1].files] == [path.name for path in paths]
+    for k in range(40):
+        assert np.array_equal(copies[1].frame(k), tifffile.imread(paths[k]))
+    paths[20].write_bytes(paths[20].read_bytes()[:1000])
+    with store.claim("identity"), pytest.raises(InputError, match="20.tif"):
+        ingest(store, replace(experiment, identity="another"), cluster)
+    assert store.finished("images") is not None  # the earlier copy stays
 
 
 def test_limits_of_a_task_come_from_the_environment(monkeypatch):
