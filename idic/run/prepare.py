@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -124,7 +124,8 @@ def _has_a_file_each(stack: Stack) -> bool:
 
 def _with_its_own_frames(job: IngestJob) -> IngestJob:
     """The job without the other frames of its stack: thousands of jobs would each carry thousands of names."""
-    return replace(job, stack=FileStack(list(job.stack.entries[job.first : job.last]), job.stack.with_gaps), begins=job.first)
+    whole = cast(FileStack, job.stack)
+    return replace(job, stack=FileStack(list(whole.entries[job.first : job.last]), whole.with_gaps), begins=job.first)
 
 
 def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
