@@ -112,9 +112,16 @@ def images(result: Mapping) -> tuple[str, str, str]:
                 f"aliasing is left. The residual maps show where.{local}")
     if where:
         return ("look", "Look closer: the residual is noise on the whole, not everywhere",
-                f"The mean image residual is camera noise ({numbers}), but it is raised {where}. The error bars do not "
-                f"include that. {remedies(result)}".rstrip())
+                f"The mean image residual is camera noise ({numbers}), but it is raised {where}. {in_error_bars(result)} "
+                f"{remedies(result)}".rstrip())
     return "good", "Good fit: the residual is noise", f"The image residual is camera noise ({numbers})."
+
+
+def in_error_bars(result: Mapping) -> str:
+    """Whether the error bars count what the model does not explain, in a sentence."""
+    if (result.get("discrepancy") or {}).get("significant"):
+        return "The error bars count it as a smooth error of motion, stress and channels."
+    return "The error bars do not include that."
 
 
 def remedies(result: Mapping) -> str:

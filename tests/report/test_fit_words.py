@@ -102,3 +102,13 @@ def test_with_a_force_or_in_earlier_files_stresses_stay_as_they_are():
     for told in ({}, {"has_force": True}):
         result = make_result() | told
         assert in_ratios(result) is result and held_stresses(result) == "" and stress_unit(result, "sheet") == ("MPa", 1.0)
+
+
+def test_error_bars_that_count_the_model_are_not_said_to_leave_it_out():
+    local = judged(1.0, free=1.0, local=CLUSTER)
+    free = judged(1.79, free=1.14)
+    for result in (local, free):
+        assert "error bars do not include that" in " ".join([*words.advice(result), words.explained(result)])
+        result["discrepancy"] = {"significant": True}
+        said = " ".join([*words.advice(result), words.explained(result)])
+        assert "do not include" not in said and "count it as a smooth error" in said

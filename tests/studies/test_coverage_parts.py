@@ -30,6 +30,8 @@ def draws(n, scatter, name="polymer-generalised"):
 def test_honest_error_bars_cover_the_truth_in_95_per_cent_of_the_draws():
     found = coverage_of("polymer-generalised", draws(4000, 1.0), record("bound/polymer", [100.0, 0.3], [0.8, 0.01]))
     assert np.abs(found.covered - 0.95).max() < 0.011  # three standard errors of 4000 draws
+    np.testing.assert_allclose(np.diff(found.band, axis=0), 4 * np.sqrt(0.95 * 0.05 / 4000), rtol=0.1)
+    assert (found.band[0] < found.covered).all() and (found.covered < found.band[1]).all()
     assert np.abs(found.scatter - 1.0).max() < 0.035 and np.abs(found.bias).max() < 0.05
     assert found.above_bound == pytest.approx(found.scatter / [0.8, 1.0])
 

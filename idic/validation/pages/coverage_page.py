@@ -15,7 +15,8 @@ from idic.validation.pages.study_page import Goal, StudyPage, StudySection, Tabl
 Z95 = 1.96
 COVERAGE_RANGE = (0.93, 0.97)  # target
 MAX_SCATTER_OVER_BOUND = 1.1  # target
-MIN_DRAWS_OF_A_TARGET = 500  # from here on a coverage of 95 % is known to 1 %
+MIN_DRAWS_OF_A_TARGET = 300  # from here on a coverage of 95 % is known to 2.5 % (95 % of chance)
+MAX_SHOWN_ERROR = 5.0  # standard deviations
 SYMBOLS = {"sheet.E": "$E$", "sheet.nu": "$\\nu$", "sheet.yield_stress": "$\\sigma_y$",
            "sheet.hardening_modulus": "$H$"}
 PLAIN = {"sheet.E": "E", "sheet.nu": "ν", "sheet.yield_stress": "σy", "sheet.hardening_modulus": "H"}
@@ -53,6 +54,13 @@ class Coverage:
     @property
     def draws(self) -> int:
         return len(self.z)
+
+    @property
+    def band(self) -> np.ndarray:
+        """Coverage that is compatible with the draws, 95 % (Wilson 1927, doi:10.2307/2276774)  # (2, n)"""
+        n, held = self.draws, self.covered
+        middle, spread = held + Z95**2 / (2 * n), Z95 * np.sqrt(held * (1 - held) / n + Z95**2 / (4 * n**2))
+        return np.array([middle - spread, middle + spread]) / (1 + Z95**2 / n)
 
     @property
     def route(self) -> str:
@@ -99,7 +107,7 @@ def draw_coverage(records: Mapping[str, CaseRecord]) -> StudyPage:
             "and its own gain and offset of every frame. The truth is computed on the user's mesh unless stated "
             "otherwise. Bound: standard deviation of generalised least squares on records without noise.")
     sections = (StudySection("coverage", "Coverage of the 95 % intervals", text, (_table(found),), (
-        _picture(found),)),) if found else ()
+        _picture(found), _intervals(found))),) if found else ()
     return StudyPage("Coverage of the error bars", first, tuple(goals), sections)
 
 
@@ -120,10 +128,12 @@ def _table(found: Sequence[Coverage]) -> Table:
     rows = []
     for group in found:
         for i, name in enumerate(group.names):
-            rows.append((group.in_words, PLAIN[name], f"{100 * group.covered[i]:.1f} %", f"{group.bias[i]:+.2f}",
+            low, high = 100 * group.band[:, i]
+            rows.append((group.in_words, PLAIN[name], f"{100 * group.covered[i]:.1f} %", f"{low:.1f} to {high:.1f} %",
+                         f"{group.bias[i]:+.2f}",
                          f"{group.scatter[i]:.3f}", f"{group.above_bound[i]:.3f}", f"{100 * group.stated[i]:.3g} %",
                          f"{group.draws} of {group.asked}"))
-    return Table("Coverage per parameter", ("", "parameter", "coverage", "mean error / std", "scatter / std",
+    return Table("Coverage per parameter", ("", "parameter", "coverage", "of chance (95 %)", "mean error / std", "scatter / std",
                                             "scatter / bound", "stated std", "converged"), tuple(rows),
                  "1000 draws know a coverage of 95 % to ± 1.4 % (95 % of chance), a scatter to 2.2 %.")
 
@@ -134,13 +144,36 @@ def _picture(found: Sequence[Coverage]) -> Picture:
         axis = figure.subplots()
         axis.axvspan(100 * COVERAGE_RANGE[0], 100 * COVERAGE_RANGE[1], color=FAINT, lw=0)
         axis.axvline(95.0, color=GREY, lw=0.8)
+        most = int(np.argmax([len(group.names) for group in found]))
         for row, group in enumerate(found):
             colour = BLUE if group.name.endswith("generalised") else ORANGE
             for i, name in enumerate(group.names):
-                axis.plot(100 * group.covered[i], -row + 0.12 * (1.5 - i), charts.SIGNS[i], color=colour,
-                          label=SYMBOLS[name] if row == 0 else None)
+                y = -row + 0.12 * (1.5 - i)
+                axis.plot(100 * group.band[:, i], [y, y], color=colour, lw=0.8, alpha=0.5)
+                axis.plot(100 * group.covered[i], y, charts.SIGNS[i], color=colour, ms=4,
+                          label=SYMBOLS[name] if row == most else None)
         axis.set_yticks(-np.arange(len(found)), [group.name.replace("-", ", ") for group in found])
         axis.set(xlabel="95 % intervals that hold the truth [%]")
         figure.legend(loc="outside right upper")
         return to_picture(figure, "coverage", "Coverage", "Grey: 93 to 97 %. Blue: generalised, orange: ordinary least "
-                      "squares.")
+                      "squares. Lines: what is compatible with the number of draws (95 %).")
+
+
+def _intervals(found: Sequence[Coverage]) -> Picture:
+    """Every error over its stated standard deviation: inside the band the interval holds the truth."""
+    with look():
+        figure = new_figure(8.0, 1.0 + 0.2 * sum(len(group.names) for group in found))
+        axis, labels = figure.subplots(), []
+        axis.axvspan(-Z95, Z95, color=FAINT, lw=0)
+        for group in found:
+            for i, name in enumerate(group.names):
+                z = np.clip(group.z[:, i], -MAX_SHOWN_ERROR, MAX_SHOWN_ERROR)
+                for part, colour in ((np.abs(z) < Z95, BLUE), (np.abs(z) >= Z95, ORANGE)):
+                    axis.plot(z[part], np.full(int(part.sum()), -len(labels)), "|", ms=5, mew=0.7, color=colour)
+                labels.append(f"{group.name.replace('-', ', ')}: {SYMBOLS[name]}")
+            axis.axhline(-len(labels) + 0.5, color=GREY, lw=0.4)
+        axis.set_yticks(-np.arange(len(labels)), labels, fontsize=7)
+        axis.set(xlabel=f"(value − truth) / std [–]; beyond ± {MAX_SHOWN_ERROR:.0f} at the edge",
+                 ylim=(-len(labels) + 0.4, 0.6))
+        return to_picture(figure, "intervals", "Intervals against truth", "A stroke per draw. Grey: the 95 % interval "
+                          "holds the truth; orange: it does not.")
