@@ -108,15 +108,25 @@ def _batch_in_prefect(work: _Work) -> dict:
         jobs = [work.batch.job(run) for run in work.batch.runs]
         if work.side_by_side:
             n = work.runner.workers
-            work.console.stage(f"{len(jobs)} identifications on {n} worker{'s' if n > 1 else ''}")
+            work.console.stage(f"identifications: {len(jobs)} on {n} worker{'s' if n > 1 else ''}")
             run_stage("identify", _side_by_side, work, jobs)
         else:
-            for job in jobs:
-                work.console.stage(f"identifying {job.name}")
+            began = time.perf_counter()
+            for number, job in enumerate(jobs, start=1):
+                work.console.stage(f"identification {number} of {len(jobs)}: {job.name}")
                 _take_down(work, run_stage(f"identify {job.name}", identify_job, job, work.runner, work.console.tasks))
+                _expect(work, time.perf_counter() - began, number, len(jobs))
+        work.console.stage("summary and page")
         return run_stage("summary", work.batch.write, "finished", True)
 
     return identify_all([run.name for run in work.batch.runs], str(work.batch.folder), work.runner.workers)
+
+
+def _expect(work: _Work, spent_s: float, done: int, total: int) -> None:
+    """Expected time left, where one identification follows the other."""
+    if done < total:
+        work.console.said(f"identifications: {done} of {total} in {spent_s:.0f} s, "
+                          f"about {spent_s / done * (total - done):.0f} s left")
 
 
 def _side_by_side(work: _Work, jobs: Sequence[BatchJob]) -> None:

@@ -57,7 +57,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
         done = earlier_result(planned, console) if resume else None
         if done is not None:
             return done
-        console.stage("ingesting images")
+        console.stage("reading images")
         with open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as runner:
             planned.ingest(runner, lambda done, total: console.tasks("ingest", done, total))
             compiled = runner.background(compile_image_kernels, planned.first_job, "compile")
@@ -96,6 +96,7 @@ def _identify_in_prefect(run: OpenRun, compiled: Callable[[], None], paths: Sequ
                 shown.append(state.accepted.number)
                 publish_residual(run.planned.store.run)
 
+        run.console.stage("identification")
         state = run_loop(points, _with_kernels(run_stage, compiled), progress, pause_after)
         return run_stage("postprocess", run.written, points, state)
 

@@ -93,14 +93,14 @@ def _study_in_prefect(work: _Run) -> Path:
           persist_result=False)
     def run(study: str, size: str, cases: list[str], out: str, workers: int) -> Path:
         names = [r.name for r in work.study.renderings if any(case.images == r.name for case in work.chosen)]
-        work.console.stage("rendering images")
+        groups = [group for group in work.study.groups if work.missing(group)]
+        total = len(groups) + 2
+        work.console.stage(f"stage 1 of {total}: rendering images")
         run_stage("render", _fan_out, work, "rendering", render, names)
-        for group in work.study.groups:
-            keys = [case.key for case in work.missing(group)]
-            if keys:
-                work.console.stage(f"cases {group}")
-                run_stage(f"cases {group}", _fan_out, work, group, run_case, keys)
-        work.console.stage("drawing")
+        for number, group in enumerate(groups, start=2):
+            work.console.stage(f"stage {number} of {total}: cases {group}")
+            run_stage(f"cases {group}", _fan_out, work, group, run_case, [case.key for case in work.missing(group)])
+        work.console.stage(f"stage {total} of {total}: tables and figures")
         return run_stage("draw", write_page, work.store, work.study)
 
     return run(work.study.name, work.study.size, [case.key for case in work.chosen], str(work.store.run),

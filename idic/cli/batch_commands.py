@@ -14,6 +14,8 @@ from idic.cli.app import (MemoryLimit, Overrides, Scheduler, Sensitivity, Sensit
 from idic.cli.command import user_path
 from idic.cli.outcomes import DONE, NOT_CONVERGED, outcome
 
+STAGES = ("identification", "summary and page")
+
 
 @app.command()
 def batch(
@@ -44,7 +46,7 @@ def batch(
         from idic.workers.prefect_server import start_server
 
         settings = read_overrides(overrides)
-        with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:
+        with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out, STAGES) as view:
             from idic_flows.batch import BatchConsole, run_batch
 
             callbacks = BatchConsole(view.stage, view.tasks, view.said, view.dashboards)

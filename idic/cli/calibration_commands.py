@@ -14,6 +14,8 @@ from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 from idic.errors import InputError
 
+STAGES = ("finding the target in the images", "bundle adjustment", "file and picture")
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -41,9 +43,13 @@ def calibrate(
         from idic.calibrate.records import Lens
         from idic.run.calibration.run import run_calibration
 
+        from rich.console import Console
+
+        from idic.cli.progress import progress_view
+
+        with progress_view(Console(stderr=True, soft_wrap=True), out.parent, STAGES) as view:
+            run = run_calibration(images, out, spacing, target, _grid(grid), Lens(_names(free)), target_std, view.stage, view.tasks)
         console = wide_console()
-        with console.status("reading images") as status:
-            run = run_calibration(images, out, spacing, target, _grid(grid), Lens(_names(free)), target_std, status.update)
         console.print(calibration_table(run))
         for line in closing_lines(run):
             typer.echo(line)

@@ -10,6 +10,11 @@ from idic.cli.app import MemoryLimit, Run, Scheduler, UsePrefect, Workers, app, 
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
+STAGES = ("residual evidence of the identified model", "side, onset and place of the mismatch", "fit of the identified model",
+          "screening of the library", "refit", "judgement on both copies", "fit of the enriched model to the whole recording",
+          "writing figures")
+QUICK_STAGES = (*STAGES[:5], "residual of the enriched model", STAGES[-1])
+
 
 @app.command()
 def diagnose(
@@ -36,7 +41,8 @@ def diagnose(
         from idic.run.diagnosis.source import open_source
 
         open_source(run)  # before a server is started
-        with progress_view(Console(stderr=True, soft_wrap=True), run) as view:
+        with progress_view(Console(stderr=True, soft_wrap=True), run,
+                           QUICK_STAGES if quick else STAGES) as view:
             if prefect:
                 from idic_flows.diagnose import run_diagnosis as run_it
             else:

@@ -73,10 +73,16 @@ def design(
 ) -> None:
     """Predict the error bars of a test before it is made. Compares plans."""
     with outcome():
+        from rich.console import Console
+
         from idic.cli.design_tables import show_design
+        from idic.cli.progress import progress_view
         from idic.run.design import PAGE_FILE, write_design
 
-        content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers)
+        stages = ("simulations and sensitivities", "figures and page")
+        with progress_view(Console(stderr=True, soft_wrap=True), out, stages) as view:
+            content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers, view.stage,
+                                   lambda done, total: view.tasks("plans", done, total))
         show_design(wide_console(), content)
         typer.echo(f"page     {user_path(out / PAGE_FILE)}")
 

@@ -14,6 +14,8 @@ from idic.cli.app import (AllowExternal, MemoryLimit, Overrides, Scheduler, Sens
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome, paused
 
+STAGES = ("reading images", "preparation", "identification", "residual maps and result", "report")
+
 
 class Method(StrEnum):
     integrated = "integrated"
@@ -79,7 +81,7 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
     from idic.cli.progress import progress_view
 
     settings = read_overrides(overrides)
-    with _server(prefect), progress_view(Console(stderr=True, soft_wrap=True), out) as view:  # it starts while we import
+    with _server(prefect), progress_view(Console(stderr=True, soft_wrap=True), out, STAGES) as view:  # it starts while we import
         if prefect:
             from idic_flows.identify import run_identification as run
             from idic.run.warm_up import import_meanwhile
@@ -108,6 +110,7 @@ def _show_result(result: dict, run: Path, truth_file: Path | None = None) -> Non
 
     from rich.console import Console
 
+    from idic.cli.progress import progress_view
     from idic.cli.tables import remarks, result_table, summary_line
     from idic.run.reporting.write import write_report
 
@@ -117,7 +120,9 @@ def _show_result(result: dict, run: Path, truth_file: Path | None = None) -> Non
     console.print(result_table(result, truth))
     for text in remarks(result):
         console.print(text, highlight=False)
-    page = write_report(run)
+    with progress_view(Console(stderr=True, soft_wrap=True), run, STAGES) as view:
+        view.stage("report")
+        page = write_report(run)
     console.print(f"results  {user_path(run / 'result.json')}\nreport   {user_path(page)}", highlight=False)
 
 

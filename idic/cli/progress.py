@@ -1,50 +1,75 @@
-"""Progress in the terminal: a line per evaluated point, a bar per fan-out; plain lines in a pipe or a file."""
+"""Progress in the terminal: stage k of n, a bar per fan-out, expected time left; plain lines in a pipe or a file."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from idic.cli.expected_time import Pace, duration, evaluations_left
+
 RUN_MARKS, LOG_FILE = ("run.zarr", "study.zarr", "batch.json"), "log.txt"  # each makes a folder a RUN, study or batch
 LABELS = {"ingest": "reading images", "simulate": "simulating", "correlate": "correlating frames",
-          "search": "searching start values"}
+          "search": "searching start values", "identify": "identifications", "comparisons": "identifications compared"}
+LINE_EVERY_S = 15.0  # in a pipe or a file, of a fan-out that lasts longer
 
 
 class ProgressView:
-    """What `idic_flows.identify.Console` calls; the methods have the signatures it expects."""
+    """What `idic_flows.identify.Console` calls; the methods have the signatures it expects.
 
-    def __init__(self, console: Console, progress: Progress, run: Path):
-        self._console, self._progress, self._run = console, progress, run
+    stages : what the command does, in its order and in the words of its calls of `stage`; a call whose text begins with
+    one of them is numbered
+    """
+
+    def __init__(self, console: Console, progress: Progress, run: Path, stages: Sequence[str] = ()):
+        self._console, self._progress, self._run, self._stages = console, progress, run, tuple(stages)
         self._unwritten: list[str] = []
         self._stage = progress.add_task("starting", total=None)
         self._bars: dict[str, int] = {}
+        self._paces: dict[str, Pace] = {}
         self._shown, self._began = 0, time.monotonic()
+        self._heading, self._evaluating = "", self._began
 
     def stage(self, text: str) -> None:
+        """Begin a stage; a text that is none of the list is a step of the present one."""
         self._hide_bars()
-        self._progress.update(self._stage, description=text)
-        self._say(text, quiet=self._console.is_terminal)
+        numbers = [k for k, name in enumerate(self._stages, start=1) if text.startswith(name)]
+        if numbers:
+            self._heading = f"stage {numbers[0]} of {len(self._stages)}: "
+        shown = f"{self._heading}{text}"
+        self._progress.update(self._stage, description=shown)
+        self._evaluating = time.monotonic()
+        self._say(shown, quiet=self._console.is_terminal)
 
     def tasks(self, what: str, done: int, total: int) -> None:
+        label = LABELS.get(what, what)
         if what not in self._bars:
-            self._bars[what] = self._progress.add_task(f"  {LABELS.get(what, what)}", total=total)
-        self._progress.update(self._bars[what], completed=done, total=total, visible=done < total)
+            self._bars[what] = self._progress.add_task(f"  {label}", total=total)
+            self._paces[what] = Pace(time.monotonic(), done)
+        left = self._paces[what].left(time.monotonic(), done, total)
+        text = f"  {label}" + (f", {duration(left)} left" if left else "")
+        self._progress.update(self._bars[what], completed=done, total=total, visible=done < total, description=text)
+        if self._paces[what].due(time.monotonic(), LINE_EVERY_S) and done < total and left is not None:
+            self._say(f"{label}: {done} of {total}, {duration(left)} left", quiet=self._console.is_terminal)
 
     def iteration(self, state) -> None:
         """Print the evaluations since the last call; `state` is an `idic.identify.loop.LoopState`."""
         from idic.identify.driver import describe_evaluation  # here: `idic --help` does not load it
 
-        for entry in state.history[self._shown :]:
-            self._say(describe_evaluation(entry))
-        self._shown = len(state.history)
+        now, new = time.monotonic(), len(state.history) - self._shown
+        left = evaluations_left(state.history) if state.running and new else None
+        expected = "" if left is None else f"about {duration(left * (now - self._evaluating) / new)} left"
+        for k, entry in enumerate(state.history[self._shown :], start=1):
+            told = f"  {expected}" if expected and k == new else ""
+            self._say(describe_evaluation(entry) + told)
+        self._shown, self._evaluating = len(state.history), now
         self._hide_bars()
-        now = f"iteration {state.iteration + 1}, evaluation {state.evaluations}"
-        self._progress.update(self._stage, description=now)
+        what = f"iteration {state.iteration + 1}, evaluation {state.evaluations}"
+        self._progress.update(self._stage, description=f"{self._heading}{what}" + (f", {expected}" if expected else ""))
 
     def said(self, line: str) -> None:
         """A line for the screen and the log."""
@@ -74,9 +99,9 @@ class ProgressView:
 
 
 @contextmanager
-def progress_view(console: Console, run: Path) -> Iterator[ProgressView]:
+def progress_view(console: Console, run: Path, stages: Sequence[str] = ()) -> Iterator[ProgressView]:
     """Bars for the length of a ``with`` block; their lines go to ``RUN/log.txt`` too."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=30), MofNCompleteColumn(),
                TimeElapsedColumn())  # fmt: skip
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        yield ProgressView(console, progress, run)
+        yield ProgressView(console, progress, run, stages)

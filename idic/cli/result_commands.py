@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -14,14 +12,22 @@ from idic.cli.app import MemoryLimit, Run, Scheduler, Workers, app, wide_console
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
+REPORT_STAGES = ("reading the RUN", "figures", "tables and ParaView files", "page")
+SYSTEMATIC_STAGES = ("discretisation, boundary and camera", "report")
+
 
 @app.command()
 def report(run: Run) -> None:
     """Write the HTML report and the tables of a run again."""
     with outcome(run=run):
+        from rich.console import Console
+
+        from idic.cli.progress import progress_view
         from idic.run.reporting.write import write_report
 
-        typer.echo(f"{user_path(write_report(run))} written")
+        with progress_view(Console(stderr=True, soft_wrap=True), run, REPORT_STAGES) as view:
+            page = write_report(run, view.stage)
+        typer.echo(f"{user_path(page)} written")
 
 
 @app.command()
@@ -97,6 +103,7 @@ def systematic(
     with outcome(run=run):
         from rich.console import Console
 
+        from idic.cli.progress import progress_view
         from idic.cli.tables import systematic_table, treatments_table
         from idic.run.reporting.write import write_report
         from idic.run.systematic import systematic as assess
@@ -104,17 +111,16 @@ def systematic(
 
         limit = checked_memory_limit(memory_limit, workers, scheduler)
         check_scheduler(scheduler, run, say=typer.echo)
-        with open_cluster(workers, scheduler, limit, ("idic.run.systematic",)) as runner:
-            result = assess(run, runner, bias, spread, _progress(time.monotonic()))
+        with (progress_view(Console(stderr=True, soft_wrap=True), run, SYSTEMATIC_STAGES) as view,
+              open_cluster(workers, scheduler, limit, ("idic.run.systematic",)) as runner):
+            view.stage(SYSTEMATIC_STAGES[0])
+            result = assess(run, runner, bias, spread, lambda done, total: view.tasks("comparisons", done, total))
+            view.stage("report")
+            page = write_report(run)
         console = Console(soft_wrap=True)
         console.print(systematic_table(result))
         if spread:
             console.print(treatments_table(result))
         for text in (*result["notes"], *(f"{e['name']}: {e['reason']}" for e in result["not_identifiable"])):
             console.print(text, highlight=False, markup=False)
-        console.print(f"report   {user_path(write_report(run))}", highlight=False)
-
-
-def _progress(began: float) -> Callable[[int, int], None]:
-    """A line per finished identification with another mesh, boundary or camera."""
-    return lambda done, total: typer.echo(f"{time.monotonic() - began:6.1f} s  {done} of {total} comparisons", err=True)
+        console.print(f"report   {user_path(page)}", highlight=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -51,7 +51,7 @@ def trial(
 ) -> None:
     """Test the diagnosis blind, on virtual tests with sealed truths. CalculiX solves half of the single effects."""
     with outcome(run=out, resume=True):
-        with _study_console(out) as console:
+        with _study_console(out, ("sealing truths", "trials", "evaluating answers")) as console:
             from idic_flows.blind_trial import run_blind_trial
 
             page = run_blind_trial(out, "sketch" if sketch else "full", seed, only, workers, scheduler, resume, console)
@@ -74,14 +74,14 @@ def gallery(
 
 
 @contextmanager
-def _study_console(out: Path) -> Iterator:
+def _study_console(out: Path, stages: Sequence[str] = ()) -> Iterator:
     """A Prefect server, and the progress of a study on the screen."""
     from rich.console import Console
 
     from idic.cli.progress import progress_view
     from idic.workers.prefect_server import start_server
 
-    with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out) as view:
+    with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out, stages) as view:
         from idic_flows.study import StudyConsole
 
         yield StudyConsole(view.stage, view.tasks, view.said, view.dashboards)

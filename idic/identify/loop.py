@@ -13,6 +13,7 @@ import numpy as np
 
 from idic.correlation.system import CorrelationSystem
 from idic.identify.step.acceptance import functional, improves, scaled_at
+from idic.identify.step.ending import failed_simulation
 from idic.identify.step.estimator import check_estimator
 from idic.identify.step.increments import without_finer
 from idic.identify.step.next_step import after_rejection, next_step
@@ -103,7 +104,7 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
         state = replace(state, trust=_trust_after_rejection(state.trust, ordinary_damping, length, halvings))
         next_state = after_rejection(state, experiment, stages, evaluated, accepted, image_noise)
         if next_state.status == "stalled" and evaluated.system is None:
-            next_state = replace(next_state, status="forward_failed")  # the search ended at a failed simulation
+            next_state = failed_simulation(next_state, evaluated.message)  # the search ended there
         return next_state
     trust, schedule = state.trust, state.schedule
     state = replace(state, accepted=AcceptedPoint(dict(state.trial.values), evaluated.number, evaluated.system.phi),

@@ -34,6 +34,7 @@ from idic.identify.noise.channel_noise import (
     correlated_channels,
     with_channel_noise,
 )
+from idic.identify.step.ending import end_entry
 from idic.identify.step.estimator import estimator_notes
 from idic.identify.step.increments import increment_notes, increments_entry, time_bias
 from idic.identify.step.state import Evaluation, LoopState
@@ -75,7 +76,8 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     cost : wall_s, forward_s, image_s, peak_rss_mb, forward_runs
     """
     parameters = parameters_at(experiment, state)
-    result: dict[str, Any] = {"schema": SCHEMA, "status": state.status, "title": experiment.title, "parameters": {}, "derived": {},
+    result: dict[str, Any] = {"schema": SCHEMA, "status": state.status, "end": end_entry(state),
+              "title": experiment.title, "parameters": {}, "derived": {},
               "iterations": state.iteration, "evaluations": state.evaluations, "rounds": state.rounds,
               "forward_runs": int(cost.get("forward_runs", state.evaluations)),
               "quantity": experiment.quantity, "noise": noise_content(experiment),

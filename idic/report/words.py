@@ -15,7 +15,7 @@ from idic.report.stress_scale import held_stresses, in_ratios
 STATUS = {
     "converged": "Converged in {n}.",
     "stalled": "Stalled after {n}: no trial step reduced the objective, and the last step was not small.",
-    "max_iterations": "Stopped at the limit of {n} without convergence.",
+    "max_iterations": "Stopped after {n} without convergence.",
     "at_bound": "Stopped after {n} with {which} at its bound: the true value may lie outside.",
     "forward_failed": "The simulation failed after {n}. The values are those of the last accepted step.",
     "interrupted": "Interrupted after {n}. Resume with idic identify --resume.",
@@ -135,7 +135,17 @@ def convergence(result: Mapping) -> str:
     units = {name: result["parameters"][name]["unit"] for name in bounds}
     bounded = ", ".join(f"{names.get(name, name)} ({bounds[name]:g} {units[name]})".replace(" )", ")")
                         for name in bounds)
-    return text.format(n=f"{n} iteration{'' if n == 1 else 's'}", which=bounded or "a parameter")
+    said = text.format(n=f"{n} iteration{'' if n == 1 else 's'}", which=bounded or "a parameter")
+    return f"{said} {ending(result)}".rstrip()
+
+
+def ending(result: Mapping) -> str:
+    """Which limit ended the search, or that the objective is flat, in a sentence; empty for a usual convergence."""
+    end = result.get("end") or {}
+    reason = end.get("reason", "")
+    if not reason or (result["status"] == "converged" and not reason.startswith("the objective is flat")):
+        return ""
+    return f"{reason[0].upper()}{reason[1:]}."
 
 
 def explained(result: Mapping) -> str:
@@ -245,7 +255,7 @@ def advice(result: Mapping) -> list[str]:
     level, text = verdict(result)
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     sentences = [] if level == "good" else [f"{text}."]
-    if result["status"] != "converged":
+    if result["status"] != "converged" or ending(result):
         sentences.append(convergence(result))
     free = against_free(result)
     only_light = free is not None and free.follows and chi2 is not None and chi2 > NOISE_CHI2[1]

@@ -25,7 +25,7 @@ together; ``comparison``, the standard deviation of every parameter in every pla
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,6 +39,7 @@ from idic.report.design.page import PlanPictures, design_table, draw_design, ren
 from idic.report.design.summary import MIN_CONFUSABLE_CORRELATION, compare, joint_summary, summary
 from idic.store.result_file import write_json
 from idic.workers.dask_executor import default_workers, open_cluster
+from idic.workers.runner import Progress
 
 SCHEMA = "idic.design/1"
 DESIGN_FILE, PAGE_FILE, TABLE_FILE = "design.json", "design.html", "design.csv"
@@ -54,13 +55,16 @@ class DesignJob:
 
 def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mapping[str, Any] | None = None,
                  noise_std_gv: float | None = None, confusable: float = MIN_CONFUSABLE_CORRELATION,
-                 workers: int | None = None) -> dict:
+                 workers: int | None = None, stage: Callable[[str], None] = lambda text: None,
+                 progress: Progress | None = None) -> dict:
     """Evaluate planned tests and write ``design.json``, ``design.html``, ``design.csv`` and ``figures`` into `out`.
 
     Arguments, errors and what is returned as `evaluate_plans`; nothing is written where one of the plans is not
-    as expected.
+    as expected. stage : called with the name of every step that begins.
     """
-    content, pictures = evaluate_plans(paths, overrides, noise_std_gv, confusable, workers)
+    stage("simulations and sensitivities")
+    content, pictures = evaluate_plans(paths, overrides, noise_std_gv, confusable, workers, progress)
+    stage("figures and page")
     out = Path(out)
     sections = draw_design(content, pictures)
     (out / "figures").mkdir(parents=True, exist_ok=True)
@@ -75,7 +79,7 @@ def write_design(paths: Sequence[Path | str], out: Path | str, overrides: Mappin
 
 def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None,
                    noise_std_gv: float | None = None, confusable: float = MIN_CONFUSABLE_CORRELATION,
-                   workers: int | None = None) -> tuple[dict, list[PlanPictures]]:
+                   workers: int | None = None, progress: Progress | None = None) -> tuple[dict, list[PlanPictures]]:
     """Evaluate planned tests.
 
     Parameters
@@ -84,6 +88,7 @@ def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | N
     noise_std_gv : image noise, over what the experiments say
     confusable : |correlation| above which two parameters count as confusable
     workers : processes; None: one per experiment as far as there are cores, 0: all in this process
+    progress : called with the number of finished plans and of all, after each
 
     Returns
     -------
@@ -103,7 +108,7 @@ def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | N
             for path, name in zip(paths, plan_names(paths), strict=True)]
     wanted = min(len(jobs), default_workers() if workers is None else workers)
     with open_cluster(wanted if len(jobs) > 1 and wanted > 1 else 0) as runner:
-        designs = runner.map(run_design, jobs, [f"design-{job.name}" for job in jobs])
+        designs = runner.map(run_design, jobs, [f"design-{job.name}" for job in jobs], progress=progress)
     joint = join(designs) if len(designs) > 1 else None
     content = {"schema": SCHEMA, "confusable_above": confusable,
                "plans": [summary(design, job.plan.pattern, path, confusable)

@@ -64,7 +64,7 @@ class OpenRun:
         return self.planned.open_points(self.runner, self.sensitivity, self.timing, self.console.tasks, self.console.said)
 
     def say_prepare(self) -> None:
-        self.console.stage("measuring noise and motion" if self.planned.measures else "preparing")
+        self.console.stage("preparation" + (": noise and motion by a free FE-DIC" if self.planned.measures else ""))
 
     @contextmanager
     def kept_when_interrupted(self) -> Iterator[None]:
@@ -89,10 +89,11 @@ class OpenRun:
             self.say_prepare()
             self.planned.prepare(self.runner)
         points = self.open_points()
+        self.console.stage("identification")
         return self.written(points, run_loop(points, progress=self.console.iteration, pause_after=self.pause_after))
 
     def written(self, points: Points, state: LoopState) -> dict:
-        """The result of the loop's last state, residual maps included; status "interrupted" where the run pauses."""
+        """The result of the loop's last state; status "interrupted" where the run pauses."""
         self.console.stage("residual maps and result")
         if not state.running:
             return points.postprocess(state, self.began)
@@ -139,7 +140,7 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
         done = earlier_result(planned, console) if resume else None
         if done is not None:
             return done
-        console.stage("ingesting images")
+        console.stage("reading images")
         with open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as runner:
             planned.ingest(runner, lambda done, total: console.tasks("ingest", done, total))
             console.dashboards(None, runner.dashboard, None)

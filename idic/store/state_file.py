@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
-from idic.identify.step.state import (GENERALISED_REJECTED, ORDINARY, AcceptedPoint, Activation, EstimatorChoice,
-                                      IncrementChoice, LoopState, ParallelTrial, SchedulePosition, Trial, TrustRegion)
+from idic.identify.step.state import (GENERALISED_REJECTED, ORDINARY, AcceptedPoint, Activation, Ending,
+                                      EstimatorChoice, IncrementChoice, LoopState, ParallelTrial, SchedulePosition, Trial, TrustRegion)
 from idic.store.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
 
 STATE_FILE = "state.json"
@@ -38,15 +38,17 @@ def load_state(run: str | Path) -> LoopState | None:
     if record is None:
         return None
     record.setdefault("increments", asdict(IncrementChoice()))  # states of earlier versions
+    record.setdefault("end", None)
     _convert_numbers(record, from_hex)
-    trial, accepted, activation = record["trial"], record["accepted"], record["activation"]
+    trial, accepted, activation, end = (record[name] for name in ("trial", "accepted", "activation", "end"))
     trial["parallel"] = tuple(ParallelTrial(**other) for other in trial["parallel"])
     activation |= {name: tuple(activation[name]) for name in ("active", "reactivated")}
     return LoopState(**record | {
         "trial": Trial(**trial), "accepted": accepted and AcceptedPoint(**accepted),
         "trust": TrustRegion(**record["trust"]), "schedule": SchedulePosition(**record["schedule"]),
         "activation": Activation(**activation), "estimator": EstimatorChoice(**record["estimator"]),
-        "increments": IncrementChoice(**record["increments"]), "history": tuple(record["history"])})
+        "increments": IncrementChoice(**record["increments"]), "history": tuple(record["history"]),
+        "end": end and Ending(**end)})
 
 
 def _convert_numbers(record: dict, convert: Callable) -> None:

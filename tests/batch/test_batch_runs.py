@@ -140,7 +140,7 @@ def test_fewer_runs_than_workers_spread_their_simulations_and_ctrl_c_ends_with_4
     assert code == 4 and "--resume" in said and "Traceback" not in said, said
     assert json.loads((out / "batch.json").read_text())["status"] == "interrupted"
     code, said = finish(idic(*arguments, "--resume"))
-    assert code == 0 and "identifying strip" in said, said
+    assert code == 0 and "identification 1 of" in said and "strip" in said, said
 
 
 def wait_for(condition, process):

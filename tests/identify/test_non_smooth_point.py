@@ -86,6 +86,22 @@ def test_a_rejected_step_on_a_smooth_slope_is_no_convergence(experiment):
     assert state.status == "stalled"
 
 
+def test_a_flat_objective_ends_as_converged_and_says_so(experiment):
+    """A slope that no step follows, as rounding makes one: the objective of every trial is that of the accepted point."""
+    state, x = walk(experiment, lambda x, _: np.array([-1.0, 0.0]), lambda x: 1000.0 + 1e-7 * np.abs(x).sum())
+    assert state.status == "converged" and not x.any()
+    assert "flat" in state.end.reason and state.end.limit is None
+
+
+def test_an_end_names_its_limit(experiment):
+    few = replace(experiment, options=replace(experiment.options, max_iterations=2, step_limit=0.001))
+    state, _ = walk(few, lambda x, _: x - 20.0, lambda x: 1000.0 + ((x - 20.0) ** 2).sum())
+    assert (state.status, state.end.limit) == ("max_iterations", "iterations")
+    assert "2 evaluations" in state.end.reason and "step_limit" in state.end.reason
+    state, _ = walk(experiment, lambda x, _: np.array([-1.0, 0.0]), lambda x: 1000.0 + np.abs(x).sum())
+    assert (state.status, state.end.limit) == ("stalled", "step")
+
+
 def test_the_smallest_combination_of_two_gradients_is_at_right_angles_to_their_difference():
     rng = np.random.default_rng(3)
     M = np.array([[4.0, 1.0], [1.0, 2.0]])

@@ -10,6 +10,8 @@ import numpy as np
 from idic.identify.covariance import Scaled, Spectrum, covariance, spectrum
 from idic.identify.step.acceptance import scaled_at
 from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, activation_step, active_parameters
+from idic.identify.step.ending import (ITERATIONS, bounded, failed_simulation, flat, judged_flat, out_of_iterations, small_step,
+                                         stuck)
 from idic.identify.step.estimator import next_estimator
 from idic.identify.step.increments import TOO_COARSE, is_too_coarse, with_increments_judged
 from idic.identify.step.non_smooth import directional_derivative
@@ -29,6 +31,7 @@ from idic.identify.step.state import (
     GENERALISED,
     GENERALISED_REJECTED,
     Activation,
+    Ending,
     EstimatorChoice,
     Evaluation,
     LoopState,
@@ -65,22 +68,24 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
         return propose(scaled, found, stds, parameters, damping, size, allowed)
 
     step = version(state.trust.damping, limit)
-    done = _is_done(state, stages, step, scaled, found, options.tolerance, non_smooth is not None)
-    state, change = _with_activation(state, scaled, parameters, done and state.schedule.stage + 1 == len(stages))
+    done = _why_done(state, stages, step, scaled, found, options.tolerance, non_smooth is not None)
+    state, change = _with_activation(state, scaled, parameters, bool(done) and state.schedule.stage + 1 == len(stages))
     ended = done and change is None
     if ended or (stage.max_iterations is not None and state.schedule.iterations >= stage.max_iterations):
-        status = "at_bound" if step.pinned else ("converged" if done else "max_iterations")
-        return _leave_stage(state, experiment, stages, point, image_noise, status)
+        end = (bounded(step) if step.pinned else Ending("converged", done) if done
+               else out_of_iterations(state.schedule.iterations, "[stage]", step, options))
+        return _leave_stage(state, experiment, stages, point, image_noise, end)
     if state.schedule.stage + 1 == len(stages) and is_too_coarse(state, experiment):
-        return _leave_stage(state, experiment, stages, point, image_noise, TOO_COARSE)
+        return _leave_stage(state, experiment, stages, point, image_noise, Ending(TOO_COARSE, ""))
     tried = state.trust.damping > 0.0 or state.trust.rejections > 0
     if state.trust.rejections >= MAX_REJECTIONS or (
             change is None and tried and step.significance < MIN_DAMPED_STEP_SHARE * options.tolerance):
-        return _leave_stage(state, experiment, stages, point, image_noise, "stalled")
+        return _leave_stage(state, experiment, stages, point, image_noise, stuck(step, state.trust.rejections))
     if state.rounds >= options.max_iterations - _can_return(state, experiment):
+        end = out_of_iterations(options.max_iterations, "options", step, options)
         if _can_return(state, experiment):
-            return _leave_stage(state, experiment, stages, point, image_noise, "max_iterations")
-        return replace(state, status="max_iterations")
+            return _leave_stage(state, experiment, stages, point, image_noise, end)
+        return replace(state, status=end.status, end=end)
     further = [] if state.generalised else parallel_steps(
         version, step, state.trust.damping, limit, options.trial_steps - 1, state.trust.rejections > 0)
 
@@ -95,7 +100,7 @@ def after_rejection(state: LoopState, experiment: Experiment, stages: Sequence[S
                     accepted: Evaluation | None, image_noise: float) -> LoopState:
     """The next trial after a rejected one: a shorter step, or one from a non-smooth point between the two."""
     if accepted is None or accepted.system is None:
-        return replace(state, status="forward_failed")
+        return failed_simulation(state, trial.message)
     non_smooth = _non_smooth_system(state, trial, accepted, experiment, stages[state.schedule.stage], image_noise)
     if non_smooth is not None:  # the step length changes with the derivative
         state = replace(state, trust=TrustRegion(rejections=state.trust.rejections))
@@ -113,22 +118,24 @@ def _non_smooth_system(state: LoopState, trial: Evaluation, accepted: Evaluation
     return directional_derivative(here, there, spectrum(here), parameters, moved, NON_SMOOTH_TOLERANCE)
 
 
-def _is_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scaled, found: Spectrum, tolerance: float,
-             non_smooth: bool) -> bool:
-    """Whether the stage ends at the accepted point, judged by the undamped step."""
-    number, phi = state.schedule.stage, state.accepted.phi
+def _why_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scaled, found: Spectrum, tolerance: float,
+              non_smooth: bool) -> str:
+    """Why the stage ends at the accepted point, judged by the undamped step; empty where it goes on."""
+    number, phi, rejections = state.schedule.stage, state.accepted.phi, state.trust.rejections
+    if step.relative < tolerance:
+        return small_step(step, tolerance)
     gain = float(scaled.b @ found.inverse @ scaled.b) / phi if phi else 0.0
     if is_preliminary(stages[number]) and (step.largest < MIN_PRELIMINARY_STEP or gain < MIN_PRELIMINARY_GAIN):
-        return True
+        return "a preliminary stage has settled"
     if is_continued(stages, number) and gain < MIN_CONTINUED_STAGE_GAIN:
-        return True
-    if (state.trust.rejections > 1 or non_smooth) and step.relative < NON_SMOOTH_TOLERANCE:
-        return True
+        return f"the next step would lower the objective by less than {MIN_CONTINUED_STAGE_GAIN:g} of itself"
+    if (rejections > 1 or non_smooth) and step.relative < NON_SMOOTH_TOLERANCE:
+        return flat(step, rejections)
     estimator = state.estimator
     if (estimator.kind == GENERALISED_REJECTED and estimator.ordinary_solution is not None
             and state.accepted.values == estimator.ordinary_solution):
-        return True
-    return step.relative < tolerance or step.largest < MIN_SCALED_STEP
+        return "generalised least squares did not converge: the values are those of ordinary least squares"
+    return "the next step is below rounding" if step.largest < MIN_SCALED_STEP else ""
 
 
 def _with_activation(state: LoopState, scaled: Scaled, parameters: ParameterSet,
@@ -156,11 +163,11 @@ def _can_return(state: LoopState, experiment: Experiment) -> bool:
 
 
 def _leave_stage(state: LoopState, experiment: Experiment, stages: Sequence[Stage], point: Evaluation,
-                 image_noise: float, status: str) -> LoopState:
-    """On to the next stage, which may move where this one cannot; the last one ends the loop with `status`."""
+                 image_noise: float, end: Ending) -> LoopState:
+    """On to the next stage, which may move where this one cannot; the last one ends the loop."""
     number = state.schedule.stage
     if number + 1 == len(stages):
-        return _leave_schedule(state, experiment, stages[-1], point, image_noise, status)
+        return _leave_schedule(state, experiment, stages[-1], point, image_noise, end)
     state = replace(state, schedule=SchedulePosition(number + 1), trust=TrustRegion())
     if not same_images(stages[number], stages[number + 1]) and state.rounds < experiment.options.max_iterations:
         return replace(state, trial=Trial(dict(state.accepted.values), re_evaluation=True))
@@ -168,18 +175,23 @@ def _leave_stage(state: LoopState, experiment: Experiment, stages: Sequence[Stag
 
 
 def _leave_schedule(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation, image_noise: float,
-                    status: str) -> LoopState:
+                    end: Ending) -> LoopState:
     """On with finer increments, with another estimator at the same or the ordinary-least-squares solution, or the end."""
     options, present = experiment.options, state.estimator
+    status = end.status
     state = with_increments_judged(state, experiment, last, point, image_noise, status)
     if state.trial.new_increments:
         return state
     kind = next_estimator(present.kind, status, experiment, last.free, point, image_noise)
     left = options.max_iterations - state.rounds
     if kind == present.kind or left < 1:
-        return replace(state, status=status)
+        end = judged_flat(state, end)
+        return replace(state, status=end.status, end=end)
     if kind == GENERALISED and left < MIN_EVALUATIONS_OF_AN_ESTIMATOR:  # a converged end stands unless it was not asked for
-        return replace(state, status="max_iterations" if options.estimator == GENERALISED else status)
+        if options.estimator == GENERALISED:
+            end = Ending("max_iterations", f"{options.max_iterations} evaluations are the limit (max_iterations in [options]): "
+                         "none is left for generalised least squares", ITERATIONS)
+        return replace(state, status=end.status, end=end)
     solution = present.ordinary_solution if kind == GENERALISED_REJECTED else dict(state.accepted.values)
     returns = kind == GENERALISED_REJECTED and solution is not None
     return replace(state, estimator=EstimatorChoice(kind, solution), trust=TrustRegion(),

@@ -115,11 +115,22 @@ class IncrementChoice:
 
 
 @dataclass(frozen=True)
+class Ending:
+    """How the loop ended: status, the reason as a part of a sentence, and which limit it was, if one
+    (`idic.identify.step.ending`)."""
+
+    status: str
+    reason: str
+    limit: str | None = None
+
+
+@dataclass(frozen=True)
 class LoopState:
     """Where an identification stands; plain values only, so that it goes into a checkpoint.
 
     evaluations : evaluated points, parallel_evaluations : how many of them were parallel versions of a step;
-    iteration : accepted steps; status : "running" until the loop ends; history : one entry per evaluation
+    iteration : accepted steps; status : "running" until the loop ends; history : one entry per evaluation;
+    end : why it ended, None while it runs and in states of earlier versions
     """
 
     trial: Trial
@@ -134,6 +145,7 @@ class LoopState:
     iteration: int = 0
     status: str = "running"
     history: tuple[dict, ...] = ()
+    end: Ending | None = None
 
     @property
     def rounds(self) -> int:

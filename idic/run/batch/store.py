@@ -104,10 +104,11 @@ class Batch:
                           "reason": "" if status == "running" else "not finished; --resume continues it",
                           "iterations": None, "image_chi2_dof": None, "wall_s": None, "parameters": {}}
         result = outcome.result or {}
+        ended = (result.get("end") or {}).get("reason", "") if outcome.status in _REASONS else ""
         free = {name: {key: entry.get(key) for key in ("value", "std", "unit", "start")}
                 for name, entry in result.get("parameters", {}).items() if entry.get("free")}
         return row | {
-            "status": outcome.status, "reason": outcome.reason or _REASONS.get(outcome.status, ""),
+            "status": outcome.status, "reason": outcome.reason or ended or _REASONS.get(outcome.status, ""),
             "iterations": result.get("iterations"), "image_chi2_dof": result.get("residual", {}).get("image_chi2_dof"),
             "wall_s": result.get("cost", {}).get("wall_s"), "parameters": free}  # fmt: skip
 

@@ -38,7 +38,8 @@ class CalibrationRun:
 
 def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str = "auto", grid: tuple[int, int] | None = None,
                     lens: Lens | None = None, target_std_mm: float = 0.0,
-                    tell: Callable[[str], None] = lambda line: None) -> CalibrationRun:
+                    stage: Callable[[str], None] = lambda text: None,
+                    tasks: Callable[[str, int, int], None] = lambda what, done, total: None) -> CalibrationRun:
     """Find the target in every image, calibrate, write ``out`` (JSON) and a picture of the same name (PNG).
 
     Parameters
@@ -49,8 +50,8 @@ def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str =
         The calibration file; nothing is written where something fails.
     spacing_mm : float
         Distance of neighbouring corners or dots.
-    tell : callable
-        Takes lines about the progress.
+    stage, tasks : callable
+        Take the name of every step that begins, and (what, done, total) while images are searched.
 
     Raises
     ------
@@ -80,8 +81,9 @@ def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str =
         raise InputError("a chessboard needs its grid", key="--grid", expected="COLUMNSxROWS of inner corners", found="none",
                          remedy="count the corners where four squares meet, e.g. --grid 11x7")
     views, without = [], []
+    stage("finding the target in the images")
     for k in range(n_images):
-        tell(f"finding the target: image {k + 1} of {n_images}")
+        tasks("images", k, n_images)
         row = tuple(find_target(stack.frame(k), kind, grid) for stack in stacks)
         without += [stack.labels[k] if len(stacks) == 1 else f"camera {c}: {stack.labels[k]}"
                     for c, (stack, seen) in enumerate(zip(stacks, row, strict=True)) if seen is None]
@@ -91,9 +93,10 @@ def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str =
         raise InputError("no target in any image", key="IMAGES", found="none", remedy="check --target and --grid (inner corners, "
                          "one fewer than squares); without hollow dots the target must be seen whole",
                          expected={"dots": "a dot grid", "auto": "a chessboard or dot grid"}.get(asked, "a chessboard") + size)
-    tell("bundle adjustment")
+    stage("bundle adjustment")
     sizes = tuple((stack.shape[1], stack.shape[0]) for stack in stacks)
     result = calibrate(tuple(views), sizes, spacing_mm, lens, target_std_mm)
+    stage("file and picture")
     about = {"written_by": "idic calibrate", "target": kind, "spacing_mm": spacing_mm, "n_views": len(views),
              "rms_px": result.rms_px, "noise_px": result.noise_px}
     picture = calibration_picture(result)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -45,8 +45,10 @@ CHANNEL_NOISE = {"given": "as given in the experiment file"}
 METHODS = {"direct": "direct differentiation of the simulation", "perturbed": "perturbed simulations"}
 
 
-def write_report(run: Path | str) -> Path:
+def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: None) -> Path:
     """Write ``RUN/report.html``, ``RUN/figures``, ``RUN/tables`` and ``RUN/paraview``.
+
+    stage : called with the name of every step that begins
 
     Returns
     -------
@@ -60,27 +62,32 @@ def write_report(run: Path | str) -> Path:
     """
     run = Path(run)
     if is_joint(run):
-        return _write_joint_report(run)
+        return _write_joint_report(run, stage)
+    stage("reading the RUN")
     record = load_record(run)
+    stage("figures")
     sections = draw_sections(record)
     (run / "figures").mkdir(exist_ok=True)
     for picture in all_pictures(sections):
         (run / "figures" / f"{picture.name}.{picture.format}").write_bytes(picture.png)
+    stage("tables and ParaView files")
     (run / "tables").mkdir(exist_ok=True)
     for name, text in all_tables(record).items():
         (run / "tables" / name).write_text(text, encoding="utf-8")
     context = open_run(str(run))
     there = context.experiment.at_geometry(accepted_parameters(record.result, context.experiment.parameters))
     write_paraview(context, there, record, run / "paraview")
+    stage("page")
     path = run / REPORT_FILE
     path.write_text(render_page(record, sections), encoding="utf-8")
     return path
 
 
-def _write_joint_report(run: Path) -> Path:
+def _write_joint_report(run: Path, stage: Callable[[str], None]) -> Path:
     """The page of several experiments identified together, and the report of each."""
-    for folder in folders_of(run).values():
+    for name, folder in folders_of(run).items():
         if (folder / RESULT_FILE).exists():
+            stage(f"report of {name}")
             write_report(folder)
     path = run / REPORT_FILE
     path.write_text(joint_page(read_result(run)), encoding="utf-8")

@@ -1,0 +1,50 @@
+"""Stages, bars and expected times as a pipe or a log file sees them."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from idic.cli.expected_time import SETTLED_GAIN, Pace, duration, evaluations_left
+from idic.cli.progress import progress_view
+
+
+def test_stages_are_numbered_and_steps_keep_the_number_of_their_stage(tmp_path):
+    said = io.StringIO()
+    (tmp_path / "run.zarr").mkdir()
+    with progress_view(Console(file=said, width=200), tmp_path, ("reading", "fit", "report")) as view:
+        view.stage("reading images")
+        view.stage("fit of the model")
+        view.stage("a repeated step")
+        view.stage("report")
+    lines = said.getvalue().splitlines()
+    assert [line.partition(" s  ")[2] for line in lines] == [
+        "stage 1 of 3: reading images", "stage 2 of 3: fit of the model", "stage 2 of 3: a repeated step",
+        "stage 3 of 3: report"]
+    assert [line.partition(" s  ")[2] for line in (tmp_path / "log.txt").read_text(encoding="utf-8").splitlines()] == [
+        line.partition(" s  ")[2] for line in lines]
+
+
+def test_a_pace_gives_the_time_that_is_left():
+    pace = Pace(100.0, 10)  # ten were there before
+    assert pace.left(130.0, 10, 100) is None
+    assert pace.left(130.0, 40, 100) == pytest.approx(60.0)
+    assert pace.left(190.0, 100, 100) is None
+    assert [pace.due(t, 15.0) for t in (110.0, 116.0, 120.0, 132.0)] == [False, True, False, True]
+
+
+def history(*values):
+    return [{"accepted": True, "phi": value} for value in values]
+
+
+def test_expected_evaluations_follow_the_gains_of_the_last_two_steps():
+    """Gains that fall tenfold per step need as many steps as there are decades to a settled gain, and one to confirm."""
+    assert evaluations_left(history(5.0, 4.0)) is None
+    assert evaluations_left(history(*(1000.0 + 10.0**-k for k in range(-3, 0)))) == 1 + 5
+    assert evaluations_left(history(100.0, 50.0, 50.0 - 0.1 * SETTLED_GAIN)) == 1
+
+
+def test_durations_are_rounded_to_what_a_person_plans_with():
+    assert [duration(t) for t in (0.2, 61.0, 200.0, 9000.0)] == ["1 s", "61 s", "3 min", "2.5 h"]
