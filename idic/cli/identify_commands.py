@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import AbstractContextManager, nullcontext
 from enum import StrEnum
 from pathlib import Path
@@ -42,12 +43,13 @@ def identify(
     allow_external: AllowExternal = None,
 ) -> None:
     """Identify parameters from images and forces."""
+    began = time.monotonic()
     with outcome(run=out, resume=True):
         if method is not None:
             overrides = [*(overrides or ()), f"options.method={method.value.replace('-', '_')}"]
         result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, prefect, memory_limit,
                            pause_after)
-        _show_result(result, out)
+        _show_result(result, out, began)
         if "paused_after_stage" in result:
             typer.echo(paused(result["paused_after_stage"]), err=True)
         raise typer.Exit(exit_code(result["status"]))
@@ -61,7 +63,7 @@ def demo(
     prefect: UsePrefect = True,
 ) -> None:
     """Identify a small built-in experiment with known truth."""
-    run = out / "run"
+    run, began = out / "run", time.monotonic()
     with outcome(run=run):
         _clear_earlier_demo(out)
         typer.echo(f"writing a virtual tensile test with known parameters to {user_path(out / 'experiment')}")
@@ -70,7 +72,7 @@ def demo(
 
             write_example("demo", out / "experiment")
             result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None, prefect)
-        _show_result(result, run, out / "experiment" / "truth.json")
+        _show_result(result, run, began, out / "experiment" / "truth.json")
         raise typer.Exit(exit_code(result["status"]))
 
 
@@ -105,7 +107,7 @@ def _server(prefect: bool) -> AbstractContextManager:
     return start_server()
 
 
-def _show_result(result: dict, run: Path, truth_file: Path | None = None) -> None:
+def _show_result(result: dict, run: Path, began: float, truth_file: Path | None = None) -> None:
     import json
 
     from rich.console import Console
@@ -120,7 +122,7 @@ def _show_result(result: dict, run: Path, truth_file: Path | None = None) -> Non
     console.print(result_table(result, truth))
     for text in remarks(result):
         console.print(text, highlight=False)
-    with progress_view(Console(stderr=True, soft_wrap=True), run, STAGES) as view:
+    with progress_view(Console(stderr=True, soft_wrap=True), run, STAGES, time.monotonic() - began) as view:
         view.stage("report")
         page = write_report(run)
     console.print(f"results  {user_path(run / 'result.json')}\nreport   {user_path(page)}", highlight=False)

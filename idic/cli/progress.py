@@ -22,16 +22,17 @@ class ProgressView:
     """What `idic_flows.identify.Console` calls; the methods have the signatures it expects.
 
     stages : what the command does, in its order and in the words of its calls of `stage`; a call whose text begins with
-    one of them is numbered
+    one of them is numbered; spent_s : by earlier stages
     """
 
-    def __init__(self, console: Console, progress: Progress, run: Path, stages: Sequence[str] = ()):
+    def __init__(self, console: Console, progress: Progress, run: Path, stages: Sequence[str] = (),
+                 spent_s: float = 0.0):
         self._console, self._progress, self._run, self._stages = console, progress, run, tuple(stages)
         self._unwritten: list[str] = []
         self._stage = progress.add_task("starting", total=None)
         self._bars: dict[str, int] = {}
         self._paces: dict[str, Pace] = {}
-        self._shown, self._began = 0, time.monotonic()
+        self._shown, self._began = 0, time.monotonic() - spent_s
         self._heading, self._evaluating = "", self._began
 
     def stage(self, text: str) -> None:
@@ -99,9 +100,9 @@ class ProgressView:
 
 
 @contextmanager
-def progress_view(console: Console, run: Path, stages: Sequence[str] = ()) -> Iterator[ProgressView]:
-    """Bars for the length of a ``with`` block; their lines go to ``RUN/log.txt`` too."""
+def progress_view(console: Console, run: Path, stages: Sequence[str] = (), spent_s: float = 0.0) -> Iterator[ProgressView]:
+    """Bars for the length of a ``with`` block; their lines go to ``RUN/log.txt`` too. See `ProgressView`."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=30), MofNCompleteColumn(),
                TimeElapsedColumn())  # fmt: skip
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        yield ProgressView(console, progress, run, stages)
+        yield ProgressView(console, progress, run, stages, spent_s)

@@ -25,8 +25,8 @@ from idic.images.placed_camera import AnyCamera
 from idic.model.experiment import Experiment
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.joint_run import folders_of, is_joint
+from idic.run.residual_maps import residuals_of
 from idic.store.arrays import FrameArrays, read_array
-from idic.store.camera_groups import group_of
 from idic.store.layout import BASE, group_name
 
 
@@ -168,10 +168,11 @@ class FieldsOfRun:
         return _freely_measured(correlation_context(self.context, parameters), checked_frame(self.experiment, frame), self.u)
 
     def residual(self, frame: int) -> np.ndarray:
-        folder = self.context.store.group(group_of(self.experiment, 0, "final"))
-        frames = read_array(folder, "frames").tolist()
-        k = frames.index(checked_frame(self.experiment, frame, later=True))
-        return FrameArrays.open(folder, "residual").read(k, k + 1)[0]
+        return self._residuals(checked_frame(self.experiment, frame, later=True))
+
+    @cached_property
+    def _residuals(self) -> Callable[[int], np.ndarray]:
+        return residuals_of(self.context, self._accepted)  # type: ignore[return-value]
 
     @property
     def simulated(self) -> np.ndarray:

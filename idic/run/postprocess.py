@@ -1,7 +1,6 @@
-"""After the last iteration: residual maps, χ² of every frame, the result file.
+"""After the last iteration: χ² of every frame, the judgement, the result file; what only the iterations needed is removed.
 
-Stored for the report: ``run.zarr/final`` (residual of every frame at the identified parameters) and
-``run.zarr/initial`` (the same at the start, some frames), next to the evaluations they belong to.
+Residual maps are not stored: `idic.run.residual_maps` computes them from the stored motion and images.
 """
 
 from __future__ import annotations
@@ -11,25 +10,25 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from idic.correlation.channels import channel_values, measured_values
 from idic.correlation.frame_equations import correlated_frames
-from idic.correlation.view import GREY, view_of
+from idic.correlation.view import GREY
 from idic.identify.frame_fit import FrameFit, camera_entries, frame_entries, residual_summary
 from idic.identify.judgement.local_residual import ElementSums, element_sums
 from idic.identify.result import build_result
 from idic.identify.step.state import Evaluation, LoopState
-from idic.run.context import correlation_context, open_run
+from idic.run.context import RunContext, open_run
 from idic.run.judgement.discrepancy import discrepancy_of
 from idic.run.judgement.fields import write_fields
 from idic.run.judgement.floor import PointJob
 from idic.run.judgement.judgement import Judgement, judged
-from idic.run.judgement.shown_frames import shown_frames
 from idic.model.experiment import Experiment
 from idic.run.prepare import read_free_dic
+from idic.run.recovery import EVALUATIONS, START, SYSTEM
+from idic.run.residual_maps import PointResiduals
 from idic.run.session import Session, Timing
 from idic.store.arrays import FrameArrays, write_array
 from idic.store.camera_groups import group_of
@@ -39,57 +38,39 @@ from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
 from idic.workers.dask_settings import cpu_seconds
 
+KEPT_OF_THE_START = ("u", "channels", "steps")
+
 
 @dataclass(frozen=True)
-class ResidualJob:
-    """Residual maps of some frames of an evaluated point, written into the array at `target`."""
+class FitJob:
+    """How well some frames of an evaluated point are explained."""
 
     run: str
     evaluation: int
     frames: tuple[int, ...]
     values: Mapping[str, float]
     brightness: Mapping[int, tuple[float, ...]]  # frame -> gain and offset per patch
-    target: str
-    first: int  # record number of frames[0] in the target
     camera: int = 0
 
 
-def residual_maps(job: ResidualJob) -> tuple[list[FrameFit], ElementSums | None]:
-    """Write the residual maps of a job's frames (a task).
-
-    Returns
-    -------
-    how well each frame is explained, and the sums of the elements over the correlated ones (None: no pixels in elements)
-    """
-    context = open_run(job.run)
-    parameters = context.experiment.parameters.with_values(job.values)
-    shared = correlation_context(context, parameters).cameras[job.camera]
-    view = view_of(shared.experiment, shared.camera)
-    base = context.store.group(group_name(job.evaluation, BASE))
-    target = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+")
-    sigma, start = shared.experiment.noise.std_gv, context.experiment.reference
+def fit_frames(job: FitJob) -> tuple[list[FrameFit], ElementSums | None]:
+    """How well each frame is explained (a task), and the sums of the elements over the correlated ones (None: no pixels
+    in elements)."""
+    at = PointResiduals(open_run(job.run), job.evaluation, job.values, job.brightness, job.camera)
+    sigma, kind = at.experiment.noise.std_gv, at.kind
     fits, sums = [], None
-    correlated = set(correlated_frames(shared.experiment, job.frames))
-    for i, frame in enumerate(job.frames):
-        u = shared.experiment.turned(FrameArrays.open(base, "u").read(frame - start, frame - start + 1)[0])
-        motion = view.at(frame).motion(shared.experiment.mesh.nodes, u)
-        found = shared.reference.compare_pixels(shared.experiment, frame, motion,
-                                                np.array(job.brightness.get(frame, ())))
+    correlated = set(correlated_frames(at.experiment, job.frames))
+    for frame in job.frames:
+        found = at.compare(frame)
         fits.append(FrameFit.of(frame, found, sigma))
-        target.write(job.first + i, _as_image(shared.reference, found)[None])
-        if view.kind == GREY and frame in correlated and sigma and fits[-1].n_pixels:
-            own = element_sums(shared.reference.pixel_map, found, sigma)
+        if kind == GREY and frame in correlated and sigma and fits[-1].n_pixels:
+            own = element_sums(at.reference.pixel_map, found, sigma)
             sums = own if sums is None else sums + own
     return fits, sums
 
 
-def _as_image(reference, found) -> np.ndarray:
-    """Residual map in the reference image, NaN where there is no valid pixel  # (ny, nx) float32"""
-    return reference.pixel_map.to_image(np.where(found.valid, found.r, np.nan)).astype(np.float32)
-
-
 def postprocess(session: Session, state: LoopState, timing: Timing, began: float) -> dict:
-    """Write residual maps and ``RUN/result.json``; returns its content."""
+    """Write ``RUN/result.json``; returns its content."""
     context, experiment = session.context, session.experiment
     point = None
     fits: list[dict[int, FrameFit]] = [{} for _ in experiment.views]
@@ -97,7 +78,7 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
     sums: list[ElementSums] = []
     if state.accepted is not None:
         point = load_evaluation(context.store, state.accepted.number, context.names)
-        fits, sums = _write_final(session, state, point)
+        fits, sums = _fits_of_cameras(session, state, point)
         channels = _channel_residual(context, state)
         _write_channels(context, state)
         job = PointJob(session.run, state.accepted.number, state.accepted.values)
@@ -115,7 +96,21 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
     result["sensitivity"] = session.sensitivity
     result["history"] = [dict(entry) for entry in state.history]
     write_result(session.run, result)
+    if state.accepted is not None and state.accepted.number != 0 and state.history[0]["phi"] is not None:
+        _thin_start(context)
     return result
+
+
+def _thin_start(context: RunContext) -> None:
+    """Remove the sensitivities of the first point: the iterations are over, and the report reads its motion alone."""
+    for folder in sorted(context.store.path.joinpath(group_name(0, BASE)).parent.glob("*/")):
+        if folder.name in (START, SYSTEM) or folder.name.startswith("."):
+            continue
+        name = f"{EVALUATIONS}/{folder.parent.name}/{folder.name}"
+        if folder.name == BASE:
+            context.store.thin(name, KEPT_OF_THE_START)
+        else:
+            context.store.remove(name)
 
 
 def write_interrupted(session: Session, timing: Timing, began: float) -> dict | None:
@@ -144,44 +139,30 @@ def has_force(experiment: Experiment) -> bool:
     return bool(experiment.loads) or any(channel.kind != "displacement" for channel in experiment.channels)
 
 
-def _write_final(session: Session, state: LoopState,
-                 point: Evaluation) -> tuple[list[dict[int, FrameFit]], list[ElementSums]]:
-    """Residual maps of every camera; how well each of its frames is explained, per camera; element sums of the main one."""
-    cameras = [_write_camera(session, state, point, number) for number in range(len(session.experiment.views))]
+def _fits_of_cameras(session: Session, state: LoopState,
+                     point: Evaluation) -> tuple[list[dict[int, FrameFit]], list[ElementSums]]:
+    """How well each frame of every camera is explained; element sums of the main one."""
+    cameras = [_fits_of(session, state, point, number) for number in range(len(session.experiment.views))]
     return [fits for fits, _ in cameras], cameras[0][1]
 
 
-def _write_camera(session: Session, state: LoopState, point: Evaluation,
-                  number: int) -> tuple[dict[int, FrameFit], list[ElementSums]]:
-    context, experiment = session.context, session.experiment
-    every = tuple(range(experiment.reference + 1, experiment.n_frames))
-    fits, sums = _map_residuals(session, "final", state.accepted.number, state.accepted.values, point, every, number)
-    first = state.history[0]
-    if first["phi"] is not None:
-        start_point = load_evaluation(context.store, 0, context.names)
-        _map_residuals(session, "initial", 0, first["values"], start_point, shown_frames(experiment), number)
-    lost = {r.frame for r in point.system.frames if r.cameras[number, 0] == 0}  # nothing of the pattern in them
-    return {k: replace(fit, n_pixels=0) if k in lost else fit for k, fit in fits.items()}, sums
-
-
-def _map_residuals(session, name, evaluation, values, point, frames,
-                   number) -> tuple[dict[int, FrameFit], list[ElementSums]]:
-    """Residual maps of `frames` of a camera at an evaluated point into its group `name`, as tasks over chunks."""
-    context, size = session.context, chunk_frames(session.experiment.n_frames)
-    camera = session.experiment.views[number].camera_name
+def _fits_of(session: Session, state: LoopState, point: Evaluation,
+             number: int) -> tuple[dict[int, FrameFit], list[ElementSums]]:
+    """The same of one camera, as tasks over chunks of frames."""
+    experiment, size = session.experiment, chunk_frames(session.experiment.n_frames)
+    frames = tuple(range(experiment.reference + 1, experiment.n_frames))
+    if not frames:
+        return {}, []
     brightness = {record.frame: tuple(record.brightness_of(number).tolist()) for record in point.system.frames}
-    with context.store.building(group_of(session.experiment, number, name), {"evaluation": evaluation}) as folder:
-        write_array(folder, "frames", np.array(frames, dtype=np.int64))
-        if not frames:
-            return {}, []
-        FrameArrays.create(folder, "residual", len(frames), session.experiment.views[number].image_shape, 1,
-                           "f4")
-        jobs = [ResidualJob(session.run, evaluation, frames[i:i + size], values,
-                            {k: brightness[k] for k in frames[i:i + size] if k in brightness},
-                            str(folder / "residual"), i, number) for i in range(0, len(frames), size)]
-        labels = [f"residual-{name}-{camera}-frames{job.frames[0]}-{job.frames[-1]}" for job in jobs]
-        parts = session.runner.map(residual_maps, jobs, labels, retries=1)
-    return {fit.frame: fit for part, _ in parts for fit in part}, [sums for _, sums in parts if sums is not None]
+    jobs = [FitJob(session.run, state.accepted.number, chunk, state.accepted.values,
+                   {k: brightness[k] for k in chunk if k in brightness}, number)
+            for chunk in (frames[i:i + size] for i in range(0, len(frames), size))]
+    labels = [f"residual-{experiment.views[number].camera_name}-frames{job.frames[0]}-{job.frames[-1]}" for job in jobs]
+    parts = session.runner.map(fit_frames, jobs, labels, retries=1)
+    fits = {fit.frame: fit for part, _ in parts for fit in part}
+    lost = {r.frame for r in point.system.frames if r.cameras[number, 0] == 0}  # nothing of the pattern in them
+    return ({k: replace(fit, n_pixels=0) if k in lost else fit for k, fit in fits.items()},
+            [sums for _, sums in parts if sums is not None])
 
 
 def _channel_residual(context, state: LoopState) -> np.ndarray:

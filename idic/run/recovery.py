@@ -82,8 +82,7 @@ def _shown(store: RunStore) -> list[str]:
     state = load_state(store.run)
     if state.accepted is None:
         return []
-    maps = ["final"] if state.history[0]["phi"] is None else ["final", "initial"]
-    return ["channels", *maps, *(f"cameras/{camera}/{name}" for camera in _further(store) for name in maps)]
+    return ["channels"]
 
 
 def result_of_state(store: RunStore) -> dict | None:

@@ -15,7 +15,7 @@ import json
 import os
 import shutil
 import uuid
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PurePath
 
@@ -112,6 +112,15 @@ class RunStore:
                 for first, last in stored.chunks():
                     stored.read(first, last)
                 shutil.copytree(source / array, folder / array)
+        return self.path / name
+
+    def thin(self, name: str, kept: Sequence[str]) -> Path:
+        """Replace a finished group by one with some of its arrays."""
+        source = self.group(name)
+        with self.building(name, self.ident(source)) as folder:
+            for array in _arrays_in(source):
+                if array in kept:
+                    shutil.copytree(source / array, folder / array)
         return self.path / name
 
     def ident(self, folder: Path) -> dict:

@@ -142,19 +142,17 @@ def unreadable(run: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", ["one camera", pytest.param("two cameras", marks=pytest.mark.slow)])
-def test_damaged_maps_of_the_start_are_computed_anew(kinds, tmp_path, kind):
+def test_damaged_channels_are_computed_anew(kinds, tmp_path, kind):
     """They come into being at the end of a run and are read for its report alone."""
     whole, run = kinds(kind), tmp_path / "run"
-    groups = sorted(folder.relative_to(whole.run) for folder in (whole.run / "run.zarr").rglob("initial"))
-    assert len(groups) == (1 if kind == "one camera" else 2)
-    for group in groups:
-        shutil.copytree(whole.run, run, dirs_exist_ok=True)
-        flip(next(file for file in sorted((run / group / "residual" / "c").rglob("*")) if file.is_file()))
-        assert len(unreadable(run)) == 1
-        assert_computed_anew(whole, run)
-    shutil.rmtree(run / groups[0])
+    channels = run / "run.zarr" / "channels"
+    shutil.copytree(whole.run, run, dirs_exist_ok=True)
+    flip(next(file for file in sorted((channels / "simulated" / "c").rglob("*")) if file.is_file()))
+    assert len(unreadable(run)) == 1
     assert_computed_anew(whole, run)
-    assert (run / groups[0]).exists()
+    shutil.rmtree(channels)
+    assert_computed_anew(whole, run)
+    assert channels.exists()
 
 
 def cases(whole, share: float) -> list[tuple[int, str, bool]]:

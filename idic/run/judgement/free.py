@@ -35,8 +35,9 @@ def measure_free(job: PointJob) -> None:
     with context.store.building(GROUP, {"evaluation": job.evaluation}) as folder:
         write_array(folder, "frames", np.array(() if found is None else found.frames, dtype=np.int64))
         if found is not None:
-            for name in ("difference_px", "residuals", "chi2_dof"):
+            for name in ("difference_px", "chi2_dof"):
                 write_array(folder, name, getattr(found, name))
+            write_array(folder, "residuals", _to_show(found.residuals))
             write_array(folder, "length_px", np.array([found.length_px]))
 
 
@@ -48,7 +49,7 @@ def read_free(store: RunStore, evaluation: int) -> FreeFields | None:
     frames = read_array(folder, "frames")
     if not len(frames):
         return None
-    return FreeFields(tuple(frames.tolist()), read_array(folder, "difference_px"), read_array(folder, "residuals"),
+    return FreeFields(tuple(frames.tolist()), read_array(folder, "difference_px"), read_array(folder, "residuals").astype(np.float32),
                       read_array(folder, "chi2_dof"), float(read_array(folder, "length_px")[0]))
 
 
@@ -58,6 +59,12 @@ def free_summary(found: FreeFields | None, model_chi2: Mapping[int, float]) -> d
         return None
     return {"frames": list(found.frames), "chi2_dof": float(np.mean(found.chi2_dof)),
             "model_chi2_dof": float(np.mean([model_chi2[k] for k in found.frames]))}
+
+
+def _to_show(residuals: np.ndarray) -> np.ndarray:
+    """Maps that are only drawn, with three digits where their values allow it."""
+    fits = not np.nanmax(np.abs(residuals), initial=0.0) > np.finfo(np.float16).max
+    return residuals.astype(np.float16) if fits else residuals
 
 
 def _free(context: RunContext, evaluation: int, parameters: ParameterSet) -> FreeFields | None:

@@ -20,8 +20,8 @@ from idic.report.record import Sensitivities
 from idic.run.context import RunContext, correlation_context
 from idic.run.judgement.free import read_free
 from idic.run.judgement.shown_frames import shown_frames
-from idic.store.arrays import FrameArrays, read_array
-from idic.store.camera_groups import group_of
+from idic.run.residual_maps import residuals_of
+from idic.store.arrays import FrameArrays
 from idic.store.layout import BASE, group_name
 
 
@@ -51,7 +51,7 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     frames = [k for k in correlated_frames(experiment, range(experiment.n_frames)) if k != experiment.reference]
     seen = seen_by(experiment, reference) if experiment.noise.std_gv else None
     floor = noise_floor(seen, sensitivities, result, reference)
-    views = frame_views(experiment, frames, lambda frame: at_rest + plane(frame), _residual(context))
+    views = frame_views(experiment, frames, lambda frame: at_rest + plane(frame), residuals_of(context, last_accepted(result)))
     free = None if seen is None else read_free(context.store, point) or free_fields(seen, shown, plane)
     if reference.is_section:
         views = with_profiles(views, reference, motion)
@@ -72,17 +72,6 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     )
 
 
-def _residual(context: RunContext):
-    """frame -> the stored residual map of the main camera, None where there is none"""
-    folder = context.store.finished(group_of(context.experiment, 0, "final"))
-    if folder is None:
-        return lambda frame: None
-    frames, stack = [int(k) for k in read_array(folder, "frames")], FrameArrays.open(folder, "residual")
-
-    def read(frame: int) -> np.ndarray | None:
-        if frame not in frames:
-            return None
-        i = frames.index(frame)
-        return stack.read(i, i + 1)[0]
-
-    return read
+def last_accepted(result: Mapping) -> Mapping:
+    """The entry of the history that describes the identified point."""
+    return [entry for entry in result["history"] if entry["accepted"]][-1]

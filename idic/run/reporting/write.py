@@ -31,11 +31,11 @@ from idic.run.context import RunContext, open_run
 from idic.run.joint_run import folders_of, is_joint
 from idic.run.judgement.floor import read_floor
 from idic.run.judgement.shown_frames import shown_frames
-from idic.run.reporting.evidence import evidence
+from idic.run.reporting.evidence import evidence, last_accepted
+from idic.run.residual_maps import residuals_of
 from idic.run.reporting.paraview import write_paraview
 from idic.run.reporting.series import gauges_of, series_of
 from idic.store.arrays import FrameArrays, read_array
-from idic.store.camera_groups import group_of
 from idic.store.layout import BASE, group_name
 from idic.store.result_file import RESULT_FILE, read_result
 from idic.store.system_store import load_evaluation
@@ -147,7 +147,7 @@ def _seen(context: RunContext, result: Mapping, there: Experiment, number: int, 
         pixel_size_mm=_pixel_size(view),
         rms_before=_rms_before(context, result, number),
         rms_after=_rms_after(result if number == 0 else _of_camera(result, view.camera_name)),
-        residuals=_residuals(context, number),
+        residuals=_residuals(context, result, number),
         fields=_fields(context, point, view, parameters),
         sensitivities=_sensitivities(context, point, view, parameters),
     )
@@ -288,16 +288,15 @@ def _channels(context: RunContext, result: Mapping) -> tuple[ChannelRecord, ...]
     )
 
 
-def _residuals(context: RunContext, number: int) -> ResidualMaps | None:
-    first, last = (context.store.finished(group_of(context.experiment, number, name)) for name in ("initial", "final"))
-    if first is None or last is None:
+def _residuals(context: RunContext, result: Mapping, number: int) -> ResidualMaps | None:
+    first, *_ = result["history"]
+    frames = shown_frames(context.experiment)
+    if first["phi"] is None or not frames:
         return None
-    frames = [int(k) for k in read_array(first, "frames")]
-    final = [int(k) for k in read_array(last, "frames")]
-    stack = FrameArrays.open(last, "residual")
-    rows = [final.index(k) for k in frames]
-    after = np.concatenate([stack.read(i, i + 1) for i in rows])
-    return ResidualMaps(tuple(frames), FrameArrays.open(first, "residual").read(), after)
+    last = last_accepted(result)
+    before, after = (np.array([read(k) for k in frames])
+                     for read in (residuals_of(context, entry, number) for entry in (first, last)))
+    return ResidualMaps(frames, before, after)
 
 
 def _fields(context: RunContext, point: int, experiment: Experiment, parameters: ParameterSet) -> FieldFrames | None:
