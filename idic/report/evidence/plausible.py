@@ -18,6 +18,7 @@ MIN_SPECKLE_PX, MAX_SPECKLE_PX = 2.0, 15.0  # width of the autocorrelation; the 
 WINDOW_PX = 15              # of a local standard deviation: three speckles
 MAX_PLAIN_SHARE = 0.1       # of the ROI without pattern
 PLAIN = 0.2                 # of the usual local standard deviation: less is no pattern
+NO_PATTERN = np.zeros(1, dtype=bool)
 
 
 def start_values(experiment: Experiment) -> tuple[str, ...]:
@@ -72,13 +73,9 @@ def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: fl
 
 def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None, pixels_per_element: float) -> Iterator[str]:
     """A ROI that covers background or grips, and speckle too fine or too coarse for the pixels and elements."""
-    values = np.asarray(image, dtype=float)
-    mean, square = uniform_filter(values, WINDOW_PX), uniform_filter(values**2, WINDOW_PX)
-    local = np.sqrt(np.maximum(square - mean**2, 0.0))[roi]
-    usual = float(np.percentile(local, 75)) if len(local) else 0.0
-    if not usual > 3.0 * (noise_gv or 0.0) or usual == 0.0:
-        return  # no pattern at all is told elsewhere
-    plain = local < max(PLAIN * usual, 1.5 * (noise_gv or 0.0))
+    plain = without_pattern(image, roi, noise_gv)
+    if plain is NO_PATTERN:
+        return  # told elsewhere
     if plain.mean() > MAX_PLAIN_SHARE:
         rows, columns = (at[plain] for at in np.nonzero(roi))
         yield (f"{plain.mean():.0%} of the ROI has no pattern (around column {np.median(columns):.0f}, row "
@@ -91,3 +88,14 @@ def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
     elif width is not None and width > min(MAX_SPECKLE_PX, np.sqrt(pixels_per_element)):
         yield (f"the speckle is {width:.0f} px wide, an element {np.sqrt(pixels_per_element):.0f} px: few edges carry the motion, so "
                "error bars are large, or the image is out of focus. Finer speckle or focus next time; now larger elements")
+
+
+def without_pattern(image: np.ndarray, roi: np.ndarray, noise_gv: float | None) -> np.ndarray:
+    """Pixels of the ROI around which the grey value hardly changes; `NO_PATTERN` where it nowhere does  # (n_roi,) bool"""
+    values = np.asarray(image, dtype=float)
+    mean, square = uniform_filter(values, WINDOW_PX), uniform_filter(values**2, WINDOW_PX)
+    local = np.sqrt(np.maximum(square - mean**2, 0.0))[roi]
+    usual = float(np.percentile(local, 75)) if len(local) else 0.0
+    if not usual > 3.0 * (noise_gv or 0.0) or usual == 0.0:
+        return NO_PATTERN
+    return local < max(PLAIN * usual, 1.5 * (noise_gv or 0.0))
