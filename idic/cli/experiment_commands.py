@@ -19,10 +19,25 @@ def init(
 ) -> None:
     """Write a commented experiment.toml for a folder of images."""
     with outcome():
-        from idic.experiment_file.init import write_initial_experiment
+        from idic.draw.speckled_area import speckled_area
+        from idic.draw.texture import texture_of
+        from idic.experiment_file.init import initial_experiment
 
-        typer.echo(f"{user_path(write_initial_experiment(folder))} written; complete the lines marked FILL IN, then run: "
-                   f"idic check {user_path(folder)}")
+        written, lines = initial_experiment(folder, lambda image: speckled_area(image, texture_of(image)))
+        for line in (*lines, *_first_warnings(written)):
+            typer.echo(line)
+        typer.echo(f"{user_path(written)} written; complete the lines marked FILL IN, then run: idic check {user_path(folder)}")
+
+
+def _first_warnings(written: Path) -> list[str]:
+    """The warnings of `idic check`, where the file can be loaded before anything is filled in."""
+    from idic.experiment_file.load import load_experiment
+    from idic.report.evidence.check import check as check_experiment
+
+    try:
+        return [f"warning      {text}" for text in check_experiment(load_experiment(written), draw=False).warnings]
+    except InputError:
+        return []  # its lines marked FILL IN are needed
 
 
 @app.command()

@@ -118,10 +118,10 @@ def _show_result(result: dict, run: Path, began: float, truth_file: Path | None 
 
     truth = json.loads(truth_file.read_text(encoding="utf-8")) if truth_file is not None else None
     console = Console(soft_wrap=True)
-    console.print(summary_line(result), highlight=False)
+    console.print(summary_line(result), highlight=False, markup=False)
     console.print(result_table(result, truth))
     for text in remarks(result):
-        console.print(text, highlight=False)
+        console.print(text, highlight=False, markup=False)
     with progress_view(Console(stderr=True, soft_wrap=True), run, STAGES, time.monotonic() - began) as view:
         view.stage("report")
         page = write_report(run)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,16 +13,18 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.init_fields import fields_document, find_stages
+from idic.experiment_file.init_words import fitting_scale, lines_of
 from idic.experiment_file.toml_file import NAME
 from idic.fe.mesh.mesh import Mesh
+from idic.fe.mesh.outline import is_circle
 from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, open_stack
 from idic.readers.logs import Log, read_log
-from idic.readers.meshes import read_mesh_file
+from idic.readers.meshes import MESH_SUFFIXES, read_mesh_file
 from idic.readers.paths import natural_key
 from idic.readers.raw_mesh import DIMENSION, to_mesh
 from idic.readers.units import parse_unit
 
-_MESH_SUFFIXES = (".inp", ".msh", ".vtu", ".vtk", ".bdf", ".med")
+_NO_MESHES = (".dat", ".svg", ".wkt", ".xml")  # formats of meshio whose suffix usually means something else
 _ENDS = (("BOTTOM", "TOP"), ("LEFT", "RIGHT"), ("FIXED", "MOVING"), ("FIX", "LOAD"), ("CLAMP", "PULL"))
 _ROI_MARGIN, _ELEMENTS_ACROSS = 0.1, 15
 
@@ -40,10 +43,22 @@ class Found:
     log: Log | None = None
     mask: str | None = None
     notes: list[str] = field(default_factory=list)
+    outline: list = field(default_factory=list)  # of the speckled area, (column, row) px
+    holes: list = field(default_factory=list)  # round ones in it, (column, row, radius) px
 
 
-def write_initial_experiment(folder: str | Path) -> Path:
-    """Write experiment.toml into `folder` and return its path.
+Area = Callable[[np.ndarray], tuple[list, list]]  # image -> outline and holes of its speckled area, px
+
+
+def write_initial_experiment(folder: str | Path, area: Area | None = None) -> Path:
+    """`initial_experiment` without its lines."""
+    return initial_experiment(folder, area)[0]
+
+
+def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Path, list[str]]:
+    """Write experiment.toml into `folder`; returns its path and what was found, one fact per line.
+
+    area : finds the speckled area, for the ROI and for a first guess of the scale
 
     Raises
     ------
@@ -61,10 +76,11 @@ def write_initial_experiment(folder: str | Path) -> Path:
                          found="an experiment.toml", remedy="rename or delete that file first")
     files = _files(folder)
     stages = [] if any(path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES for path in files) else find_stages(files)
-    text = fields_document(folder, stages) if stages else _document(_look_around(folder, files))
+    found = None if stages else _look_around(folder, files, area)
+    text = fields_document(folder, stages) if found is None else _document(found)
     with target.open("x", encoding="utf-8") as stream:
         stream.write(text)
-    return target
+    return target, [] if found is None else lines_of(found, text)
 
 
 # looking ------------------------------------------------------------------------------------------------
@@ -74,7 +90,7 @@ def _files(folder: Path) -> list[Path]:
                   key=lambda path: natural_key(str(path.relative_to(folder))))
 
 
-def _look_around(folder: Path, files: list[Path]) -> Found:
+def _look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
     masks = []
     for path in files:
@@ -91,7 +107,11 @@ def _look_around(folder: Path, files: list[Path]) -> Found:
     found = Found(folder, pattern, stack.n_frames, stack.shape)
     if masks and masks[0].parent != parent:
         found.mask = masks[0].relative_to(folder).as_posix()
-    _find_mesh([path for path in files if path.suffix.lower() in _MESH_SUFFIXES], found)
+    if area is not None:
+        found.outline, holes = area(np.asarray(stack.frame(0)))
+        found.holes = [hole for hole in holes if is_circle(hole)]
+    formats = set(MESH_SUFFIXES) - set(_NO_MESHES)
+    _find_mesh([path for path in files if path.suffix.lower() in formats], found)
     _find_log([path for path in files if path.suffix.lower() == ".csv"], found)
     return found
 
@@ -161,8 +181,10 @@ def _log_lines(found: Found) -> list[str]:
 def _mesh_lines(found: Found) -> list[str]:
     mesh = found.mesh
     if mesh is None:
-        x0, y0, x1, y1, size = _guessed_roi(found.image_shape)
-        return [f"mesh = {{ roi_px = [{x0}, {y0}, {x1}, {y1}], element_px = {size} }}   # and holes_px",
+        x0, y0, x1, y1, size = _guessed_roi(found)
+        holes = f", holes_px = {json.dumps(found.holes)}" if found.holes else ""
+        where = "the speckled area that was found" if found.outline else "a guess, also holes_px"
+        return [f"mesh = {{ roi_px = [{x0}, {y0}, {x1}, {y1}], element_px = {size}{holes} }}   # {where}",
                 _line('kind = "plane_stress"', "plane_stress | plane_strain"),
                 _line("# thickness_mm = 1.0", "FILL IN if a force is compared")]
     extent = ", ".join(f"{axis} {a:g} … {b:g}"
@@ -184,10 +206,14 @@ def _guessed_unit(mesh: Mesh) -> str:
     return "m" if size < 0.5 else "mm"  # specimens are millimetres to decimetres long
 
 
-def _guessed_roi(shape: tuple[int, int]) -> tuple[int, int, int, int, int]:
-    ny, nx = shape
+def _guessed_roi(found: Found) -> tuple[int, int, int, int, int]:
+    """The rectangle around the speckled area, or the middle of the image, and the size of an element."""
+    ny, nx = found.image_shape
     x0, y0 = int(_ROI_MARGIN * nx), int(_ROI_MARGIN * ny)
     x1, y1 = nx - 1 - x0, ny - 1 - y0
+    if found.outline:
+        at = np.asarray(found.outline, dtype=float)
+        (x0, y0), (x1, y1) = np.ceil(at.min(axis=0)).astype(int).tolist(), np.floor(at.max(axis=0)).astype(int).tolist()
     return x0, y0, x1, y1, max(min(x1 - x0, y1 - y0) // _ELEMENTS_ACROSS, 1)
 
 
@@ -196,10 +222,13 @@ def _camera(found: Found) -> str:
     if found.mesh is None:
         return "\n".join(["[camera]", _line("# pixel_size_mm = 0.05",
                                             "FILL IN for lengths in mm and forces; else in px"), noise, ""])
+    fit = fitting_scale(found)
+    size, origin = ("0.05", "[0.0, 0.0]") if fit is None else (f"{fit[0]:.4g}", f"[{fit[1][0]:.1f}, {fit[1][1]:.1f}]")
+    as_found = "" if fit is None else "; this value covers the speckled area"
     return "\n".join([
         _line("[camera]", "(column, row) of a mesh point; pixel centres at integers, rows count downwards"),
-        _line("# pixel_size_mm = 0.05", "FILL IN: the size of a pixel on the specimen"),
-        _line("# origin_px = [0.0, 0.0]", "FILL IN: (column, row) of the mesh origin in the reference image"),
+        _line(f"# pixel_size_mm = {size}", f"FILL IN: the size of a pixel on the specimen{as_found}"),
+        _line(f"# origin_px = {origin}", f"FILL IN: (column, row) of the mesh origin in the reference image{as_found}"),
         _line('axes = ["+col", "-row"]', "directions of mesh x and y in the image"), noise, ""])
 
 

@@ -17,6 +17,7 @@ _KINDS = {"vertex": "point", "line": "line2", "line3": "line3", "triangle": "tri
           "quad9": "quad9", "hexahedron": "hex8", "hexahedron20": "hex20", "hexahedron27": "hex27", "tetra": "tet4",
           "tetra10": "tet10",
           "wedge": "wedge6", "wedge15": "wedge15", "pyramid": "pyramid5"}
+MESH_SUFFIXES = tuple(sorted({".inp", *meshio.extension_to_filetypes}))  # of the files that may be meshes
 _MAX_SETS_OF_ARRAY = 64  # an integer array with more different values is a result and defines no sets
 
 

@@ -17,7 +17,7 @@ from idic.store.image_files import FILES, describe, files_of
 
 GROUP = "images"
 ARRAY = "frames"
-_MIN_OWN_CHUNK_BYTES = 500_000  # bytes of a frame; smaller frames share chunks of 16, as a read takes at least 0.3 ms
+_MIN_OWN_CHUNK_BYTES = 500_000  # bytes of a frame; smaller frames share chunks of up to 16, as a read takes at least 0.3 ms
 _FRAMES_PER_SMALL_CHUNK = 16
 
 
@@ -127,7 +127,7 @@ def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = No
     if existing is not None:
         return ZarrStack(existing)
     _require_space(store.run, stack.n_frames * first.nbytes)
-    step = 1 if first.nbytes >= _MIN_OWN_CHUNK_BYTES else min(_FRAMES_PER_SMALL_CHUNK, stack.n_frames)
+    step = 1 if first.nbytes >= _MIN_OWN_CHUNK_BYTES else -(-stack.n_frames // -(-stack.n_frames // _FRAMES_PER_SMALL_CHUNK))
     with store.building(name, ident) as group:
         array = create_array(group, ARRAY, (stack.n_frames, *first.shape), (step, *first.shape), first.dtype)
         checksums: list[int] = []

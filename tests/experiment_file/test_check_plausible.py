@@ -65,6 +65,34 @@ def test_a_mirrored_axis_that_takes_the_mesh_out_of_the_image_is_told(folder):
     assert "an axis is mirrored" in warnings(folder)
 
 
+def test_a_mirrored_axis_that_keeps_the_mesh_in_the_image_is_told_by_the_pattern(folder):
+    """The mesh lies above row 25 and would lie below; the pattern is where it belongs."""
+    image = speckle()
+    image[:16] = 20.0
+    show(folder, image)
+    change(folder, "experiment.toml", "origin_px = [10.0, 40.0]", "origin_px = [10.0, 30.0]")
+    assert "mirrored along the rows of the image" in warnings(folder)
+    change(folder, "experiment.toml", '["+col", "-row"]', '["+col", "+row"]')
+    change(folder, "experiment.toml", "origin_px = [10.0, 30.0]", "origin_px = [10.0, 17.0]")
+    assert "mirrored" not in warnings(folder)
+
+
+def test_still_frames_that_move_are_told_with_their_shift(folder):
+    image, noise = speckle(), np.random.default_rng(5)
+    gradient = np.gradient(image)[1]
+    for k, moved in enumerate((0.0, 0.0, 0.25, 0.0)):
+        shown = image - moved * gradient + noise.normal(0, 2, image.shape)
+        tifffile.imwrite(folder / "images" / f"frame_{k:03d}.tif", np.clip(np.rint(shown), 0, 255).astype(np.uint8))
+    change(folder, "experiment.toml", "noise_std_gv = 2.0\n", "")
+    change(folder, "experiment.toml", 'thickness_mm = 2.0', 'thickness_mm = 2.0\nstill_frames = [0, 1]')
+    assert "still frame" not in warnings(folder)
+    change(folder, "experiment.toml", "still_frames = [0, 1]", "still_frames = [0, 1, 2]")
+    told = warnings(folder)
+    assert "is shifted by 0.25 px" in told and "noise is overstated" in told
+    tifffile.imwrite(folder / "images" / "frame_002.tif", np.clip(np.rint(speckle(seed=4)), 0, 255).astype(np.uint8))
+    assert "shows another place" in warnings(folder)
+
+
 def test_a_roi_over_background_is_told_as_such_and_not_as_exposure(folder):
     image = speckle()
     image[:, 35:] = 20.0  # the mesh spans columns 10 to 50

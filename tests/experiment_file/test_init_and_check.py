@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 
+import meshio
 import numpy as np
 import pytest
 import tifffile
@@ -13,7 +14,7 @@ from typer.testing import CliRunner
 from experiment_file.small_experiment import change, write_experiment
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.experiment_file.init import write_initial_experiment
+from idic.experiment_file.init import initial_experiment, write_initial_experiment
 from idic.experiment_file.load import load_experiment
 from idic.report.evidence.check import check
 
@@ -50,6 +51,35 @@ def test_init_gives_sets_by_position_where_the_mesh_has_none(folder):
     (folder / "experiment.toml").unlink()
     change(folder, "mesh.inp", "NSET=BOTTOM", "NSET=A1")
     assert '[sets]' in write_initial_experiment(folder).read_text()
+
+
+def test_init_tells_what_it_found_and_proposes_the_scale(folder):
+    """The mesh is 4 x 3 mm, the speckled area 48 x 36 px: 12 px per mm."""
+    (folder / "experiment.toml").unlink()
+    area = [[6, 8], [54, 8], [54, 44], [6, 44]]
+    path, lines = initial_experiment(folder, lambda image: (area, []))
+    told, text = "\n".join(lines), path.read_text()
+    assert "images/*.tif: 4 of 60 x 50 px" in told and "12 elements" in told and "E from 70 000 MPa" in told
+    assert "pixel_size_mm = 0.08333" in told and "origin_px = [6, 44]" in told
+    assert "# pixel_size_mm = 0.08333" in text and "# origin_px = [6.0, 44.0]" in text
+    assert lines[-1].split(maxsplit=2)[-1] == "thickness_mm, pixel_size_mm, origin_px, E"
+
+
+def test_init_takes_a_mesh_of_any_format_that_is_read(folder):
+    (folder / "experiment.toml").unlink()
+    (folder / "mesh.inp").unlink()
+    points, quad = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2, 3]])
+    meshio.write(folder / "mesh.su2", meshio.Mesh(points[:, :2], [("quad", quad)]))
+    assert 'mesh = "mesh.su2"' in write_initial_experiment(folder).read_text()
+
+
+def test_init_puts_the_roi_on_the_speckled_area_with_its_holes(tmp_path):
+    for k in range(3):
+        tifffile.imwrite(tmp_path / f"shot{k}.tif", np.full((80, 120), 10 * k, np.uint8))
+    write_initial_experiment(tmp_path, lambda image: ([[20, 10], [99, 10], [99, 69], [20, 69]], [[60.0, 40.0, 12.0], [[1, 2], [3, 4]]]))
+    text = (tmp_path / "experiment.toml").read_text()
+    assert "roi_px = [20, 10, 99, 69]" in text and "holes_px = [[60.0, 40.0, 12.0]]" in text
+    assert load_experiment(tmp_path).mesh.n_elements > 100
 
 
 def test_init_overwrites_nothing_and_needs_images(folder, tmp_path):

@@ -193,6 +193,16 @@ def contents(run):
     return {file: file.read_bytes() for file in run.rglob("*") if file.is_file()}
 
 
+def test_a_finished_run_keeps_only_what_resume_and_report_need(small):
+    """Residual maps take four times the room of 8-bit images, and the first point's sensitivities are of no use any more."""
+    stored = small.run / "run.zarr"
+    assert not list(stored.rglob("residual")) and not list(stored.rglob("residuals"))
+    accepted = [entry["evaluation"] for entry in small.result["history"] if entry["accepted"]][-1]
+    assert accepted > 0
+    kept = {number: {folder.name for folder in (stored / f"evaluations/{number:03d}/base").glob("*/")} for number in (0, accepted)}
+    assert kept[0] == {"u", "channels", "steps"} and "du" in kept[accepted]
+
+
 @pytest.mark.usefixtures("shared_server")
 def test_a_finished_run_answers_again_without_computing(small, tmp_path):
     run = tmp_path / "run"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,37 +19,70 @@ from idic.report.record import FreeFields, NoiseFloor, Sensitivities
 SEED = 20  # of the noise of the still image
 
 
-def free_fields(seen: Seen, frames: Sequence[int], motion: Callable[[int], np.ndarray]) -> FreeFields | None:
+@dataclass(frozen=True)
+class FreeMotions:
+    """A free FE-DIC of some frames, without its residual maps; see `idic.report.record.FreeFields`.
+
+    Attributes
+    ----------
+    u_full_px : (n_frames, n_nodes, 2) px
+        The displacement with values at unseen nodes, too.
+    brightness : (n_frames, n_coefficients)
+    """
+
+    frames: tuple[int, ...]
+    difference_px: np.ndarray
+    u_full_px: np.ndarray
+    brightness: np.ndarray
+    chi2_dof: np.ndarray
+    length_px: float
+
+
+def free_motions(seen: Seen, frames: Sequence[int], motion: Callable[[int], np.ndarray]) -> FreeMotions | None:
     """Free displacement of some frames, started from the simulated one.
 
     motion : frame -> simulated displacement of the nodes in the image  # (n_nodes, 2) px
     """
-    brightness, pixel_map = seen.experiment.options.brightness, seen.reference.pixel_map
-    differences, residuals, chi2 = [], [], []
+    brightness, variance = seen.experiment.options.brightness, seen.experiment.noise.std_gv**2
+    differences, full, coefficients, chi2 = [], [], [], []
     for frame in frames:
         u = motion(frame)
         if isinstance(seen.reference, FieldReference):
-            field = field_frame(seen.reference, seen.reference.measured(seen.experiment, frame), seen.smoother)
-            if field is None:
+            found = field_frame(seen.reference, seen.reference.measured(seen.experiment, frame), seen.smoother)
+            if found is None:
                 return None
-            left = seen.reference.compare_pixels(seen.experiment, frame, field.u_full_px, field.brightness)
-            differences.append(field.u_px - u)
-            residuals.append(pixel_map.to_image(np.where(left.valid, left.r, np.nan)))
-            chi2.append(field_variance(field, seen.reference, fitted_dof(field)) / seen.experiment.noise.std_gv**2)
-            continue
-        spline = frame_spline(seen.experiment, frame)
-        found = dic_frame(seen.reference, spline, u, seen.smoother, brightness)
-        if found.factorisation is None or not found.n_pixels:
-            return None
-        left = residual_map(seen.reference, spline, found.u_full_px, brightness, found.brightness)
-        noise = residual_noise(seen.reference, spline, found, brightness, fitted_dof(found))
+            chi2.append(field_variance(found, seen.reference, fitted_dof(found)) / variance)
+        else:
+            spline = frame_spline(seen.experiment, frame)
+            found = dic_frame(seen.reference, spline, u, seen.smoother, brightness)
+            if found.factorisation is None or not found.n_pixels:
+                return None
+            chi2.append(residual_noise(seen.reference, spline, found, brightness, fitted_dof(found)).variance / variance)
         differences.append(found.u_px - u)
-        residuals.append(pixel_map.to_image(np.where(left.valid, left.r, np.nan)))
-        chi2.append(noise.variance / seen.experiment.noise.std_gv**2)
+        full.append(found.u_full_px)
+        coefficients.append(found.brightness)
     if not frames:
         return None
-    return FreeFields(tuple(frames), np.array(differences), np.array(residuals, dtype=np.float32), np.array(chi2),
-                      seen.smoother.length_px)
+    return FreeMotions(tuple(frames), np.array(differences), np.array(full), np.array(coefficients), np.array(chi2),
+                       seen.smoother.length_px)
+
+
+def with_residuals(seen: Seen, found: FreeMotions) -> FreeFields:
+    """The motions with the residual that each of them leaves."""
+    residuals = [_residual(seen, frame, u, coefficients)
+                 for frame, u, coefficients in zip(found.frames, found.u_full_px, found.brightness, strict=True)]
+    return FreeFields(found.frames, found.difference_px, np.array(residuals, dtype=np.float32), found.chi2_dof,
+                      found.length_px)
+
+
+def _residual(seen: Seen, frame: int, u_px: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """Residual in the reference image, NaN where there is no valid pixel  # (ny, nx)"""
+    if isinstance(seen.reference, FieldReference):
+        left = seen.reference.compare_pixels(seen.experiment, frame, u_px, coefficients)
+    else:
+        left = residual_map(seen.reference, frame_spline(seen.experiment, frame), u_px, seen.experiment.options.brightness,
+                            coefficients)
+    return seen.reference.pixel_map.to_image(np.where(left.valid, left.r, np.nan))
 
 
 def noise_floor(seen: Seen | None, phi: Sensitivities | None, result: Mapping, reference) -> NoiseFloor:

@@ -8,7 +8,7 @@ import numpy as np
 
 from idic.fields.free import seen_by
 from idic.parameters import ParameterSet
-from idic.report.evidence.free_dic import free_fields
+from idic.report.evidence.free_dic import FreeMotions, free_motions
 from idic.report.record import FreeFields
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, simulated_motion
@@ -20,7 +20,7 @@ from idic.workers.runner import TaskRunner
 GROUP = "free"
 
 
-def measured_free(job: PointJob, runner: TaskRunner) -> FreeFields | None:
+def measured_free(job: PointJob, runner: TaskRunner) -> FreeMotions | FreeFields | None:
     """The free FE-DIC at an accepted point, from the store or measured now; None where there is none of this kind."""
     store = RunStore(job.run)
     if store.finished(GROUP, {"evaluation": job.evaluation}) is None:
@@ -35,25 +35,28 @@ def measure_free(job: PointJob) -> None:
     with context.store.building(GROUP, {"evaluation": job.evaluation}) as folder:
         write_array(folder, "frames", np.array(() if found is None else found.frames, dtype=np.int64))
         if found is not None:
-            for name in ("difference_px", "chi2_dof"):
+            for name in ("difference_px", "u_full_px", "brightness", "chi2_dof"):
                 write_array(folder, name, getattr(found, name))
-            write_array(folder, "residuals", _to_show(found.residuals))
             write_array(folder, "length_px", np.array([found.length_px]))
 
 
-def read_free(store: RunStore, evaluation: int) -> FreeFields | None:
-    """What `measure_free` stored for this point; None where nothing was measured."""
+def read_free(store: RunStore, evaluation: int) -> FreeMotions | FreeFields | None:
+    """What `measure_free` stored for this point, with residual maps in runs of earlier versions; None where nothing was
+    measured."""
     folder = store.finished(GROUP, {"evaluation": evaluation})
     if folder is None:
         return None
-    frames = read_array(folder, "frames")
-    if not len(frames):
+    frames = tuple(read_array(folder, "frames").tolist())
+    if not frames:
         return None
-    return FreeFields(tuple(frames.tolist()), read_array(folder, "difference_px"), read_array(folder, "residuals").astype(np.float32),
-                      read_array(folder, "chi2_dof"), float(read_array(folder, "length_px")[0]))
+    difference, chi2, length = (read_array(folder, name) for name in ("difference_px", "chi2_dof", "length_px"))
+    if (folder / "residuals").exists():
+        return FreeFields(frames, difference, read_array(folder, "residuals"), chi2, float(length[0]))
+    return FreeMotions(frames, difference, read_array(folder, "u_full_px"), read_array(folder, "brightness"), chi2,
+                       float(length[0]))
 
 
-def free_summary(found: FreeFields | None, model_chi2: Mapping[int, float]) -> dict | None:
+def free_summary(found: FreeMotions | FreeFields | None, model_chi2: Mapping[int, float]) -> dict | None:
     """The entry ``residual.free_dic_shown`` of result.json: mean χ² of both over the same frames."""
     if found is None or not all(k in model_chi2 for k in found.frames):
         return None
@@ -61,17 +64,11 @@ def free_summary(found: FreeFields | None, model_chi2: Mapping[int, float]) -> d
             "model_chi2_dof": float(np.mean([model_chi2[k] for k in found.frames]))}
 
 
-def _to_show(residuals: np.ndarray) -> np.ndarray:
-    """Maps that are only drawn, with three digits where their values allow it."""
-    fits = not np.nanmax(np.abs(residuals), initial=0.0) > np.finfo(np.float16).max
-    return residuals.astype(np.float16) if fits else residuals
-
-
-def _free(context: RunContext, evaluation: int, parameters: ParameterSet) -> FreeFields | None:
+def _free(context: RunContext, evaluation: int, parameters: ParameterSet) -> FreeMotions | None:
     shared = correlation_context(context, parameters)
     if not shared.experiment.noise.std_gv:
         return None
     seen = seen_by(shared.experiment, shared.reference.image)
     if seen is None:
         return None
-    return free_fields(seen, shown_frames(shared.experiment), simulated_motion(context, evaluation, parameters))
+    return free_motions(seen, shown_frames(shared.experiment), simulated_motion(context, evaluation, parameters))

@@ -11,7 +11,7 @@ from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.view import view_of
 from idic.fields.free import seen_by
 from idic.parameters import ParameterSet
-from idic.report.evidence.free_dic import free_fields, noise_floor
+from idic.report.evidence.free_dic import FreeMotions, free_motions, noise_floor, with_residuals
 from idic.report.evidence.law import law_curves
 from idic.report.evidence.points import point_maps_of
 from idic.report.evidence.practice import frame_views, practice_of
@@ -52,7 +52,9 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     seen = seen_by(experiment, reference) if experiment.noise.std_gv else None
     floor = noise_floor(seen, sensitivities, result, reference)
     views = frame_views(experiment, frames, lambda frame: at_rest + plane(frame), residuals_of(context, last_accepted(result)))
-    free = None if seen is None else read_free(context.store, point) or free_fields(seen, shown, plane)
+    free = None if seen is None else read_free(context.store, point) or free_motions(seen, shown, plane)
+    if seen is not None and isinstance(free, FreeMotions):
+        free = with_residuals(seen, free)
     if reference.is_section:
         views = with_profiles(views, reference, motion)
         if experiment.noise.std_gv:
