@@ -4,50 +4,22 @@ from __future__ import annotations
 
 import json
 import re
-from collections import defaultdict
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.init_fields import fields_document, find_stages
-from idic.experiment_file.init_words import fitting_scale, lines_of
+from idic.experiment_file.initial.fields import fields_document, find_stages
+from idic.experiment_file.initial.found import Area, Found, files_in, look_around
+from idic.experiment_file.initial.words import fitting_scale, lines_of
 from idic.experiment_file.toml_file import NAME
 from idic.fe.mesh.mesh import Mesh
-from idic.fe.mesh.outline import is_circle
-from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, open_stack
-from idic.readers.logs import Log, read_log
-from idic.readers.meshes import MESH_SUFFIXES, read_mesh_file
-from idic.readers.paths import natural_key
-from idic.readers.raw_mesh import DIMENSION, to_mesh
+from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES
+from idic.readers.logs import Log
 from idic.readers.units import parse_unit
 
-_NO_MESHES = (".dat", ".svg", ".wkt", ".xml")  # formats of meshio whose suffix usually means something else
 _ENDS = (("BOTTOM", "TOP"), ("LEFT", "RIGHT"), ("FIXED", "MOVING"), ("FIX", "LOAD"), ("CLAMP", "PULL"))
 _ROI_MARGIN, _ELEMENTS_ACROSS = 0.1, 15
-
-
-@dataclass
-class Found:
-    """The files in the folder: images, mesh, log, mask."""
-
-    folder: Path
-    images: str
-    n_images: int
-    image_shape: tuple[int, int]
-    mesh_file: str | None = None
-    mesh: Mesh | None = None
-    log_file: str | None = None
-    log: Log | None = None
-    mask: str | None = None
-    notes: list[str] = field(default_factory=list)
-    outline: list = field(default_factory=list)  # of the speckled area, (column, row) px
-    holes: list = field(default_factory=list)  # round ones in it, (column, row, radius) px
-
-
-Area = Callable[[np.ndarray], tuple[list, list]]  # image -> outline and holes of its speckled area, px
 
 
 def write_initial_experiment(folder: str | Path, area: Area | None = None) -> Path:
@@ -74,73 +46,13 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
     if target.exists():
         raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
                          found="an experiment.toml", remedy="rename or delete that file first")
-    files = _files(folder)
+    files = files_in(folder)
     stages = [] if any(path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES for path in files) else find_stages(files)
-    found = None if stages else _look_around(folder, files, area)
+    found = None if stages else look_around(folder, files, area)
     text = fields_document(folder, stages) if found is None else _document(found)
     with target.open("x", encoding="utf-8") as stream:
         stream.write(text)
     return target, [] if found is None else lines_of(found, text)
-
-
-# looking ------------------------------------------------------------------------------------------------
-def _files(folder: Path) -> list[Path]:
-    return sorted((path for depth in ("*", "*/*") for path in folder.glob(depth) if path.is_file()
-                   and not path.name.startswith(".")),
-                  key=lambda path: natural_key(str(path.relative_to(folder))))
-
-
-def _look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
-    groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
-    masks = []
-    for path in files:
-        if path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES:
-            is_mask = re.search(r"mask|roi", path.stem, re.IGNORECASE)
-            (masks if is_mask else groups[path.parent, path.suffix]).append(path)
-    if not groups:
-        raise InputError("no images in the folder", file=folder,
-                         expected="TIFF or PNG images, or the exported fields of a DIC system, in it or in a folder below", found=f"{len(files)} other files",
-                         remedy="put the images in a folder images/")
-    (parent, suffix), images = max(groups.items(), key=lambda item: len(item[1]))
-    pattern = (parent.relative_to(folder) / f"*{suffix}").as_posix()
-    stack = open_stack(images)
-    found = Found(folder, pattern, stack.n_frames, stack.shape)
-    if masks and masks[0].parent != parent:
-        found.mask = masks[0].relative_to(folder).as_posix()
-    if area is not None:
-        found.outline, holes = area(np.asarray(stack.frame(0)))
-        found.holes = [hole for hole in holes if is_circle(hole)]
-    formats = set(MESH_SUFFIXES) - set(_NO_MESHES)
-    _find_mesh([path for path in files if path.suffix.lower() in formats], found)
-    _find_log([path for path in files if path.suffix.lower() == ".csv"], found)
-    return found
-
-
-def _find_mesh(paths: list[Path], found: Found) -> None:
-    for path in paths:
-        try:
-            raw = read_mesh_file(path)
-            n_dim = max(DIMENSION[kind] for kind, cells, _ in raw.cells if len(cells))
-            mesh, _ = to_mesh(raw, n_dim, 1.0)
-        except (InputError, ValueError) as error:
-            found.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
-            continue
-        found.mesh_file, found.mesh = path.relative_to(found.folder).as_posix(), mesh
-        others = [other.name for other in paths if other != path]
-        if others:
-            found.notes.append(f"other meshes here: {', '.join(others)}")
-        return
-
-
-def _find_log(paths: list[Path], found: Found) -> None:
-    for path in paths:
-        try:
-            log = read_log(path)
-        except InputError as error:
-            found.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
-            continue
-        found.log_file, found.log = path.relative_to(found.folder).as_posix(), log
-        return
 
 
 # writing ------------------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ from idic.images.placed_camera import AnyCamera
 from idic.model.experiment import Experiment
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.joint_run import folders_of, is_joint
-from idic.run.residual_maps import residuals_of
+from idic.run.judgement.residual_maps import residuals_of
 from idic.store.arrays import FrameArrays, read_array
 from idic.store.layout import BASE, group_name
 

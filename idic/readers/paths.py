@@ -55,7 +55,7 @@ def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path
                              found=f"{parent.name}/ holds {', '.join(names)} …" if names else "none",
                              remedy='correct the pattern, e.g. images = "images/*.tif"')
         found |= dict.fromkeys(matches)
-    return sorted(found, key=lambda path: natural_key(str(path.relative_to(folder))))
+    return sorted(found, key=lambda path: natural_key(path.relative_to(folder).as_posix()))
 
 
 def _matches(folder: Path, pattern: str, *, file, key) -> list[Path]:

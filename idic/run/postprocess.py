@@ -1,12 +1,10 @@
 """After the last iteration: χ² of every frame, the judgement, the result file; what only the iterations needed is removed.
 
-Residual maps are not stored: `idic.run.residual_maps` computes them from the stored motion and images.
+Residual maps are not stored: `idic.run.judgement.residual_maps` computes them from the stored motion and images.
 """
 
 from __future__ import annotations
 
-import resource
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -28,7 +26,7 @@ from idic.run.judgement.judgement import Judgement, judged
 from idic.model.experiment import Experiment
 from idic.run.prepare import read_free_dic
 from idic.run.recovery import EVALUATIONS, START, SYSTEM
-from idic.run.residual_maps import PointResiduals
+from idic.run.judgement.residual_maps import PointResiduals
 from idic.run.session import Session, Timing
 from idic.store.arrays import FrameArrays, write_array
 from idic.store.camera_groups import group_of
@@ -37,6 +35,7 @@ from idic.store.result_file import write_result
 from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
 from idic.workers.dask_settings import cpu_seconds
+from idic.workers.peak_memory import peak_memory_mb
 
 KEPT_OF_THE_START = ("u", "channels", "steps")
 
@@ -205,8 +204,6 @@ def _residual_summary(context, point: Evaluation | None, fits: Sequence[Mapping[
 
 
 def _cost(state: LoopState, timing: Timing, began: float) -> dict:
-    unit = 1.0 if sys.platform == "darwin" else 1024.0  # ru_maxrss is in bytes there, in KiB elsewhere
-    peak = max(resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     spent = asdict(timing)
     cpu = cpu_seconds() - spent.pop("cpu_before_s")
-    return spent | {"wall_s": time.perf_counter() - began, "cpu_s": cpu, "peak_rss_mb": peak * unit / 1e6}
+    return spent | {"wall_s": time.perf_counter() - began, "cpu_s": cpu, "peak_rss_mb": peak_memory_mb()}

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.store.replace import replace_file
 
 
 def save_checkpoint(path: Path | str, schema: str, state: dict) -> None:
@@ -52,7 +53,7 @@ def _replace(path: Path, text: str) -> None:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(temporary, path)
+        replace_file(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
     _sync_folder(path.parent)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.store.replace import replace_file
 
 RESULT_FILE = "result.json"
 _SEAL = "sha256"
@@ -58,7 +59,7 @@ def write_json(path: Path, content: dict) -> None:
         file.write("\n")
         file.flush()
         os.fsync(file.fileno())
-    os.replace(temporary, path)
+    replace_file(temporary, path)
 
 
 def finite(value):

@@ -16,10 +16,15 @@ from idic.errors import InputError
 
 try:
     import fcntl
-except ImportError:  # no POSIX locks on this system: the process number in the file decides
-    fcntl = None
+except ImportError:
+    fcntl = None  # type: ignore[assignment]
+try:
+    import msvcrt
+except ImportError:  # not on Windows; without either, the process number in the file decides
+    msvcrt = None  # type: ignore[assignment]
 
 LOCK_NAME = "run.lock"
+LOCKED_BYTE = 1 << 30  # of the lock of Windows, which nobody else can read; the holder's number lies before it
 
 
 class RunBusy(InputError):
@@ -62,13 +67,23 @@ def is_held(run: Path | str) -> bool:
 def _try_system_lock(descriptor: int) -> bool | None:
     """True: held now. False: another process holds it. None: this file system has no locks."""
     if fcntl is None:
-        return None
+        return None if msvcrt is None else _lock_of_windows(descriptor)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:
         return None
+    return True
+
+
+def _lock_of_windows(descriptor: int) -> bool:
+    """The same by ``LockFile``; the end of the process or the closing of the file releases it."""
+    os.lseek(descriptor, LOCKED_BYTE, os.SEEK_SET)
+    try:
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+    except OSError:
+        return False
     return True
 
 
@@ -80,12 +95,13 @@ def _write_holder(descriptor: int) -> None:
         "locked": time.strftime("%Y-%m-%d %H:%M:%S"),
     }
     os.ftruncate(descriptor, 0)
-    os.pwrite(descriptor, json.dumps(holder).encode(), 0)
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    os.write(descriptor, json.dumps(holder).encode())
 
 
 def _read_holder(path: Path) -> dict:
     try:
-        holder = json.loads(path.read_text())
+        holder = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return holder if isinstance(holder, dict) else {}

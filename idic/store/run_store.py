@@ -26,6 +26,7 @@ from idic.images.stack import Stack
 from idic.store.arrays import Damaged, FrameArrays
 from idic.store.layout import FROM_PYTHON
 from idic.store.run_lock import LOCK_NAME, run_lock
+from idic.store.replace import replace_file
 
 STORE_NAME = "run.zarr"
 _SEAL = "descriptions"  # attribute of a group
@@ -235,7 +236,7 @@ def _renamed_when_complete(target: Path, unless: Callable[[], bool] = lambda: Fa
         shutil.rmtree(folder, ignore_errors=True)
         return
     _remove_tree(target)  # a rename onto a non-empty folder fails; a kill in between loses one group
-    os.rename(folder, target)
+    replace_file(folder, target)
     _sync(target.parent)
 
 
@@ -267,7 +268,7 @@ def _remove_tree(path: Path) -> None:
     if not path.name.startswith("."):
         doomed = path.parent / f".{path.name}.{uuid.uuid4().hex[:12]}.old"
         try:
-            os.rename(path, doomed)
+            replace_file(path, doomed)
         except FileNotFoundError:  # another task was faster
             return
         path = doomed
@@ -289,7 +290,7 @@ def _require_parents(root: Path, folder: Path) -> None:
 
 def _is_described(folder: Path) -> bool:
     try:
-        return json.loads((folder / "zarr.json").read_text())["node_type"] == "group"
+        return json.loads((folder / "zarr.json").read_text(encoding="utf-8"))["node_type"] == "group"
     except (OSError, ValueError, KeyError, TypeError):
         return False
 
@@ -297,15 +298,15 @@ def _is_described(folder: Path) -> bool:
 def _describe(folder: Path) -> None:
     """Write the description of a group without attributes, atomically."""
     temporary = folder / f".zarr.json.{uuid.uuid4().hex[:12]}.tmp"
-    temporary.write_text(json.dumps({"attributes": {}, "zarr_format": 3, "node_type": "group"}, indent=2))
+    temporary.write_text(json.dumps({"attributes": {}, "zarr_format": 3, "node_type": "group"}, indent=2), encoding="utf-8")
     _sync(temporary)
-    os.replace(temporary, folder / "zarr.json")
+    replace_file(temporary, folder / "zarr.json")
     _sync(folder)
 
 
 def _attributes(folder: Path) -> dict:
     try:
-        return json.loads((folder / "zarr.json").read_text()).get("attributes", {})
+        return json.loads((folder / "zarr.json").read_text(encoding="utf-8")).get("attributes", {})
     except (OSError, ValueError, AttributeError):
         return {}
 
@@ -314,9 +315,9 @@ def _seal(folder: Path) -> None:
     """Write the checksums of the array descriptions into the description of their group; the checksums of the chunks do
     not cover the shape."""
     file = folder / "zarr.json"
-    content = json.loads(file.read_text())
+    content = json.loads(file.read_text(encoding="utf-8"))
     content["attributes"][_SEAL] = _descriptions(folder)
-    file.write_text(json.dumps(content, indent=2))
+    file.write_text(json.dumps(content, indent=2), encoding="utf-8")
 
 
 def _descriptions(folder: Path) -> dict[str, str]:
@@ -328,7 +329,7 @@ def _arrays_in(folder: Path) -> list[str]:
     found = []
     for file in sorted(folder.glob("*/zarr.json")):
         try:
-            kind = json.loads(file.read_text())["node_type"]
+            kind = json.loads(file.read_text(encoding="utf-8"))["node_type"]
         except (ValueError, KeyError, TypeError) as problem:
             raise Damaged("the description of a stored array cannot be read", file=file, expected="JSON of Zarr",
                           found=f"{type(problem).__name__}: {problem}",

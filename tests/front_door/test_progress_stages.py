@@ -7,8 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
-from idic.cli.expected_time import SETTLED_GAIN, Pace, duration, evaluations_left
-from idic.cli.progress import progress_view
+from idic.cli.progress import SETTLED_GAIN, Pace, duration, evaluations_left, progress_view
 
 
 def test_stages_are_numbered_and_steps_keep_the_number_of_their_stage(tmp_path):

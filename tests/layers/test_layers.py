@@ -38,7 +38,7 @@ THIRD_PARTIES = {
     "idic.readers": {"gmsh", "meshio", "tifffile", "imagecodecs", "cv2", "PIL"},
     "idic.experiment_file": {"pydantic", "pydantic_core", "tomli_w"},
     "idic.store": {"zarr", "numcodecs", "psutil"},
-    "idic.report": {"matplotlib", "plotly", "jinja2"},
+    "idic.report": {"matplotlib", "PIL", "plotly", "jinja2"},
     "idic.workers": {"dask", "distributed", "psutil"},
     "idic.run": {"psutil", "zarr", "meshio", "threadpoolctl"},
     "idic.virtual_tests": {"tifffile", "PIL", "meshio", "cv2"},

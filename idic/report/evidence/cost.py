@@ -180,7 +180,7 @@ def memory_here() -> float | None:
         return None
     for file in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):
         try:
-            found.append(float(Path(file).read_text()))
+            found.append(float(Path(file).read_text(encoding="utf-8")))
         except (OSError, ValueError):  # no such control group, or "max"
             continue
     return min(found)

@@ -9,7 +9,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 import uuid
 from collections.abc import Iterator, Sequence
@@ -22,6 +21,7 @@ from idic.report.batch_table import batch_table, scatter
 from idic.run.batch.entries import BatchRun
 from idic.run.batch.runs import BatchJob, BatchOutcome
 from idic.store.run_lock import run_lock
+from idic.store.replace import replace_file
 
 SCHEMA = "idic.batch/1"
 JSON_FILE, CSV_FILE, PAGE_FILE = "batch.json", "batch.csv", "batch.html"
@@ -116,4 +116,4 @@ class Batch:
 def _replace(path: Path, text: str) -> None:
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
     temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
+    replace_file(temporary, path)

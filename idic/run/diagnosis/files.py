@@ -50,7 +50,7 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
         "candidates": _candidates(diagnosis), "named": list(verdict.selected),
         "indistinguishable": [list(group) for group in verdict.indistinguishable], "next_experiment": verdict.next_experiment,
         "model": {"parameters_before": _before(run), "parameters_after": _after(diagnosis),
-                  "experiment": None if enriched is None else str(enriched.relative_to(run))},
+                  "experiment": None if enriched is None else enriched.relative_to(run).as_posix()},
         "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded],
         "cannot_tell": list(verdict.cannot_tell), "probability": diagnosis.probability,
         "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px, "left": _left(diagnosis),

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -20,6 +19,7 @@ from idic.diagnose.refit import Refit
 from idic.diagnose.refit_job import RefitJob, run_refit
 from idic.diagnose.residual.heldout import Fit
 from idic.workers.runner import TaskRunner
+from idic.store.replace import replace_file
 
 FOLDER = "diagnosis"
 FITS = ("choice", "judgement")
@@ -83,7 +83,7 @@ class RefitStore:
         path, part = self._path(job), self.folder / f"{job.name}.part"
         with open(part, "wb") as file:
             np.savez(file, plain=np.array(json.dumps(plain)), **arrays)
-        os.replace(part, path)
+        replace_file(part, path)
 
     def _path(self, job: RefitJob) -> Path:
         return self.folder / f"{job.name}-{job_hash(job)}.npz"

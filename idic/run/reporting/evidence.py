@@ -20,7 +20,7 @@ from idic.report.record import Sensitivities
 from idic.run.context import RunContext, correlation_context
 from idic.run.judgement.free import read_free
 from idic.run.judgement.shown_frames import shown_frames
-from idic.run.residual_maps import residuals_of
+from idic.run.judgement.residual_maps import residuals_of
 from idic.store.arrays import FrameArrays
 from idic.store.layout import BASE, group_name
 

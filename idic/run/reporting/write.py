@@ -32,7 +32,7 @@ from idic.run.joint_run import folders_of, is_joint
 from idic.run.judgement.floor import read_floor
 from idic.run.judgement.shown_frames import shown_frames
 from idic.run.reporting.evidence import evidence, last_accepted
-from idic.run.residual_maps import residuals_of
+from idic.run.judgement.residual_maps import residuals_of
 from idic.run.reporting.paraview import write_paraview
 from idic.run.reporting.series import gauges_of, series_of
 from idic.store.arrays import FrameArrays, read_array
@@ -341,7 +341,7 @@ def _columns(context: RunContext, point: int, frame: int, parameters: ParameterS
     u = _read(context, point, BASE, "u", frame)
     columns = []
     for name in context.moving:
-        ident = json.loads((context.store.group(group_name(point, name)) / "zarr.json").read_text())["attributes"][
+        ident = json.loads((context.store.group(group_name(point, name)) / "zarr.json").read_text(encoding="utf-8"))["attributes"][
             "ident"
         ]
         change = float.fromhex(ident["values"][name]) - parameters[name].value

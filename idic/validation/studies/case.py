@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import resource
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -29,6 +27,7 @@ from idic.validation.studies.realisation import quantised, realisation
 from idic.validation.studies.registry import make_study
 from idic.validation.studies.store import StudyStore
 from idic.validation.studies.study import Case, Rendering
+from idic.workers.peak_memory import peak_memory_mb
 
 EXPERIMENTS = "experiments"
 
@@ -171,6 +170,5 @@ def _known(parameters: ParameterSet, values: Mapping[str, float]) -> dict[str, f
 
 
 def _cost(began: float, cpu: float) -> dict[str, float]:
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return {"wall_s": time.perf_counter() - began, "cpu_s": time.process_time() - cpu,
-            "peak_rss_mb": peak / (1e6 if sys.platform == "darwin" else 1e3)}
+            "peak_rss_mb": peak_memory_mb(children=False)}

@@ -7,7 +7,6 @@ with the frames as time points.
 
 from __future__ import annotations
 
-import resource
 import shutil
 import subprocess
 import tempfile
@@ -22,6 +21,11 @@ from idic.fe.mesh.mesh import Mesh
 from idic.materials import get_law
 from idic.validation.trial.scenes.scene import THICKNESS_MM, Scene
 from idic.validation.trial.scenes.solve import Motion, element_factors, end_dofs, true_mesh
+
+try:
+    import resource
+except ImportError:  # Windows: without a limit of processor time
+    resource = None  # type: ignore[assignment]
 
 THICKNESS_DIVISOR = 100.0
 MAX_CPU_S = 600
@@ -59,7 +63,7 @@ def solve_with_calculix(scene: Scene) -> Motion:
         path = Path(folder)
         (path / f"{JOB}.inp").write_text(deck(scene, mesh), encoding="ascii")
         done = subprocess.run([program, "-i", JOB], cwd=path, capture_output=True, text=True, check=False,
-                              preexec_fn=_limited)
+                              preexec_fn=None if resource is None else _limited)
         if done.returncode != 0:
             raise NotConverged(f"CalculiX ended with exit code {done.returncode} (it has {MAX_CPU_S} s of processor "
                                f"time): {done.stdout[-400:]}")

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from idic.experiment_file.init import Found
+from idic.experiment_file.initial.found import Found
 
 MAX_ASPECT_DIFFERENCE = 0.05  # of mesh and speckled area: with more, one of them shows another part of the specimen
 FILL_IN = "FILL IN"

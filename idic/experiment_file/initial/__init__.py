@@ -1,0 +1,1 @@
+"""What `idic init` finds in a folder, and what it tells of it."""

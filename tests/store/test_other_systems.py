@@ -1,0 +1,141 @@
+"""What differs between Linux, macOS and Windows: locks, files that others hold open, separators, modules that are not there."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+import pytest
+
+import idic
+from idic.readers.paths import natural_key
+from idic.store import replace, run_lock
+from idic.store.layout import group_name
+from idic.store.path_names import path_name
+from idic.store.run_lock import RunBusy
+from idic.workers import peak_memory
+
+ONLY_SOMEWHERE = {"fcntl", "grp", "msvcrt", "pwd", "resource", "termios", "winreg"}
+ONLY_POSIX = {"fork", "getuid", "killpg", "pread", "pwrite", "sched_getaffinity", "setsid", "waitid"}  # of the module os
+
+
+class LockOfWindows:
+    """``msvcrt.locking`` as documented: a byte that one descriptor has locked is refused to the others."""
+
+    LK_NBLCK = 2
+
+    def __init__(self):
+        self.locked: set[tuple[int, int]] = set()
+
+    def locking(self, descriptor: int, mode: int, n_bytes: int) -> None:
+        place = (os.fstat(descriptor).st_ino, os.lseek(descriptor, 0, os.SEEK_CUR))
+        if place in self.locked:
+            raise PermissionError(13, "Permission denied")
+        self.locked.add(place)
+
+
+def test_without_posix_locks_the_lock_of_windows_keeps_others_out(tmp_path, monkeypatch):
+    system = LockOfWindows()
+    monkeypatch.setattr(run_lock, "fcntl", None)
+    monkeypatch.setattr(run_lock, "msvcrt", system)
+    with run_lock.run_lock(tmp_path):
+        assert run_lock.is_held(tmp_path)  # the holder's number is readable beside the locked byte
+        with pytest.raises(RunBusy, match=str(os.getpid())), run_lock.run_lock(tmp_path):
+            pass
+    system.locked.clear()  # as the system does when the file is closed
+    with run_lock.run_lock(tmp_path):
+        assert (tmp_path / run_lock.LOCK_NAME).stat().st_size < 1000  # the locked byte lies beyond the end
+
+
+def test_a_file_that_another_program_holds_open_is_replaced_when_it_lets_go(tmp_path, monkeypatch):
+    refused, given = [1, 1], os.replace
+    monkeypatch.setattr(os, "replace", lambda a, b: given(a, b) if not refused else held(refused))
+    (tmp_path / "new").write_text("new", encoding="utf-8")
+    (tmp_path / "old").write_text("old", encoding="utf-8")
+    replace.replace_file(tmp_path / "new", tmp_path / "old", patience_s=10.0)
+    assert (tmp_path / "old").read_text(encoding="utf-8") == "new" and not refused
+    refused.append(1)
+    with pytest.raises(PermissionError):
+        replace.replace_file(tmp_path / "old", tmp_path / "new", patience_s=0.0)
+
+
+def held(refused):
+    refused.pop()
+    raise PermissionError(13, "Permission denied")
+
+
+@pytest.mark.parametrize("label", ["Force/N", "a\\b", "sheet: left", "con", "LPT1.x", "end.", "what?", "..", "C:"])
+def test_a_name_of_the_user_is_one_part_of_a_path_on_every_system(label):
+    name = path_name(label)
+    for kind in (PurePosixPath, PureWindowsPath):
+        assert kind("run", name).parts == ("run", name)
+    assert not PureWindowsPath(name).drive and not name.endswith((".", " "))
+
+
+def test_groups_of_a_run_are_the_same_folders_under_either_separator():
+    name = group_name(7, "SPECIMEN.E")
+    assert PureWindowsPath("run.zarr", name).as_posix() == PurePosixPath("run.zarr", name).as_posix()
+
+
+def test_files_have_the_same_order_under_either_separator():
+    files = ["a/10.tif", "a/9.tif", "a1/1.tif", "a-b/1.tif", "B/1.tif"]
+    orders = [sorted(files, key=lambda file, kind=kind: natural_key(kind(file).as_posix()))
+              for kind in (PurePosixPath, PureWindowsPath)]
+    assert orders[0] == orders[1]
+
+
+def test_peak_memory_is_known_without_the_resource_module(monkeypatch):
+    """psutil tells the peak on Windows alone, so that a stand-in has its name here."""
+    known = peak_memory.peak_memory_mb()
+    assert known > 10.0  # an interpreter with NumPy
+
+    class Process:
+        def memory_info(self):
+            return type("Memory", (), {"peak_wset": int(known * 1e6)})
+
+    monkeypatch.setattr(peak_memory, "resource", None)
+    monkeypatch.setattr(peak_memory.psutil, "Process", Process)
+    assert peak_memory.peak_memory_mb() == pytest.approx(known)
+
+
+def sources() -> list[Path]:
+    root = Path(idic.__file__).parent
+    return sorted([*root.rglob("*.py"), *(root.parent / "flows").rglob("*.py")])
+
+
+def test_modules_of_one_system_alone_are_imported_where_their_absence_is_caught():
+    found = []
+    for file in sources():
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        caught = {id(line) for block in ast.walk(tree) if isinstance(block, ast.Try) for line in block.body}
+        for line in ast.walk(tree):
+            names = [a.name for a in line.names] if isinstance(line, ast.Import) else [line.module] if isinstance(
+                line, ast.ImportFrom) else []
+            if ONLY_SOMEWHERE & set(names) and id(line) not in caught:
+                found.append(f"{file.name}:{line.lineno}")
+    assert not found
+
+
+def test_functions_of_posix_alone_stand_behind_a_question():
+    """In a function that asks for the system (``os.name``), for the function (``hasattr``) or catches its absence."""
+    found = []
+    for file in sources():
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        for function in [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]:
+            used = [node.attr for node in ast.walk(function) if isinstance(node, ast.Attribute) and node.attr in ONLY_POSIX
+                    and isinstance(node.value, ast.Name) and node.value.id == "os"]
+            text = ast.unparse(function)
+            if used and not any(asked in text for asked in ("os.name", "hasattr", "AttributeError")):
+                found.append(f"{file.name}: {function.name} {used}")
+    assert not found
+
+
+def test_texts_are_written_and_read_as_utf_8():
+    """Also by ruff: without `encoding` they are in the code page of the system, which is none of every German letter's."""
+    command = [sys.executable, "-m", "ruff", "check", "--isolated", "--preview", "--select", "PLW1514", "--no-cache",
+               str(Path(idic.__file__).parent)]
+    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
+    assert done.returncode == 0, done.stdout
