@@ -160,7 +160,7 @@ def test_temporary_files_of_a_killed_process_are_removed_by_the_next_one(tmp_pat
 
 
 # images -------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("n, shape, per_chunk", [(20, (11, 13), 16), (3, (600, 900), 1)])
+@pytest.mark.parametrize("n, shape, per_chunk", [(20, (11, 13), 10), (3, (600, 900), 1)])
 def test_images_come_back_bit_for_bit(store, n, shape, per_chunk):
     frames, seen = images(n, shape, "u1"), []
     stack = store.ingest(ArrayStack(frames), progress=lambda done, total: seen.append((done, total)))
