@@ -95,7 +95,8 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
     result["sensitivity"] = session.sensitivity
     result["history"] = [dict(entry) for entry in state.history]
     write_result(session.run, result)
-    if state.accepted is not None and state.accepted.number != 0 and state.history[0]["phi"] is not None:
+    if state.status != "interrupted" and state.accepted is not None and state.accepted.number != 0 and (
+            state.history[0]["phi"] is not None):
         _thin_start(context)
     return result
 
