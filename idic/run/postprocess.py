@@ -1,6 +1,7 @@
 """After the last iteration: χ² of every frame, the judgement, the result file; what only the iterations needed is removed.
 
-Residual maps are not stored: `idic.run.judgement.residual_maps` computes them from the stored motion and images.
+``run.zarr/final`` holds the residual maps of the frames that the report shows; `idic.run.judgement.residual_maps` computes those
+of any frame from the stored motion and images.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -27,6 +29,7 @@ from idic.model.experiment import Experiment
 from idic.run.prepare import read_free_dic
 from idic.run.recovery import EVALUATIONS, START, SYSTEM
 from idic.run.judgement.residual_maps import PointResiduals
+from idic.run.judgement.shown_frames import shown_frames
 from idic.run.session import Session, Timing
 from idic.store.arrays import FrameArrays, write_array
 from idic.store.camera_groups import group_of
@@ -37,31 +40,37 @@ from idic.store.system_store import load_evaluation
 from idic.workers.dask_settings import cpu_seconds
 from idic.workers.peak_memory import peak_memory_mb
 
+MAPS = "final"
 KEPT_OF_THE_START = ("u", "channels", "steps")
 
 
 @dataclass(frozen=True)
 class FitJob:
-    """How well some frames of an evaluated point are explained."""
+    """How well some frames of an evaluated point are explained; target : array of the maps of the frames in `shown`."""
 
     run: str
     evaluation: int
     frames: tuple[int, ...]
     values: Mapping[str, float]
     brightness: Mapping[int, tuple[float, ...]]  # frame -> gain and offset per patch
-    camera: int = 0
+    camera: int
+    target: str
+    shown: tuple[int, ...]
 
 
 def fit_frames(job: FitJob) -> tuple[list[FrameFit], ElementSums | None]:
     """How well each frame is explained (a task), and the sums of the elements over the correlated ones (None: no pixels
     in elements)."""
     at = PointResiduals(open_run(job.run), job.evaluation, job.values, job.brightness, job.camera)
+    maps = FrameArrays.open(Path(job.target).parent, Path(job.target).name, "r+") if job.shown else None
     sigma, kind = at.experiment.noise.std_gv, at.kind
     fits, sums = [], None
     correlated = set(correlated_frames(at.experiment, job.frames))
     for frame in job.frames:
         found = at.compare(frame)
         fits.append(FrameFit.of(frame, found, sigma))
+        if maps is not None and frame in job.shown:
+            maps.write(job.shown.index(frame), at.as_image(found)[None])
         if kind == GREY and frame in correlated and sigma and fits[-1].n_pixels:
             own = element_sums(at.reference.pixel_map, found, sigma)
             sums = own if sums is None else sums + own
@@ -154,11 +163,16 @@ def _fits_of(session: Session, state: LoopState, point: Evaluation,
     if not frames:
         return {}, []
     brightness = {record.frame: tuple(record.brightness_of(number).tolist()) for record in point.system.frames}
-    jobs = [FitJob(session.run, state.accepted.number, chunk, state.accepted.values,
-                   {k: brightness[k] for k in chunk if k in brightness}, number)
-            for chunk in (frames[i:i + size] for i in range(0, len(frames), size))]
-    labels = [f"residual-{experiment.views[number].camera_name}-frames{job.frames[0]}-{job.frames[-1]}" for job in jobs]
-    parts = session.runner.map(fit_frames, jobs, labels, retries=1)
+    shown, view = shown_frames(experiment), experiment.views[number]
+    with session.context.store.building(group_of(experiment, number, MAPS), {"evaluation": state.accepted.number}) as folder:
+        write_array(folder, "frames", np.array(shown, dtype=np.int64))
+        dtype = "f2" if np.asarray(view.stack.frame(view.reference)).dtype == np.uint8 else "f4"  # three digits are enough to look at
+        FrameArrays.create(folder, "residual", len(shown), view.image_shape, 1, dtype)
+        jobs = [FitJob(session.run, state.accepted.number, chunk, state.accepted.values,
+                       {k: brightness[k] for k in chunk if k in brightness}, number, str(folder / "residual"), shown)
+                for chunk in (frames[i:i + size] for i in range(0, len(frames), size))]
+        labels = [f"residual-{view.camera_name}-frames{job.frames[0]}-{job.frames[-1]}" for job in jobs]
+        parts = session.runner.map(fit_frames, jobs, labels, retries=1)
     fits = {fit.frame: fit for part, _ in parts for fit in part}
     lost = {r.frame for r in point.system.frames if r.cameras[number, 0] == 0}  # nothing of the pattern in them
     return ({k: replace(fit, n_pixels=0) if k in lost else fit for k, fit in fits.items()},

@@ -82,7 +82,7 @@ def _shown(store: RunStore) -> list[str]:
     state = load_state(store.run)
     if state.accepted is None:
         return []
-    return ["channels"]
+    return ["channels", "final", *(f"cameras/{camera}/final" for camera in _further(store))]
 
 
 def result_of_state(store: RunStore) -> dict | None:

@@ -15,7 +15,10 @@ from fault_runs import (command_line, descendants, evaluations, finish, kill, ou
 
 import idic
 from idic.errors import InputError
+from idic.run.context import open_run
+from idic.run.judgement.residual_maps import residuals_of
 from idic.run.plain import identify_on
+from idic.store.arrays import FrameArrays, read_array
 from idic.workers.runner import SerialRunner
 from idic.virtual_tests.examples import write_example
 
@@ -194,9 +197,15 @@ def contents(run):
 
 
 def test_a_finished_run_keeps_only_what_resume_and_report_need(small):
-    """Residual maps take four times the room of 8-bit images, and the first point's sensitivities are of no use any more."""
+    """Residual maps of all frames take four times the room of 8-bit images; those of the report's frames stay. The first
+    point's sensitivities are of no use any more."""
     stored = small.run / "run.zarr"
-    assert not list(stored.rglob("residual")) and not list(stored.rglob("residuals"))
+    assert [path.relative_to(stored).as_posix() for path in stored.rglob("residual*")] == ["final/residual"]
+    frames, maps = read_array(stored / "final", "frames"), FrameArrays.open(stored / "final", "residual")
+    assert len(frames) == maps.n_frames == 4 and frames[-1] == len(small.result["frames"]) - 1
+    context = open_run(str(small.run))
+    entry = [entry for entry in small.result["history"] if entry["accepted"]][-1]
+    np.testing.assert_allclose(maps.read(3, 4)[0], residuals_of(context, entry)(int(frames[3])), rtol=1e-3, atol=1e-6)  # float16
     accepted = [entry["evaluation"] for entry in small.result["history"] if entry["accepted"]][-1]
     assert accepted > 0
     kept = {number: {folder.name for folder in (stored / f"evaluations/{number:03d}/base").glob("*/")} for number in (0, accepted)}

@@ -66,7 +66,10 @@ class PointResiduals:
 
     def map(self, frame: int) -> np.ndarray:
         """Residual in the reference image, NaN where there is no valid pixel  # (ny, nx) float32"""
-        found = self.compare(frame)
+        return self.as_image(self.compare(frame))
+
+    def as_image(self, found: ResidualMap) -> np.ndarray:
+        """A comparison as a map  # (ny, nx) float32"""
         return self.reference.pixel_map.to_image(np.where(found.valid, found.r, np.nan)).astype(np.float32)
 
 
