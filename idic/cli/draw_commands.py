@@ -24,7 +24,10 @@ def draw(
         from idic.draw.folder import list_folder
         from idic.draw.server import HOST, new_token, open_socket, serve
 
-        list_folder(folder)
+        cameras = list_folder(folder).cameras
+        if cameras:
+            typer.echo(f"note     {' and '.join(cameras)} hold as many images each: the page draws on one camera. For several at one "
+                       "test: idic init, then a [[camera]] table for each (docs/cameras.md)")
         place, token = open_socket(port), new_token()
         address = f"http://{HOST}:{place.getsockname()[1]}/{token}/"
         typer.echo(f"page     {address}\nOnly this machine can open it. Ctrl-C ends the page; a run that it started goes on.")

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.initial.fields import find_stages
 from idic.experiment_file.toml_file import NAME
 from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, FileStack, open_stack
 from idic.readers.logs import Log, read_log
@@ -37,6 +38,13 @@ class Listing:
     logs: tuple[str, ...]
     runs: tuple[str, ...]
     has_experiment: bool
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Patterns of groups that may be those of several cameras at one test: as many images each; () for one camera."""
+        first = next(iter(self.images.values()))
+        same = tuple(name for name, paths in self.images.items() if len(paths) == len(first) > 1)
+        return same if len(same) > 1 else ()
 
     def stack(self, pattern: str) -> FileStack:
         """The images of a group.
@@ -77,6 +85,10 @@ def list_folder(folder: Path) -> Listing:
     for path in files:
         if path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES and not re.search(r"mask|roi", path.stem, re.IGNORECASE):
             groups[(path.parent.relative_to(folder) / f"*{path.suffix}").as_posix()].append(path)
+    if not groups and find_stages(files):
+        raise InputError("the folder holds measured fields, and idic draw draws on images", file=folder,
+                         expected="TIFF or PNG images", found="stages of another DIC system",
+                         remedy=f"idic init {folder} writes experiment.toml with a mesh on the measured points")
     if not groups:
         raise InputError("no images in the folder", file=folder, expected="TIFF or PNG images, in it or in a folder below",
                          found=f"{len(files)} other files", remedy="put the images in a folder images/")

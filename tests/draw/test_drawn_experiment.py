@@ -173,3 +173,21 @@ def test_a_folder_without_images_is_refused(tmp_path):
     for folder in (tmp_path / "empty", tmp_path / "nothing"):
         with pytest.raises(InputError):
             list_folder(folder)
+
+
+def test_a_folder_of_measured_fields_is_sent_to_init(tmp_path):
+    rows = "\n".join(f"{x},{y},{0.01 * x},{-0.003 * y}" for x in range(6) for y in range(4))
+    for k in range(2):
+        (tmp_path / f"stage_{k}.csv").write_text(f"x,y,u,v\n{rows}\n", encoding="utf-8")
+    with pytest.raises(InputError, match="idic init"):
+        list_folder(tmp_path)
+
+
+def test_groups_with_as_many_images_each_may_be_cameras(tmp_path):
+    for camera, n in (("cam0", 3), ("cam1", 3), ("still", 2)):
+        (tmp_path / camera).mkdir()
+        for k in range(n):
+            (tmp_path / camera / f"{k}.tif").write_bytes(b"")
+    assert list_folder(tmp_path).cameras == ("cam0/*.tif", "cam1/*.tif")
+    (tmp_path / "cam1" / "2.tif").unlink()
+    assert list_folder(tmp_path).cameras == ()
