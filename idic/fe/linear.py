@@ -1,14 +1,14 @@
 """Sparse linear systems of the free degrees of freedom: numbering, scatter positions, factorisation, solution.
 
 Where the band is narrow (strips, small 2D meshes) LAPACK band LU, numbered by reverse Cuthill-McKee or along an axis,
-whichever gives the narrower band; else SuperLU with minimum degree on A^T + A. Matrices are unsymmetric in general
-(F-bar, follower loads, non-associated laws).
+whichever gives the narrower band; else an LU by dense fronts, numbered by nested dissection. Matrices are unsymmetric in
+general (F-bar, follower loads, non-associated laws).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg.lapack import dgbtrf, dgbtrs
@@ -16,12 +16,14 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.fe import band
+from idic.fe import band, dissection, multifrontal
 from idic.fe.assembly import kernels
 
 MAX_HALF_BANDWIDTH_OF_BAND_LU = {2: 180, 3: 400}  # faster than SuperLU, by dimension (3 000 to 30 000 dofs)
 
 MAX_HALF_BANDWIDTH_OF_OWN_LU = 100  # faster than LAPACK (twice at 27): rare row exchanges
+
+MAX_BACKWARD_ERROR = 1e-13  # of an LU by fronts; beyond, its row exchanges were not enough and SuperLU takes over
 
 
 class SingularMatrix(Exception):
@@ -40,6 +42,8 @@ class Pattern:
         The dof of each equation.
     half_bandwidth : int or None
         Band storage (LAPACK, leading dimension 3 * half_bandwidth + 1); None: compressed columns.
+    fronts : tuple of Front
+        How compressed columns are factorised.
     """
 
     equation: np.ndarray
@@ -47,6 +51,7 @@ class Pattern:
     half_bandwidth: int | None
     indptr: np.ndarray | None = None
     indices: np.ndarray | None = None
+    fronts: tuple[multifrontal.Front, ...] = field(default=(), repr=False)
 
     @property
     def n(self) -> int:
@@ -80,16 +85,22 @@ class Pattern:
 
 @dataclass(frozen=True)
 class Factor:
-    """A factorised matrix."""
+    """A factorised matrix.
+
+    lu : band of LAPACK with pivots, fronts, or SuperLU
+    """
 
     pattern: Pattern
-    lu: np.ndarray | SuperLU
+    lu: np.ndarray | tuple[multifrontal.FrontFactor, ...] | SuperLU
     pivots: np.ndarray | None = None
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Solve for one (n,) or several (n, m) right-hand sides, in equation numbering."""
         if self.pattern.n == 0 or rhs.size == 0:
             return np.zeros_like(rhs)
+        if isinstance(self.lu, tuple):
+            columns = rhs.reshape(self.pattern.n, -1)
+            return multifrontal.solve(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
         if self.pivots is None:
             return self.lu.solve(np.ascontiguousarray(rhs))
         kl = self.pattern.half_bandwidth
@@ -106,6 +117,9 @@ class Factor:
         """Solve with the transposed matrix, for adjoints; shapes as in `solve`."""
         if self.pattern.n == 0 or rhs.size == 0:
             return np.zeros_like(rhs)
+        if isinstance(self.lu, tuple):
+            columns = rhs.reshape(self.pattern.n, -1)
+            return multifrontal.solve_transposed(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
         if self.pivots is None:
             return self.lu.solve(np.ascontiguousarray(rhs), "T")
         kl = self.pattern.half_bandwidth
@@ -144,8 +158,22 @@ def make_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], pr
             narrowest, equation, dof_order = width, numbers, candidate
     if narrowest <= (MAX_HALF_BANDWIDTH_OF_BAND_LU[n_dim] if widest_band is None else widest_band):
         return Pattern(equation, dof_order, narrowest)
-    return Pattern(equation, dof_order, None,
-                   *_compressed_columns(len(dof_order), [equation[dofs] for dofs in element_dofs]))
+    return _dissected(coordinates, element_dofs, free)
+
+
+def _dissected(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], free: np.ndarray) -> Pattern:
+    """Compressed columns, numbered by nested dissection."""
+    n_dim = coordinates.shape[1]
+    nodes = [dofs[:, ::n_dim] // n_dim for dofs in element_dofs]
+    separators, children = dissection.separators(dissection.incidences(coordinates, nodes),
+                                                  free.reshape(-1, n_dim).any(axis=1))
+    order = (np.concatenate(separators)[:, None] * n_dim + np.arange(n_dim)).ravel()
+    ends = np.cumsum(free[order])[n_dim * np.cumsum([len(part) for part in separators]) - 1]
+    order = order[free[order]]
+    equation = np.full(coordinates.size, -1, dtype=np.int64)
+    equation[order] = np.arange(len(order))
+    columns = _compressed_columns(len(order), [equation[dofs] for dofs in element_dofs])
+    return Pattern(equation, order, None, *columns, fronts=multifrontal.analyse(ends, children, *columns))
 
 
 def _half_bandwidth(equations: np.ndarray) -> int:
@@ -192,12 +220,7 @@ def factorise(pattern: Pattern, values: np.ndarray) -> Factor:
     if not np.isfinite(values.sum()):  # one pass without a mask as large as the band
         raise SingularMatrix("the stiffness is not finite")
     if pattern.half_bandwidth is None:
-        matrix = csc_array((values, pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
-        try:
-            lu = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01, options={"SymmetricMode": True})
-        except RuntimeError as error:
-            raise SingularMatrix(str(error)) from None
-        return Factor(pattern, lu)
+        return _sparse_factor(pattern, values)
     kl = pattern.half_bandwidth
     if kl <= MAX_HALF_BANDWIDTH_OF_OWN_LU:
         pivots = np.empty(pattern.n, dtype=np.int32)
@@ -209,3 +232,17 @@ def factorise(pattern: Pattern, values: np.ndarray) -> Factor:
     if info != 0:
         raise SingularMatrix(f"pivot {info} of {pattern.n} is zero")
     return Factor(pattern, lu, pivots)
+
+
+def _sparse_factor(pattern: Pattern, values: np.ndarray) -> Factor:
+    """LU by fronts; by SuperLU, which may exchange any rows, where the first solution with it is not accurate."""
+    matrix = csc_array((values, pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
+    fronts = multifrontal.factor(pattern.fronts, values)
+    if fronts is not None:
+        factor, rhs = Factor(pattern, fronts), np.cos(np.arange(pattern.n, dtype=float))
+        if multifrontal.backward_error(matrix, factor.solve(rhs), rhs) <= MAX_BACKWARD_ERROR:
+            return factor
+    try:
+        return Factor(pattern, splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.01, options={"SymmetricMode": True}))
+    except RuntimeError as error:
+        raise SingularMatrix(str(error)) from None

@@ -1,0 +1,64 @@
+"""LU by fronts against SuperLU, and where its row exchanges are not enough."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import SuperLU, splu
+from test_factorisation_cost import brick, dofs_of, plate
+
+from idic.fe.assembly import kernels
+from idic.fe.linear import SingularMatrix, factorise, make_pattern
+
+
+def assembled(mesh, prescribed=(), shift=20.0):
+    """A pattern by fronts, and random unsymmetric values on it, the nearer to singular the smaller the shift."""
+    dofs, rng = dofs_of(mesh), np.random.default_rng(1)
+    pattern = make_pattern(mesh.nodes, [dofs], np.asarray(prescribed, dtype=int), widest_band=-1)
+    values, m = np.zeros(pattern.n_stored), dofs.shape[1]
+    kernels.scatter(rng.standard_normal((len(dofs), m, m)) + shift * np.eye(m), pattern.positions(dofs), values)
+    return pattern, values, csc_array((values.copy(), pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
+
+
+@pytest.mark.parametrize("mesh, prescribed", [(plate(12, 9), range(40)), (brick(6, 5, 4), range(0, 300, 7)), (brick(1, 1, 1), ())],
+                         ids=["plate", "brick", "one element"])
+def test_fronts_solve_as_superlu_does(mesh, prescribed):
+    pattern, values, matrix = assembled(mesh, prescribed)
+    factor, reference, rhs = factorise(pattern, values), splu(matrix), np.random.default_rng(0).random((pattern.n, 3))
+    assert isinstance(factor.lu, tuple)
+    for own, theirs in ((factor.solve(rhs), reference.solve(rhs)),
+                        (factor.solve_transposed(rhs), reference.solve(rhs, "T")),
+                        (factor.solve(rhs[:, 0]), reference.solve(rhs[:, 0]))):
+        np.testing.assert_allclose(own, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max())  # condition below 1e3
+
+
+def test_every_free_equation_is_the_pivot_of_one_front():
+    pattern, _, _ = assembled(plate(9, 7), range(0, 200, 3))
+    ends = [front.end for front in pattern.fronts]
+    assert [front.first for front in pattern.fronts] == [0, *ends[:-1]] and ends[-1] == pattern.n
+    assert sorted(pattern.dofs) == sorted(set(range(len(pattern.equation))) - set(range(0, 200, 3)))
+    assert all((front.boundary >= front.end).all() for front in pattern.fronts)
+
+
+@pytest.mark.parametrize("pivots", [0.0, 1e-14], ids=["singular", "tiny"])
+def test_pivots_that_must_come_from_another_front_are_left_to_superlu(pivots):
+    pattern, values, matrix = assembled(plate(6, 6))
+    leaf = pattern.fronts[0]
+    columns = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
+    row, inside = pattern.indices, columns < leaf.end
+    touching = np.unique(row[~inside & (row < leaf.end)])[:4]  # equations without a pivot in their front, regular with others
+    values[np.isin(row, touching) & inside] *= pivots
+    matrix = csc_array((values.copy(), pattern.indices, pattern.indptr), shape=matrix.shape)
+    factor, rhs = factorise(pattern, values), np.ones(pattern.n)
+    assert isinstance(factor.lu, SuperLU)
+    solution = factor.solve(rhs)
+    assert np.abs(matrix @ solution - rhs).max() < 1e-9 * np.abs(matrix).max() * np.abs(solution).max()
+
+
+def test_a_singular_matrix_is_refused():
+    pattern, values, _ = assembled(plate(6, 6))
+    with pytest.raises(SingularMatrix):
+        factorise(pattern, np.zeros_like(values))
+    with pytest.raises(SingularMatrix, match="not finite"):
+        factorise(pattern, np.full_like(values, np.nan))
