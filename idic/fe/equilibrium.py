@@ -11,6 +11,7 @@ from idic.errors import NotConverged
 from idic.fe.assembly import assembly
 from idic.fe.assembly.assembly import Evaluation, System
 from idic.fe.boundary import Drives
+from idic.fe.krylov import correction as iterated
 from idic.fe.linear import Factor, SingularMatrix, factorise
 
 
@@ -87,8 +88,8 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
     factor, matrices, iterations = start.factor, start.factor_matrices, 0
     if predictor is None:
         ev = _admissible(evaluate(start.u, start.states))
-        factor, matrices = _factor(system, ev, factor, matrices)
-        move = _clamped(_tangent_move(system, ev, factor, drives, held), held, limit)
+        move, factor, matrices = _tangent_move(system, ev, drives, held, factor, matrices)
+        move = _clamped(move, held, limit)
         ev, iterations = _admissible(evaluate(start.u + move.reshape(start.u.shape), start.states)), 1
     else:
         u = predictor.copy()
@@ -104,11 +105,12 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
         first = unbalanced if first is None else first
         if iterations >= control.max_iterations or not unbalanced < 1e6 * max(first, scale):
             raise NotConverged(_where_unbalanced(system, ev, unbalanced, scale, iterations))
-        if not unbalanced**2 <= MAX_CHORD_UNBALANCE * control.tolerance * scale * before:  # same gain as the last time
-            factor, matrices = _factor(system, ev, factor, matrices)
+        rhs, correction = -ev.residual.ravel()[system.pattern.dofs], np.zeros(ev.u.size)
+        if unbalanced**2 <= MAX_CHORD_UNBALANCE * control.tolerance * scale * before:  # same gain as the last time
+            correction[system.pattern.dofs] = factor.solve(rhs)
+        else:
+            correction[system.pattern.dofs], factor, matrices = _solution(system, ev, rhs, factor, matrices)
         before = unbalanced
-        correction = np.zeros(ev.u.size)
-        correction[system.pattern.dofs] = factor.solve(-ev.residual.ravel()[system.pattern.dofs])
         correction = _clamped(correction, held, limit).reshape(ev.u.shape)
         ev = _corrected(system, evaluate, ev, correction, LINE_SEARCH_PARTS if line_search else (1.0,))
         iterations += 1
@@ -117,22 +119,34 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
 def linear_move(system: System, params: Mapping[str, np.ndarray], start: Converged, drives: Drives) -> np.ndarray:
     """The displacement increment to `drives` if stiffness stayed as it is at `start`  # (n_nodes, d) mm"""
     ev = _admissible(assembly.evaluate(system, params, start.u, start.states, drives.time - start.time, drives))
-    factor, _ = _factor(system, ev, start.factor, start.factor_matrices)
     held = np.asarray(system.model.constraints.dofs)
-    return _tangent_move(system, ev, factor, drives, held).reshape(start.u.shape)
+    move, _, _ = _tangent_move(system, ev, drives, held, start.factor, start.factor_matrices)
+    return move.reshape(start.u.shape)
 
 
 MAX_CHORD_UNBALANCE = 0.1  # of the tolerance: an old factor that is expected to bring the forces below this is used
 LINE_SEARCH_PARTS = (1.0, 0.5, 0.25, 0.125, 0.0625)  # parts of a Newton correction that a line search tries
 
 
-def _tangent_move(system: System, ev: Evaluation, factor: Factor, drives: Drives, held: np.ndarray) -> np.ndarray:
+def _tangent_move(system: System, ev: Evaluation, drives: Drives, held: np.ndarray, factor: Factor | None,
+                  matrices: tuple) -> tuple[np.ndarray, Factor, tuple]:
     """Displacement increment (n_dof,) linearised about the start of the step, prescribed increments included."""
     move = np.zeros(ev.u.size)
     move[held] = drives.prescribed - ev.u.ravel()[held]
     rhs = -(ev.residual.ravel() + assembly.stiffness_times(system, ev, move[:, None])[:, 0])
-    move[system.pattern.dofs] = factor.solve(rhs[system.pattern.dofs])
-    return move
+    move[system.pattern.dofs], factor, matrices = _solution(system, ev, rhs[system.pattern.dofs], factor, matrices)
+    return move, factor, matrices
+
+
+def _solution(system: System, ev: Evaluation, rhs: np.ndarray, factor: Factor | None,
+              matrices: tuple) -> tuple[np.ndarray, Factor, tuple]:
+    """Solution with the tangent of an evaluation, by an earlier factor where a new one costs much and it still serves."""
+    if system.pattern.costs_much and factor is not None and not matrices:
+        found = iterated(system.pattern.matrix(assembly.stiffness_values(system, ev)), factor, rhs)
+        if found is not None:
+            return found, factor, matrices
+    factor, matrices = _factor(system, ev, factor, matrices)
+    return factor.solve(rhs), factor, matrices
 
 
 def _corrected(system: System, evaluate, ev: Evaluation, correction: np.ndarray, parts) -> Evaluation:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg.lapack import dgbtrf, dgbtrs
@@ -22,6 +23,8 @@ from idic.fe.assembly import kernels
 MAX_HALF_BANDWIDTH_OF_BAND_LU = {2: 180, 3: 400}  # faster than SuperLU, by dimension (3 000 to 30 000 dofs)
 
 MAX_HALF_BANDWIDTH_OF_OWN_LU = 100  # faster than LAPACK (twice at 27): rare row exchanges
+
+MIN_OPERATIONS_PER_ENTRY = 500  # of an LU by fronts: from here on a factorisation costs over 15 solutions
 
 MAX_BACKWARD_ERROR = 1e-13  # of an LU by fronts; beyond, its row exchanges were not enough and SuperLU takes over
 
@@ -62,6 +65,17 @@ class Pattern:
         if self.half_bandwidth is None:
             return len(self.indices)
         return (3 * self.half_bandwidth + 1) * self.n
+
+    @cached_property
+    def costs_much(self) -> bool:
+        """Whether a factorisation costs so much that an earlier one is kept while it still serves."""
+        sizes = [(float(front.end - front.first), len(front.boundary)) for front in self.fronts]
+        entries = sum(s * (s + 1) / 2 + s * b for s, b in sizes)
+        return sum(s**3 / 3 + s**2 * b + s * b**2 for s, b in sizes) > MIN_OPERATIONS_PER_ENTRY * entries
+
+    def matrix(self, values: np.ndarray) -> csc_array:
+        """The matrix with these stored values, in compressed columns."""
+        return csc_array((values, self.indices, self.indptr), shape=(self.n, self.n))
 
     def positions(self, element_dofs: np.ndarray) -> np.ndarray:
         """Place of each entry of the element matrices in the stored values, -1: not stored.
@@ -236,7 +250,7 @@ def factorise(pattern: Pattern, values: np.ndarray) -> Factor:
 
 def _sparse_factor(pattern: Pattern, values: np.ndarray) -> Factor:
     """LU by fronts; by SuperLU, which may exchange any rows, where the first solution with it is not accurate."""
-    matrix = csc_array((values, pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
+    matrix = pattern.matrix(values)
     fronts = multifrontal.factor(pattern.fronts, values)
     if fronts is not None:
         factor, rhs = Factor(pattern, fronts), np.cos(np.arange(pattern.n, dtype=float))

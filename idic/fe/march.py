@@ -206,7 +206,11 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
                     frozen = np.sort(np.append(frozen, (now.time + target) / 2.0))
                 continue
             if directions:
-                factor = consistent_factor(system, new)
+                factor = None  # of the increment before
+                if system.pattern.costs_much and not new.factor_matrices:  # room for one; the next increment begins with it
+                    now, new = replace(now, factor=None), replace(new, factor=None)
+                    new = replace(new, factor=consistent_factor(system, new))
+                factor = new.factor if system.pattern.costs_much else consistent_factor(system, new)
                 changes = differentiate(system, params, directions, times, now, new, factor, changes)
             if warm is not None:
                 warm.judge(new.u)
