@@ -11,8 +11,8 @@ from idic.errors import NotConverged
 from idic.fe.assembly import assembly
 from idic.fe.assembly.assembly import Evaluation, System
 from idic.fe.boundary import Drives
-from idic.fe.krylov import correction as iterated
-from idic.fe.linear import Factor, SingularMatrix, factorise
+from idic.fe.solver.krylov import correction as iterated
+from idic.fe.solver.linear import Factor, SingularMatrix, factorise
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from idic.fe.assembly import assembly, expansion, kernels
 from idic.fe.assembly.assembly import System
 from idic.fe.boundary import drive_changes, pressure_force
 from idic.fe.equilibrium import Converged
-from idic.fe.linear import Factor
+from idic.fe.solver.linear import Factor
 from idic.fe.model import Direction, Model
 
 

@@ -7,7 +7,7 @@ import pytest
 from bench_jobs import best_of
 from scipy.linalg.lapack import dgbtrf, dgbtrs
 
-from idic.fe import linear
+from idic.fe.solver import linear
 from idic.fe.assembly.assembly import discretise, evaluate, stiffness_values
 from idic.fe.boundary import drives_at
 from idic.fe.march import march

@@ -29,7 +29,7 @@ from idic.diagnose.residual.subspace import hats
 from idic.diagnose.screen.score import null_model
 from idic.experiment_file.load import load_experiment
 from idic.fe.assembly.assembly import stiffness_times
-from idic.fe.linear import factorise, make_pattern
+from idic.fe.solver.linear import factorise, make_pattern
 from idic.identify.in_memory import identify
 from idic.virtual_tests.meshes import strip_with_hole
 

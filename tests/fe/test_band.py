@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg.lapack import dgbtrs
 
-from idic.fe import band
+from idic.fe.solver import band
 from idic.fe.assembly import kernels
 
 

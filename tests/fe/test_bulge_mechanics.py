@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.fe import linear
+from idic.fe.solver import linear
 from idic.fe.assembly.assembly import discretise
 from idic.fe.equilibrium import Control
 from idic.fe.march import march

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from fe_bodies import PARAMETERS, body, faces_where, grid, held, skewed, where
 
-from idic.fe import linear
+from idic.fe.solver import linear
 from idic.fe.assembly import assembly, kernels
 from idic.fe.boundary import Drives, at_time, pressure_faces, pressure_force, pressure_stiffness
 from idic.fe.model import Loads

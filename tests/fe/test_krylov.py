@@ -7,7 +7,7 @@ from test_factorisation_cost import brick
 from test_multifrontal import assembled
 
 from fe_bodies import PARAMETERS, body, held, where
-from idic.fe import krylov, linear
+from idic.fe.solver import krylov, linear
 from idic.fe.march import march
 from idic.fe.model import Direction
 

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from test_factorisation_cost import brick, dofs_of, plate
 
 from idic.fe.assembly import kernels
-from idic.fe.linear import SingularMatrix, factorise, make_pattern
+from idic.fe.solver.linear import SingularMatrix, factorise, make_pattern
 
 
 def assembled(mesh, prescribed=(), shift=20.0):

@@ -16,7 +16,7 @@ from idic.fe.assembly import assembly
 from idic.fe.assembly.assembly import Evaluation, System, discretise
 from idic.fe.boundary import drives_at
 from idic.fe.equilibrium import factorise_tangent
-from idic.fe.linear import Factor
+from idic.fe.solver.linear import Factor
 from idic.identify.in_memory import Identification
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from idic.fe.assembly import expansion, kernels, kernels_solid, locking
 from idic.fe.assembly.variation import factor_of
 from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
-from idic.fe.linear import Pattern, make_pattern
+from idic.fe.solver.linear import Pattern, make_pattern
 from idic.fe.mesh import element
 from idic.fe.model import Model, Section, uses_mean_dilatation
 from idic.materials.core import points

@@ -1,8 +1,8 @@
 """Memory and time that an identification will take, from mesh, law, frames and images; `idic check` prints them.
 
 The constants are rounded measurements: one core of a shared machine (two cores with other programs on them, one thread
-per BLAS, September 2026 versions of NumPy and SciPy): SuperLU and the band LU on stiffness patterns of 7 000 to 108 000
-equations, simulations of 10 000 to 22 000 equations in elastic, rubber-like and elastoplastic laws, image passes with
+per BLAS, September 2026 versions of NumPy and SciPy): the LU by fronts and the band LU on stiffness patterns of 7 000 to
+92 000 equations, simulations of 10 000 to 22 000 equations in elastic, rubber-like and elastoplastic laws, image passes with
 ten parameters. Within these the estimates were between half and twice the measurement; beyond them they are
 extrapolations.
 """
@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.fe.factorisation_cost import dissected
-from idic.fe.linear import MAX_HALF_BANDWIDTH_OF_BAND_LU
+from idic.fe.solver.factorisation_cost import dissected
+from idic.fe.solver.linear import MAX_HALF_BANDWIDTH_OF_BAND_LU, MIN_OPERATIONS_PER_ENTRY
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh
 from idic.identify.step.increments import chooses_increments
@@ -26,14 +26,15 @@ from idic.model.experiment import Column, Experiment, Measured
 
 # memory, bytes
 _PROCESS = 0.35e9  # libraries and compiled kernels
-_PER_ENTRY = 60.0  # of one triangular factor: both factors, their indices and the work space of SuperLU
+_PER_ENTRY = 50.0  # of one triangular factor: two factors, one while the other is made, matrix and fronts at work
 _PER_ELEMENT_ENTRY = 40.0  # places of the element matrices in the stiffness, and their values
 _PER_PIXEL = 120.0  # of one camera: spline, pixel map, gradients, residual
 _POINT_VALUES = 60  # numbers per integration point: strain, stress, tangent, state; the last again per parameter
 # time, seconds on one core
 _START = 20.0  # servers, compiled kernels, first look at the data
-_PER_ENTRY_S, _PER_OPERATION_S, _PER_BAND_S = 2.5e-7, 5e-11, 1.6e-10
-_SOLVE_S = 8e-9  # per entry of a factor and right-hand side
+_PER_ENTRY_S, _PER_OPERATION_S, _PER_BAND_S = 2e-8, 6e-11, 1.6e-10
+_SOLVE_S, _SOLVE_BAND_S = 3.5e-9, 8e-9  # per entry of a factor and right-hand side
+_SOLUTIONS_PER_CORRECTION = 7  # where Newton's method keeps a factor for an increment
 _PER_POINT_S = 1.6e-6  # stress and tangent of an integration point
 _DIRECT_SHARE = 0.12  # of a simulation, per directly differentiated parameter
 _PER_PIXEL_S = 3e-8  # per frame and evaluation: spline, residual, its derivatives
@@ -120,13 +121,15 @@ def expected_cost(experiment: Experiment) -> Cost:
 
 
 def _factorisation(mesh: Mesh) -> tuple[float, float, float]:
-    """Bytes and seconds of a factorisation, and seconds of a solution with it."""
+    """Bytes of a factorisation, its seconds per Newton iteration, and seconds of a solution with it."""
     n, width = mesh.n_nodes * mesh.n_dim, _half_bandwidth(mesh)
     if width <= MAX_HALF_BANDWIDTH_OF_BAND_LU[mesh.n_dim]:
-        return 16.0 * (3 * width + 1) * n, _PER_BAND_S * n * width**2, _SOLVE_S * n * width
+        return 16.0 * (3 * width + 1) * n, _PER_BAND_S * n * width**2, _SOLVE_BAND_S * n * width
     fill = dissected(mesh)
-    return (_PER_ENTRY * fill.entries, _PER_ENTRY_S * fill.entries + _PER_OPERATION_S * fill.operations,
-            _SOLVE_S * fill.entries)
+    factorisation, solution = _PER_ENTRY_S * fill.entries + _PER_OPERATION_S * fill.operations, _SOLVE_S * fill.entries
+    if fill.operations > MIN_OPERATIONS_PER_ENTRY * fill.entries:  # one factorisation per increment
+        factorisation = factorisation / _NEWTON_ITERATIONS + _SOLUTIONS_PER_CORRECTION * solution
+    return _PER_ENTRY * fill.entries, factorisation, solution
 
 
 def _half_bandwidth(mesh: Mesh) -> int:

@@ -1,6 +1,6 @@
 """LU of a sparse matrix by dense fronts (Duff and Reid, 1983, doi:10.1145/356044.356047), for solids and large meshes.
 
-The equations are eliminated separator after separator (`idic.fe.dissection`). A front is the dense matrix of the equations
+The equations are eliminated separator after separator (`idic.fe.solver.dissection`). A front is the dense matrix of the equations
 of one separator, the pivots, and of the later equations that they touch, the boundary. Its pivots are eliminated with
 LAPACK, and what that leaves on the boundary is added to the front above. Rows are exchanged among the pivots of a front
 only: stiffness matrices are nearly definite. `backward_error` tells whether that was enough.

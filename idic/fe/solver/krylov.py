@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.fe.linear import Factor
+from idic.fe.solver.linear import Factor
 
 TOLERANCE = 1e-2  # residual of the linear system over its right-hand side; a smaller one saves no iteration of Newton's method
 MAX_ITERATIONS = 16  # a factorisation costs more

@@ -17,10 +17,10 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.fe import band, dissection, multifrontal
+from idic.fe.solver import band, dissection, multifrontal
 from idic.fe.assembly import kernels
 
-MAX_HALF_BANDWIDTH_OF_BAND_LU = {2: 180, 3: 400}  # faster than SuperLU, by dimension (3 000 to 30 000 dofs)
+MAX_HALF_BANDWIDTH_OF_BAND_LU = {2: 180, 3: 400}  # by dimension; beyond, fronts are faster (10 000 dofs)
 
 MAX_HALF_BANDWIDTH_OF_OWN_LU = 100  # faster than LAPACK (twice at 27): rare row exchanges
 

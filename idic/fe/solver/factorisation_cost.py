@@ -1,6 +1,6 @@
 """Fill and operations of the direct solver, counted on the mesh before there is a matrix.
 
-The front of a separator (`idic.fe.dissection`) holds its own dofs, s, and those of earlier separators around its part, b:
+The front of a separator (`idic.fe.solver.dissection`) holds its own dofs, s, and those of earlier separators around its part, b:
 s (s + 1) / 2 + s b entries of one triangle and about s^3 / 3 + s^2 b + s b^2 multiplications.
 """
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.fe.dissection import dissect, incidences
+from idic.fe.solver.dissection import dissect, incidences
 from idic.fe.mesh.mesh import Mesh
 
 

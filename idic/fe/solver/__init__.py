@@ -1,0 +1,1 @@
+"""Linear systems of the free degrees of freedom: numbering, factorisation, solution."""
