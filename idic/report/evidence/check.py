@@ -14,7 +14,7 @@ from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_regio
 from idic.model.experiment import Experiment, Noise
 from idic.model.mode_names import in_words
 from idic.report.evidence.cost import Cost, expected_cost
-from idic.report.evidence.placement import mirrored_axes, moving_still_frames
+from idic.report.evidence.placement import mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import implausible_scale, implausible_values, pattern_warnings, start_values
 from idic.report.figures.mesh_overlay import mesh_on_points, mesh_overlay
 from idic.report.figures.style import Picture
@@ -205,7 +205,7 @@ def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, ar
     if experiment.quantity == "grey":
         yield from pattern_warnings(reference, roi, noise.std_gv, float(areas.mean()))
         yield from mirrored_axes(experiment, reference, roi)
-        yield from moving_still_frames(experiment, roi)
+        yield from misplaced_still_frames(experiment, roi)
     contrast = float(np.nanstd(reference[roi]))
     inner = binary_erosion(roi, iterations=2)  # outside the specimen there is no height
     gaps = float(np.isnan(reference[inner]).mean()) if reference.dtype.kind == "f" and inner.any() else 0.0
