@@ -4,25 +4,31 @@ import numpy as np
 import pytest
 
 from idic.materials import all_laws, compile
-from idic.materials.composed.elastoplastic import composed_name
+from idic.materials.composed.elastoplastic import NEED_AXES, composed_name
 from idic.materials.composed.terms import kinds_of
 
 
 def drawn_terms(rng):
-    """A random composed law: any surface, up to two hardening terms and two back stresses, rate, damage."""
+    """A random composed law: any elasticity and surface, up to two hardening terms and two back stresses, rate, damage."""
     surface = str(rng.choice(kinds_of("yield_surface")))
+    elastic = [str(rng.choice(kinds_of("elasticity")))]
+    nonlinear = [str(k) for k in rng.permutation(kinds_of("nonlinear_elasticity"))[:rng.integers(0, 3)]]
+    nonlinear = [k for k in nonlinear if "orthotropic" in elastic or k not in NEED_AXES]
     hardening = [str(k) for k in rng.permutation(kinds_of("hardening"))[:rng.integers(0, 3)]]
     back = [str(k) for k in rng.permutation(kinds_of("backstress"))[:rng.integers(0, 3)]]
     rate = [str(k) for k in rng.permutation(kinds_of("rate"))[:rng.integers(0, 2)]]
     damage = ["lemaitre"][:rng.integers(0, 2)]
-    return composed_name([surface, *hardening, *([] if surface == "drucker_prager" else back + damage), *rate])
+    return composed_name([surface, *hardening, *([] if surface == "drucker_prager" else elastic + nonlinear + back + damage),
+                          *rate])
 
 
 ALL_TERMS = composed_name(["hill48", "voce", "linear", "armstrong_frederick", "armstrong_frederick", "norton",
                            "lemaitre"])
+ORTHOTROPIC = composed_name(["orthotropic", "fibre", "hahn_tsai", "hill48", "voce", "armstrong_frederick", "lemaitre"])
+NONLINEAR = composed_name(["stiffening", "ramberg_osgood", "in_plane_shear", "power", "norton"])
 DRAWN = sorted({drawn_terms(np.random.default_rng(seed)) for seed in range(12)} - {ALL_TERMS})
 LAW_CASES = [(name, kinematics) for name, spec in all_laws().items() for kinematics in spec.kinematics]
-COMPOSED = [pytest.param((name, "finite"), marks=pytest.mark.slow) for name in (ALL_TERMS, *DRAWN)]  # 5 to 20 s to compile
+COMPOSED = [pytest.param((name, "finite"), marks=pytest.mark.slow) for name in (ALL_TERMS, ORTHOTROPIC, NONLINEAR, *DRAWN)]  # 5 to 20 s to compile
 MODES = {"3d": 0, "plane_strain": 1, "plane_stress": 2}
 
 

@@ -1,9 +1,10 @@
 """The composed law: ``elastoplastic`` and, with terms, ``elastoplastic(hill48+voce+linear+armstrong_frederick+norton)``.
 
 Each combination is a law of its own, declared and compiled when it is first asked for; its name says all that a worker
-needs to make it. The elasticity is isotropic, the split that of ``plasticity/elastoplastic.py`` (Simo 1992; Simo &
-Hughes, Computational Inelasticity (1998), doi:10.1007/b98904). Terms without back stress, Hill's surface or damage take
-``isotropic_return.py``, all others ``general_return.py``.
+needs to make it. Orthotropic or nonlinear elasticity and in-plane-shear yield take ``anisotropic_return.py``. All others
+have isotropic elasticity and the split of ``plasticity/elastoplastic.py`` (Simo 1992; Simo & Hughes, Computational
+Inelasticity (1998), doi:10.1007/b98904): with back stress, Hill's surface or damage ``general_return.py``, else
+``isotropic_return.py``.
 """
 
 from __future__ import annotations
@@ -11,15 +12,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from idic.errors import InputError
-from idic.materials.composed import general_return, isotropic_return
+from idic.materials.composed import anisotropic_return, elasticity, general_return, isotropic_return
 from idic.materials.composed.flow_stress import NONE
-from idic.materials.composed.terms import GROUPS, LISTS, TERMS, Term
+from idic.materials.composed.terms import GROUPS, LISTS, TERMS, Term, kinds_of
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.plasticity import elastoplastic
 
 NAME = "elastoplastic"
 MOST_TERMS = 8  # in a list
-FLOW_ONCE = ("linear", "prager")  # two of them are one with the sum of the moduli
+ONCE = ("linear", "prager", *kinds_of("nonlinear_elasticity"))  # two of them are one
+DEFAULTS = ("isotropic", "mises")  # need no mention in the name
+NEED_AXES = ("fibre", "hahn_tsai")
 COMPONENTS = ("11", "22", "33", "12", "13", "23")
 
 
@@ -43,54 +46,76 @@ def _chosen(kinds: Sequence[str]) -> list[Term]:
     terms = sorted((TERMS[kind] for kind in kinds), key=lambda term: GROUPS.index(term.group))
     for group in GROUPS:
         own = [term.kind for term in terms if term.group == group]
-        twice = [kind for kind in FLOW_ONCE if own.count(kind) > 1]
+        twice = [kind for kind in ONCE if own.count(kind) > 1]
         if (len(own) > 1 and group not in LISTS) or twice:
             raise InputError(f"{NAME}: two terms where one says all", key=group, expected=f"one {twice[0]} term"
                              if twice else f"one {group}", found=" and ".join(own), remedy="remove one of them")
         if len(own) > MOST_TERMS:
             raise InputError(f"{NAME}: too many terms", key=group, expected=f"{MOST_TERMS} at most", found=str(len(own)),
                              remedy="remove those that the test cannot tell apart")
+    _refuse(terms)
+    return [term for term in terms if term.kind not in DEFAULTS]
+
+
+def _refuse(terms: Sequence[Term]) -> None:
+    """Raise where terms do not go together."""
+    kinds = [term.kind for term in terms]
     beside = [term.kind for term in terms if term.group in ("backstress", "damage")]
     if "drucker_prager" in kinds and beside:
         raise InputError(f"{NAME}: drucker_prager does not go with {beside[0]}, which has no equation where tension leaves "
                          "no strength", key="yield_surface", expected="mises or hill48 with a back stress or damage",
                          found="drucker_prager", remedy=f"remove {beside[0]}, or take mises or hill48")
-    return [term for term in terms if term.kind != "mises"]
+    beside = [kind for kind in kinds if kind == "orthotropic" or TERMS[kind].group == "nonlinear_elasticity"]
+    if "drucker_prager" in kinds and beside:
+        raise InputError(f"{NAME}: drucker_prager does not go with {beside[0]}: the pressure would change with the flow",
+                         key="yield_surface", expected="mises, hill48 or in_plane_shear", found="drucker_prager",
+                         remedy=f"remove {beside[0]}, or take another yield surface")
+    along = [kind for kind in kinds if kind in NEED_AXES]
+    if along and "orthotropic" not in kinds:
+        raise InputError(f"{NAME}: {along[0]} needs material axes", key="nonlinear_elasticity",
+                         expected='elasticity = { kind = "orthotropic", ... }', found="isotropic elasticity",
+                         remedy="make the elasticity orthotropic, or take stiffening or ramberg_osgood")
 
 
 def compose(kinds: Sequence[str]) -> LawSpec:
     """The law of these terms; raises as `composed_name`."""
     name, terms = composed_name(kinds), _chosen(kinds)
+    orthotropic = any(term.kind == "orthotropic" for term in terms)
     parameters: list[LawParameter] = list(elastoplastic.PARAMETERS)
     codes: dict[str, tuple[int, ...]] = dict.fromkeys(GROUPS, ())
     equations, states = [], list(elastoplastic.STATE_NAMES)
     for term in terms:
-        number = len(codes[term.group]) // 2 + 1
-        codes[term.group] += (term.code, len(parameters))
-        parameters += term.named(number)
+        number, own = len(codes[term.group]) // 2 + 1, term.named(len(codes[term.group]) // 2 + 1)
+        if term.kind == "orthotropic":
+            parameters = [*own, parameters[-1]]
+        else:  # one set of axes: those of the elasticity where it has some
+            codes[term.group] += (term.code, len(parameters))
+            parameters += [p for p in own if not (orthotropic and p.name == "yield_surface_angle")]
         equations.append(f"{term.group} {term.kind}: {term.equation}")
         if term.group == "backstress":
             states += [f"back{number}_{c}" for c in COMPONENTS]
     if codes["damage"]:
         states.append("damage")
-    updates, linearise = _functions(codes)
+    updates, linearise = _functions(codes, orthotropic)
     return LawSpec(
         name=name, parameters=tuple(parameters), updates={"finite": updates},
         linearise={} if linearise is None else {"finite": linearise}, state_names=tuple(states),
-        isotropic="hill48" not in kinds,
+        isotropic=not orthotropic and not {"hill48", "in_plane_shear"} & {*kinds},
         reference="; ".join(["q = yield_stress + hardening, p the plastic strain", *equations,
                              "return: Simo (1992), doi:10.1016/0045-7825(92)90123-2; Simo & Hughes (1998), "
                              "doi:10.1007/b98904"]),
-        alternatives=elastoplastic.ALTERNATIVES, compose=compose)
+        alternatives={} if orthotropic else elastoplastic.ALTERNATIVES, compose=compose)
 
 
-def _functions(codes: dict[str, tuple[int, ...]]) -> tuple[Callable, Callable | None]:
+def _functions(codes: dict[str, tuple[int, ...]], orthotropic: bool) -> tuple[Callable, Callable | None]:
     """(update, linearise or None) of a combination: closures over integers, which numba's disk cache tells apart.
 
     Without a rate term they read no time, so the law counts as rate-independent.
     """
     surface = codes["yield_surface"][0] if codes["yield_surface"] else isotropic_return.MISES
     hardening, rate = (*codes["hardening"], NONE, 0), codes["rate"] or (NONE, 0)
+    if orthotropic or codes["nonlinear_elasticity"] or surface == isotropic_return.IN_PLANE_SHEAR:
+        return _anisotropic(codes, orthotropic, surface, hardening, rate), None
     if surface != isotropic_return.HILL48 and not codes["backstress"] and not codes["damage"]:
         return _isotropic(surface, hardening, rate)
     back, damage = (*codes["backstress"], NONE, 0), codes["damage"][1] if codes["damage"] else 0
@@ -102,6 +127,35 @@ def _functions(codes: dict[str, tuple[int, ...]]) -> tuple[Callable, Callable | 
         return general_return.update(surface, hardening, back, rate, damage, F, state, params, 1.0, P, state_new)
 
     return (update if codes["rate"] else update_without_rate), None
+
+
+def _anisotropic(codes: dict[str, tuple[int, ...]], orthotropic: bool, surface: int, hardening: tuple[int, ...],
+                 rate: tuple[int, ...]) -> Callable:
+    """Update of a combination; E1, E2, nu12 stand before what its other terms count as places 0, 1, 2, ..."""
+    shift = 3 if orthotropic else 0
+    elastic = (elasticity.ORTHOTROPIC if orthotropic else elasticity.ISOTROPIC, *codes["nonlinear_elasticity"], NONE, 0)
+    axes = 4 if orthotropic else -1
+    if not orthotropic and codes["yield_surface"]:
+        axes = codes["yield_surface"][1] + (3 if surface == isotropic_return.HILL48 else 0)
+    hill = codes["yield_surface"][1] - shift if surface == isotropic_return.HILL48 else 0
+    back = _moved((*codes["backstress"], NONE, 0), shift)
+    hardening, rate = _moved(hardening, shift), _moved(rate, shift)
+    damage = codes["damage"][1] - shift if codes["damage"] else 0
+
+    def update(F, state, params, dt, P, state_new):
+        return anisotropic_return.update(elastic, shift, axes, surface, hill, hardening, back, rate, damage, F, state,
+                                         params, dt, P, state_new)
+
+    def update_without_rate(F, state, params, dt, P, state_new):
+        return anisotropic_return.update(elastic, shift, axes, surface, hill, hardening, back, rate, damage, F, state,
+                                         params, 1.0, P, state_new)
+
+    return update if codes["rate"] else update_without_rate
+
+
+def _moved(codes: tuple[int, ...], shift: int) -> tuple[int, ...]:
+    """Terms whose places count from `shift` on; the last term is none."""
+    return tuple(code - shift if i % 2 and i < len(codes) - 1 else code for i, code in enumerate(codes))
 
 
 def _isotropic(surface: int, hardening: tuple[int, ...], rate: tuple[int, ...]) -> tuple[Callable, Callable]:

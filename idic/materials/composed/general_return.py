@@ -40,19 +40,20 @@ from idic.materials.plasticity.j2_hill import flow_direction, returned, to_axes
 from idic.materials.plasticity.j2_kinematic import real_parts, rotation, transposed
 
 PRAGER, ARMSTRONG_FREDERICK = 1, 2
-R0, R45, R90, ANGLE = 3, 4, 5, 6  # places of Hill's parameters
+RATIOS, ANGLE = 3, 6  # places of Hill's r0, r45, r90 and of the angle
 MOST_DAMAGE = 0.99
 
 
 @njit
-def hill_coefficients(surface, params):
-    """(f, g, h, n) of the yield condition as in ``j2_hill.py``; of Mises too."""
+def hill_coefficients(surface, first, params):
+    """(f, g, h, n) of the yield condition as in ``j2_hill.py``, r0, r45, r90 from place `first` on; of Mises too."""
     if surface != HILL48:
         half = 0.5 + 0.0 * params[0]
         return half, half, half, 3.0 * half
-    g = 1.0 / (1.0 + params[R0])
-    h = params[R0] * g
-    return h / params[R90], g, h, 0.5 * (params[R0] + params[R90]) * (1.0 + 2.0 * params[R45]) * g / params[R90]
+    r0, r45, r90 = params[first], params[first + 1], params[first + 2]
+    g = 1.0 / (1.0 + r0)
+    h = r0 * g
+    return h / r90, g, h, 0.5 * (r0 + r90) * (1.0 + 2.0 * r45) * g / r90
 
 
 @njit
@@ -136,17 +137,25 @@ def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, 
 @njit
 def damage_growth(first, s, spherical, p, growth, params):
     """Growth of D over a step that ends with the effective stress s + spherical 1 and p + growth."""
-    after = p + growth
-    if not (growth.real > 0.0 and after.real > params[first + 2].real):
+    if not growth.real > 0.0:
         return 0.0 * growth
     q = np.sqrt(tensors.contract(s, s)) / ROOT
     nu, ratio = params[1], spherical / q
+    energy = q * q / (2.0 * params[0]) * (2.0 / 3.0 * (1.0 + nu) + 3.0 * (1.0 - 2.0 * nu) * ratio * ratio)
+    return damage_growth_of(first, energy, ratio, p, growth, params)
+
+
+@njit
+def damage_growth_of(first, energy, ratio, p, growth, params):
+    """Growth of D of a step that ends with the energy density Y, ``ratio`` = mean stress / q, and p + growth."""
+    after = p + growth
+    if not (growth.real > 0.0 and after.real > params[first + 2].real):
+        return 0.0 * growth
     opened = 1.0 + 3.0 * ratio  # 0 in uniaxial compression, 1 in shear
     if not opened.real > 0.0:
         return 0.0 * growth
     weight = opened * opened * (3.0 - 2.0 * opened) if opened.real < 1.0 else 1.0 + 0.0 * opened
     counted = growth if p.real > params[first + 2].real else after - params[first + 2]
-    energy = q * q / (2.0 * params[0]) * (2.0 / 3.0 * (1.0 + nu) + 3.0 * (1.0 - 2.0 * nu) * ratio * ratio)
     return (energy / params[first]) ** params[first + 1] * counted * weight
 
 
@@ -171,7 +180,7 @@ def update(surface, hardening, back, rate, damage, F, state, params, dt, P, stat
     turn = to_axes(R, params[ANGLE]) if surface == HILL48 else transposed(R)
     spherical = kappa * (J - 1.0) * J
     s = tensors.scaled(G, dev, 0.0)
-    local, hill = tensors.congruence(turn, s), hill_coefficients(surface, params)
+    local, hill = tensors.congruence(turn, s), hill_coefficients(surface, RATIOS, params)
     A = relative(back, local, 0.0 * p, state, params)[0]
     q = np.sqrt(tensors.contract(A, flow_direction(A, hill)))
     growth = 0.0 * p

@@ -35,7 +35,7 @@ from idic.materials.plasticity.elastoplastic import (
     trial_state,
 )
 
-MISES, DRUCKER_PRAGER, HILL48 = 0, 1, 2
+MISES, DRUCKER_PRAGER, HILL48, IN_PLANE_SHEAR = 0, 1, 2, 3
 
 
 @njit

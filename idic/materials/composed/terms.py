@@ -9,13 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from idic.materials.composed.elasticity import FIBRE, HAHN_TSAI, ORTHOTROPIC, RAMBERG_OSGOOD, STIFFENING
 from idic.materials.composed.flow_stress import JOHNSON_COOK, LINEAR, NORTON, PERZYNA, POWER, VOCE
 from idic.materials.composed.general_return import ARMSTRONG_FREDERICK, PRAGER
-from idic.materials.composed.isotropic_return import DRUCKER_PRAGER, HILL48, MISES
+from idic.materials.composed.isotropic_return import DRUCKER_PRAGER, HILL48, IN_PLANE_SHEAR, MISES
 from idic.materials.core.law import LawParameter
+from idic.materials.orthotropic import PARAMETERS as ORTHOTROPIC_PARAMETERS
 
-GROUPS = ("yield_surface", "hardening", "backstress", "rate", "damage")
-LISTS = ("hardening", "backstress")  # groups with any number of terms
+GROUPS = ("elasticity", "nonlinear_elasticity", "yield_surface", "hardening", "backstress", "rate", "damage")
+LISTS = ("nonlinear_elasticity", "hardening", "backstress")  # groups with any number of terms
 
 
 @dataclass(frozen=True)
@@ -55,13 +57,39 @@ def _lankford(name: str, where: str, default: float) -> LawParameter:
 
 _ANY_SIGN = (-np.inf, np.inf)
 
+_AXES_ANGLE = LawParameter("angle", "deg", "from the mesh's x axis to material axis 1, about z", default=0.0, null=0.0,
+                           positive=False, bounds=_ANY_SIGN)
+
 TERMS = {term.kind: term for term in (
+    Term("isotropic", "elasticity", 0, (), "E and nu of the law"),
+    Term("orthotropic", "elasticity", ORTHOTROPIC, (*ORTHOTROPIC_PARAMETERS[:-1], _AXES_ANGLE),
+         "E1, E2, nu12, G12 in the place of E and nu, closed through the thickness as the law orthotropic; energy of a "
+         "strain that is logarithmic to third order, Bazant (1998), doi:10.1115/1.2807001"),
+    Term("fibre", "nonlinear_elasticity", FIBRE,
+         (LawParameter("gamma", "-", "growth of the secant modulus along axis 1 with the strain there", default=15.0,
+                       null=0.0, positive=False, bounds=_ANY_SIGN),),
+         "t11 + gamma E1 e11^2: secant modulus E1 (1 + gamma e11)"),
+    Term("stiffening", "nonlinear_elasticity", STIFFENING,
+         (LawParameter("gamma", "-", "growth of the secant stiffness with the equivalent strain; negative softens",
+                       default=5.0, null=0.0, positive=False, bounds=_ANY_SIGN),),
+         "stress (1 + gamma k), k = sqrt(e : C : e / E): in tension and compression E (1 + gamma |strain|)"),
+    Term("ramberg_osgood", "nonlinear_elasticity", RAMBERG_OSGOOD,
+         (LawParameter("K", "-", "factor of the power term", default=100.0, null=0.0),
+          LawParameter("n", "-", "exponent of the power term", default=2.5, bounds=(1.0, 20.0))),
+         "strain = x + K x^n, x = stress / modulus: shear 12 of an orthotropic body, the deviator of an isotropic one; "
+         "reversible; Ramberg & Osgood, NACA TN 902 (1943)"),
+    Term("hahn_tsai", "nonlinear_elasticity", HAHN_TSAI,
+         (LawParameter("alpha", "1/MPa^3", "shear strain per cube of the shear stress", default=3e-8, null=0.0),),
+         "shear strain 12 = t12 / G12 + alpha t12^3; Hahn & Tsai, J. Compos. Mater. 7 (1973) 102, "
+         "doi:10.1177/002199837300700108"),
     Term("mises", "yield_surface", MISES, (), "q = sqrt(3/2 s : s)"),
     Term("hill48", "yield_surface", HILL48,
          (_lankford("r0", "along", 1.6), _lankford("r45", "at 45 degrees to", 1.2), _lankford("r90", "across", 2.0),
           LawParameter("angle", "deg", "from the mesh's x axis to the rolling direction, about z", default=0.0,
                        null=0.0, positive=False, bounds=_ANY_SIGN)),
          "q of r0, r45, r90 as in j2_hill; Hill (1948), doi:10.1098/rspa.1948.0045"),
+    Term("in_plane_shear", "yield_surface", IN_PLANE_SHEAR, (_AXES_ANGLE,),
+         "q = |s12| in the material axes, p the plastic shear strain; nothing else yields"),
     Term("drucker_prager", "yield_surface", DRUCKER_PRAGER,
          (LawParameter("friction", "-", "growth of the flow stress with the pressure", default=0.3, null=0.0,
                        positive=False, bounds=(-2.9, 2.9)),),
