@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from idic.errors import InputError
 from idic.materials.composed import anisotropic_return, elasticity, general_return, isotropic_return
 from idic.materials.composed.flow_stress import NONE
-from idic.materials.composed.terms import GROUPS, LISTS, TERMS, Term, kinds_of
+from idic.materials.composed.terms import FREE_NAME, GROUPS, KNOTS, LISTS, TERMS, Term, kinds_of, term_of
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.plasticity import elastoplastic
 
@@ -39,13 +39,18 @@ def composed_name(kinds: Sequence[str]) -> str:
 
 
 def _chosen(kinds: Sequence[str]) -> list[Term]:
-    unknown = [kind for kind in kinds if kind not in TERMS]
+    found = [term_of(kind) for kind in kinds]
+    unknown = [kind for kind, term in zip(kinds, found, strict=True) if term is None]
     if unknown:
         raise InputError(f"{NAME} has no such term", key="law", expected=f"one of {', '.join(TERMS)}",
-                         found=repr(unknown[0]), remedy="correct the kind")
-    terms = sorted((TERMS[kind] for kind in kinds), key=lambda term: GROUPS.index(term.group))
+                         found=repr(unknown[0]), remedy=f"correct the kind; a free curve has {KNOTS[0]} to {KNOTS[1]} knots")
+    terms = sorted((term for term in found if term is not None), key=lambda term: GROUPS.index(term.group))
     for group in GROUPS:
         own = [term.kind for term in terms if term.group == group]
+        flexible = [kind for kind in own if FREE_NAME.fullmatch(kind)]
+        if flexible and len(own) > 1:
+            raise InputError(f"{NAME}: a free curve is the whole hardening", key=group, expected=f"{flexible[0]} alone",
+                             found=" and ".join(own), remedy="remove the other terms of the list")
         twice = [kind for kind in ONCE if own.count(kind) > 1]
         if (len(own) > 1 and group not in LISTS) or twice:
             raise InputError(f"{NAME}: two terms where one says all", key=group, expected=f"one {twice[0]} term"
@@ -65,7 +70,7 @@ def _refuse(terms: Sequence[Term]) -> None:
         raise InputError(f"{NAME}: drucker_prager does not go with {beside[0]}, which has no equation where tension leaves "
                          "no strength", key="yield_surface", expected="mises or hill48 with a back stress or damage",
                          found="drucker_prager", remedy=f"remove {beside[0]}, or take mises or hill48")
-    beside = [kind for kind in kinds if kind == "orthotropic" or TERMS[kind].group == "nonlinear_elasticity"]
+    beside = [kind for kind in kinds if kind == "orthotropic" or kind in kinds_of("nonlinear_elasticity")]
     if "drucker_prager" in kinds and beside:
         raise InputError(f"{NAME}: drucker_prager does not go with {beside[0]}: the pressure would change with the flow",
                          key="yield_surface", expected="mises, hill48 or in_plane_shear", found="drucker_prager",

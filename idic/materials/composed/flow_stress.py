@@ -1,11 +1,12 @@
 """The flow stress of a composed law: a sum of hardening terms, and what the rate of plastic strain makes of it.
 
-    sigma(p) = yield_stress + sum of   H p   |   Q (1 - exp(-b p))   |   K p^n
+    sigma(p) = yield_stress + sum of   H p   |   Q (1 - exp(-b p))   |   K p^n   |   integral of theta over p
     resistance = sigma(p) + eta (dp/dt)^(1/m)                       (norton)
                = sigma(p) (1 + (tau dp/dt)^(1/m))                   (perzyna)
                = sigma(p) (1 + C ln(1 + (dp/dt) / reference_rate))  (johnson_cook)
 
-Terms come as a flat tuple of integers (kind, place of its first parameter, kind, place, ..., NONE, 0): a constant in the
+theta of a free curve is linear between its values H1 ... Hn at the knots range ((k - 1) / (n - 1))^2 and constant beyond the
+last: monotone where no H is negative, with a continuous slope. Terms come as a flat tuple of integers (kind, place of its first parameter, kind, place, ..., NONE, 0): a constant in the
 code of each combination. dp/dt is growth / dt, backward Euler.
 """
 
@@ -16,9 +17,40 @@ import math
 import numpy as np
 from numba import njit
 
-NONE, LINEAR, VOCE, POWER = 0, 1, 2, 3
+NONE, LINEAR, VOCE, POWER, FREE = 0, 1, 2, 3, 16  # a free curve of n knots is FREE + n
 NORTON, PERZYNA, JOHNSON_COOK = 1, 2, 3
 YIELD = 2
+
+
+@njit
+def free_curve(n, first, p, params):
+    """(integral of theta, theta) at p of a free curve with n knots; real or complex."""
+    sigma, last, value = 0.0 * (p + params[first]), 0.0 * params[first], params[first + 1] + 0.0 * p
+    for k in range(1, n):
+        knot = params[first] * (k / (n - 1.0)) ** 2
+        steepness = (params[first + 1 + k] - params[first + k]) / (knot - last)
+        if p.real < knot.real:
+            x = p - last
+            return sigma + params[first + k] * x + 0.5 * steepness * x * x, params[first + k] + steepness * x
+        sigma += 0.5 * (params[first + k] + params[first + 1 + k]) * (knot - last)
+        last, value = knot, params[first + 1 + k] + 0.0 * p
+    return sigma + value * (p - last), value
+
+
+@njit
+def free_curve_change(n, first, p, params, d):
+    """Change of the integral of theta with range, H1 ... Hn at fixed p; real. It is range S(p / range)."""
+    sigma, theta = free_curve(n, first, p, params)
+    change, last = (sigma - p * theta) / params[first] * d[first], 0.0
+    for k in range(1, n):
+        knot = params[first] * (k / (n - 1.0)) ** 2
+        width = knot - last
+        x = min(p, knot) - last
+        change += (x - 0.5 * x * x / width) * d[first + k] + 0.5 * x * x / width * d[first + 1 + k]
+        if p < knot:
+            return change
+        last = knot
+    return change + (p - last) * d[first + n]
 
 
 @njit
@@ -34,6 +66,10 @@ def flow_stress(hardening, p, params):
             decay = np.exp(-params[first + 1] * p)
             sigma += params[first] * (1.0 - decay)
             slope += params[first] * params[first + 1] * decay
+        elif kind >= FREE:  # range, H1 ... Hn
+            part, theta = free_curve(kind - FREE, first, p, params)
+            sigma += part
+            slope += theta
         elif p.real > 0.0:  # K, n
             power = params[first] * p ** params[first + 1]
             sigma += power
@@ -52,6 +88,8 @@ def flow_stress_change(hardening, p, params, d):
         elif kind == VOCE:
             decay = math.exp(-params[first + 1] * p)
             change += (1.0 - decay) * d[first] + params[first] * p * decay * d[first + 1]
+        elif kind >= FREE:
+            change += free_curve_change(kind - FREE, first, p, params, d)
         elif p > 0.0:
             change += p ** params[first + 1] * (d[first] + params[first] * math.log(p) * d[first + 1])
     return change

@@ -5,12 +5,13 @@ A parameter is named GROUP_NAME, of the terms in a list GROUP_NUMBER_NAME: ``dam
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from idic.materials.composed.elasticity import FIBRE, HAHN_TSAI, ORTHOTROPIC, RAMBERG_OSGOOD, STIFFENING
-from idic.materials.composed.flow_stress import JOHNSON_COOK, LINEAR, NORTON, PERZYNA, POWER, VOCE
+from idic.materials.composed.flow_stress import FREE, JOHNSON_COOK, LINEAR, NORTON, PERZYNA, POWER, VOCE
 from idic.materials.composed.general_return import ARMSTRONG_FREDERICK, PRAGER
 from idic.materials.composed.isotropic_return import DRUCKER_PRAGER, HILL48, IN_PLANE_SHEAR, MISES
 from idic.materials.core.law import LawParameter
@@ -106,6 +107,9 @@ TERMS = {term.kind: term for term in (
          (LawParameter("K", "MPa", "factor of the power law", default=300.0),
           LawParameter("n", "-", "exponent of the power law", default=0.3, bounds=(0.0, 5.0))),
          "K p^n (Ludwik 1909)"),
+    Term("free", "hardening", FREE, (),
+         "integral over p of a slope that is linear between its values H1 ... Hn at n knots, range ((k - 1) / (n - 1))^2; "
+         "free or free8 has 8 of them, free12 has 12"),
     Term("prager", "backstress", PRAGER,
          (LawParameter("C", "MPa", "kinematic modulus: slope of the back stress over plastic strain",
                        default=2000.0),),
@@ -140,6 +144,24 @@ TERMS = {term.kind: term for term in (
          "stress (1 - D), D' = (Y / S)^s p'; Lemaitre, J. Eng. Mater. Technol. 107 (1985) 83, "
          "doi:10.1115/1.3225775"),
 )}
+
+
+DEFAULT_KNOTS, KNOTS = 8, (3, 24)  # of a free curve; fewest and most
+FREE_NAME = re.compile(r"free(\d*)")
+
+
+def term_of(kind: str) -> Term | None:
+    """The term of that kind, ``free12`` one with 12 knots; None where there is none."""
+    found = FREE_NAME.fullmatch(kind)
+    if found is None:
+        return TERMS.get(kind)
+    n = int(found[1] or DEFAULT_KNOTS)
+    if not KNOTS[0] <= n <= KNOTS[1]:
+        return None
+    slopes = tuple(LawParameter(f"H{k}", "MPa", f"slope of the flow stress at knot {k} of {n}", default=1500.0 * 0.8**k,
+                                bounds=(0.0, np.inf)) for k in range(1, n + 1))
+    last = LawParameter("range", "-", "plastic strain of the last knot; chosen, locked", default=0.2)
+    return replace(TERMS["free"], kind=f"free{n}", code=FREE + n, parameters=(last, *slopes))
 
 
 def kinds_of(group: str) -> tuple[str, ...]:
