@@ -94,9 +94,43 @@ class JointPrior:
         inverse = np.linalg.pinv(self.covariance[np.ix_(own, own)], hermitian=True)
         return [names.index(self.names[i]) for i in own], self.mean[own], inverse
 
+    def normal_equations(self, parameters: Mapping[str, Parameter], names: Sequence[str],
+                         slopes: np.ndarray) -> tuple[list[int], np.ndarray, np.ndarray]:
+        """Places in `names`, and what the prior adds to M and b of the scaled unknowns there; slopes : of `names`."""
+        at, mean, inverse = self.precision(names)
+        own = slopes[at][:, None] * inverse * slopes[at][None, :]
+        return at, own, own @ ((mean - np.array([parameters[names[i]].value for i in at])) / slopes[at])
+
     def renamed(self, names: Mapping[str, str]) -> JointPrior:
         """The same under other names."""
         return replace(self, names=tuple(names.get(name, name) for name in self.names))
+
+
+@dataclass(frozen=True)
+class SmoothnessPrior:
+    """A normal prior of the ratio of neighbours in a row of positive parameters: ln of it has mean zero.
+
+    names : in their order; std : of the ln of a ratio
+    """
+
+    names: tuple[str, ...]
+    std: float
+
+    def normal_equations(self, parameters: Mapping[str, Parameter], names: Sequence[str],
+                         slopes: np.ndarray) -> tuple[list[int], np.ndarray, np.ndarray]:
+        """As `JointPrior.normal_equations`; parameters that are not in `names` keep their values."""
+        own = [i for i, name in enumerate(self.names) if name in names and parameters[name].transform == "log"]
+        logs = np.log([parameters[name].value for name in self.names])
+        differences = np.diff(np.eye(len(logs)), axis=0) / self.std
+        moving = differences[:, own]
+        return [names.index(self.names[i]) for i in own], moving.T @ moving, -moving.T @ (differences @ logs)
+
+    def renamed(self, names: Mapping[str, str]) -> SmoothnessPrior:
+        """The same under other names."""
+        return replace(self, names=tuple(names.get(name, name) for name in self.names))
+
+
+Prior = JointPrior | SmoothnessPrior
 
 
 class ParameterSet(Mapping[str, Parameter]):
@@ -105,7 +139,7 @@ class ParameterSet(Mapping[str, Parameter]):
     joint : priors of several parameters together
     """
 
-    def __init__(self, parameters: Iterable[Parameter], joint: Sequence[JointPrior] = ()):
+    def __init__(self, parameters: Iterable[Parameter], joint: Sequence[Prior] = ()):
         self._items = {p.name: p for p in parameters}
         self.joint = tuple(joint)
 

@@ -3,18 +3,29 @@
     hardening = [{ kind = "voce", Q = 80.0, b = { value = 15.0, identify = true } }, { kind = "linear", H = 500.0 }]
 
 becomes ``law = "elastoplastic(voce+linear)"`` with hardening_1_Q, hardening_1_b and hardening_2_H, which is a form that
-experiment.toml may have too. `idic.materials.composed` has the terms and their equations.
+experiment.toml may have too. `idic.materials.composed` has the terms and their equations. A free hardening curve,
+
+    hardening = [{ kind = "free", knots = 8, range = 0.2, H = { value = 1000.0, identify = true } }]
+
+becomes ``free8`` with hardening_1_range and the slopes hardening_1_H1 ... hardening_1_H8, all as H, which may be left out;
+H3 = ... gives one its own value.
 """
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from idic.errors import InputError
 from idic.materials.composed.elastoplastic import NAME as COMPOSED
 from idic.materials.composed.elastoplastic import composed_name
-from idic.materials.composed.terms import GROUPS, LISTS, TERMS, kinds_of
+from idic.materials.composed.free_curve import SMOOTHNESS, slope_names
+from idic.materials.composed.terms import DEFAULT_KNOTS, GROUPS, KNOTS, LISTS, kinds_of, term_of
+from idic.model.experiment import Material
+from idic.parameters import SmoothnessPrior
+
+START_SLOPE = {"value": 1000.0, "unit": "MPa", "identify": True}  # of a free hardening curve
+LAST_KNOT = 0.2
 
 
 def with_flat_terms(raw: Mapping, file: str) -> dict:
@@ -45,8 +56,11 @@ def _flat(table: Mapping, file: str, key: str) -> dict:
                              found="a list", remedy="write one table")
         for number, entry in enumerate(entries, 1):
             place = f"{key}.{group}" + (f"[{number - 1}]" if isinstance(given, list) else "")
-            kinds.append(_kind(entry, group, file, place))
-            flat |= _parameters(entry, number, file, place)
+            kind = _kind(entry, group, file, place)
+            if kind == "free":
+                kind, entry = _free_curve(entry, file, place)
+            kinds.append(kind)
+            flat |= _parameters(kind, entry, number, file, place)
     try:
         name = composed_name(kinds)
     except InputError as error:
@@ -69,9 +83,29 @@ def _kind(entry: object, group: str, file: str, key: str) -> str:
     return str(kind)
 
 
-def _parameters(entry: Mapping, number: int, file: str, key: str) -> dict:
+def _free_curve(entry: Mapping, file: str, key: str) -> tuple[str, dict]:
+    """A free curve as the kind with its number of knots and a value for every slope."""
+    n = entry.get("knots", DEFAULT_KNOTS)
+    if not isinstance(n, int) or isinstance(n, bool) or not KNOTS[0] <= n <= KNOTS[1]:
+        raise InputError("a free curve needs its number of knots", file=file, key=f"{key}.knots",
+                         expected=f"a whole number, {KNOTS[0]} to {KNOTS[1]}", found=repr(n)[:80],
+                         remedy=f"{DEFAULT_KNOTS} suit most metals; more show a sharper bend")
+    every = entry.get("H", START_SLOPE)
+    slopes = {f"H{k}": every for k in range(1, n + 1)}
+    own = {name: value for name, value in entry.items() if name not in ("knots", "H")}
+    return f"free{n}", {"range": LAST_KNOT} | slopes | own
+
+
+def smoothness_priors(materials: Sequence[Material]) -> tuple[SmoothnessPrior, ...]:
+    """The stated smoothness of every free hardening curve."""
+    rows = (slope_names(material.law, material.element_set) for material in materials)
+    return tuple(SmoothnessPrior(names, SMOOTHNESS) for names in rows if names)
+
+
+def _parameters(kind: str, entry: Mapping, number: int, file: str, key: str) -> dict:
     """The values of one term by the names that they have in the law."""
-    term = TERMS[entry["kind"]]
+    term = term_of(kind)
+    assert term is not None  # `_kind` looks
     names = [p.name for p in term.parameters]
     unknown = [name for name in entry if name not in (*names, "kind")]
     if unknown:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.composed_law import smoothness_priors
 from idic.experiment_file.tables.measured_fields import field_camera, noise_of_fields
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
                                                check_visible)
@@ -128,7 +129,8 @@ class ExperimentFolder(RecordedFolder):
         identity, earlier = self.identities(frames)
         return with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
-            thickness=thickness, materials=materials, parameters=ParameterSet(parameters, joint_priors(lens, parameters)),
+            thickness=thickness, materials=materials, 
+            parameters=ParameterSet(parameters, (*joint_priors(lens, parameters), *smoothness_priors(materials))),
             prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels),
             camera=camera, stack=frames.stack, labels=frames.labels, times=times,
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,

@@ -63,11 +63,10 @@ def scaled_system(system: CorrelationSystem, parameters: ParameterSet, reference
             b[i] += precision * (p.prior_mean - p.value) / slopes[i]
             noise[i, i] += precision
     for prior in parameters.joint:
-        at, mean, inverse = prior.precision(system.names)
-        own = slopes[at][:, None] * inverse * slopes[at][None, :]
+        at, own, pull = prior.normal_equations(parameters, system.names, slopes)
         M[np.ix_(at, at)] += own
         noise[np.ix_(at, at)] += own
-        b[at] += own @ ((mean - np.array([parameters[system.names[i]].value for i in at])) / slopes[at])
+        b[at] += pull
     return Scaled(system.names, M, b, noise, slopes)
 
 

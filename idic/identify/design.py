@@ -161,8 +161,9 @@ def join(designs: Sequence[Design]) -> Joint:
             parameter = replace(design.parameters[own], name=name)
             if known.setdefault(name, parameter).value != parameter.value:
                 notes.append(f"{name}: the plans assume {known[name].shown:g} and {parameter.shown:g} {parameter.unit}")
-    joint = [prior.renamed(dict(zip(design.names, group, strict=True)))
-             for design, group in zip(designs, renamed, strict=True) for prior in design.parameters.joint]
+    joint = list(dict.fromkeys(prior.renamed(dict(zip(design.names, group, strict=True)))
+                               for design, group in zip(designs, renamed, strict=True)
+                               for prior in design.parameters.joint))
     system = CorrelationSystem(names, M, b, 0.0, 0.0, noise, np.zeros((0, len(names))), ())
     with_force = next((d.experiment for d in designs if d.experiment.channels), designs[0].experiment)
     nothing_more = np.zeros_like(M)  # the reference images' noise is in `noise` already: every plan has its own

@@ -105,8 +105,8 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
             elif _check_alike(parameters[joint], parameter, experiment):
                 notes.append(f"{joint} starts from {parameters[joint].shown:g} {parameter.unit}, as in the first "
                              f"experiment; {name} says {parameter.shown:g}")
-    joint_priors = [prior.renamed(names[name]) for name, experiment in experiments.items()
-                    for prior in experiment.parameters.joint]
+    joint_priors = list(dict.fromkeys(prior.renamed(names[name]) for name, experiment in experiments.items()
+                                      for prior in experiment.parameters.joint))  # that of a shared curve counts once
     first = next(iter(experiments.values()))
     every = list(experiments.values())
     _check_options(experiments)

@@ -1,0 +1,117 @@
+"""The free hardening curve of a composed law outside of the compiled code: its basis, its prior, classical forms of it.
+
+The flow stress is linear in the slopes at the knots (``flow_stress.py``):  sigma(p) = yield_stress + B(p) H.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+SMOOTHNESS = 1.0  # prior std of the ln of the ratio of neighbouring slopes: a factor e from knot to knot
+TERM = re.compile(r"[(+]free(\d+)[)+]")
+WHITENING_RANK = 1e-10  # variances below this share of the largest are rounding
+STARTS = 6  # of the exponents of a classical form
+
+
+def knots_of(law: str) -> int:
+    """The number of knots of the free curve in a law's name; 0 without one."""
+    found = TERM.search(law)
+    return int(found[1]) if found else 0
+
+
+def slope_names(law: str, element_set: str) -> tuple[str, ...]:
+    """The parameters H1 ... Hn of the free curve, of an element set."""
+    return tuple(f"{element_set}.hardening_1_H{k}" for k in range(1, knots_of(law) + 1))
+
+
+def knots(last: float, n: int) -> np.ndarray:
+    """Plastic strain of the knots, dense at the beginning  # (n,)"""
+    return last * (np.arange(n) / (n - 1.0)) ** 2
+
+
+def basis(p: np.ndarray, last: float, n: int) -> np.ndarray:
+    """B: the flow stress at p (m,) per slope at each of n knots, the last at plastic strain `last`  # (m, n)"""
+    at, p = knots(last, n), np.asarray(p, dtype=float)
+    B = np.zeros((len(p), n))
+    for k in range(n - 1):
+        width = at[k + 1] - at[k]
+        x = np.clip(p - at[k], 0.0, width)
+        B[:, k] += x - 0.5 * x * x / width
+        B[:, k + 1] += 0.5 * x * x / width
+    B[:, -1] += np.maximum(p - last, 0.0)
+    return B
+
+
+@dataclass(frozen=True)
+class ClassicalFit:
+    """A classical form beside a free curve.
+
+    Attributes
+    ----------
+    form : "linear" | "voce" | "ludwik" | "swift" | "power"
+    parameters : {name: value} MPa and -
+    chi2 : float
+        What the form loses: the weighted square distance from the free curve, in its covariance.
+    freedom : int
+        Points of the curve minus parameters of the form: the loss that noise alone explains.
+    inside : bool
+        Within the 95 % band over the whole range.
+    stress : (m,) MPa, at the points of the curve
+    """
+
+    form: str
+    parameters: dict[str, float]
+    chi2: float
+    freedom: int
+    inside: bool
+    stress: np.ndarray
+
+
+FORMS: dict[str, tuple[tuple[str, ...], Callable[..., np.ndarray]]] = {
+    "linear": (("yield_stress", "H"), lambda p, s, H: s + H * p),
+    "voce": (("yield_stress", "Q", "b"), lambda p, s, Q, b: s + Q * (1.0 - np.exp(-b * p))),
+    "ludwik": (("yield_stress", "K", "n"), lambda p, s, K, n: s + K * p**n),
+    "swift": (("K", "strain_0", "n"), lambda p, K, strain_0, n: K * (strain_0 + p) ** n),
+    "power": (("K", "n"), lambda p, K, n: K * np.maximum(p, 1e-12) ** n),
+}
+STARTING = {"linear": lambda r: [(1.0, 0.5)], "voce": lambda r: [(1.0, 0.3, b / r) for b in np.geomspace(0.5, 30, STARTS)],
+            "ludwik": lambda r: [(0.9, 0.5, n) for n in np.linspace(0.1, 1.2, STARTS)],
+            "swift": lambda r: [(1.5, e * r, 0.2) for e in np.geomspace(1e-3, 1.0, STARTS)],
+            "power": lambda r: [(1.5, n) for n in np.linspace(0.05, 0.6, STARTS)]}
+
+
+def classical_fits(p: np.ndarray, stress: np.ndarray, covariance: np.ndarray,
+                   at: Sequence[int]) -> tuple[ClassicalFit, ...]:
+    """Every classical form fitted to a free curve in its covariance, the best first.
+
+    Parameters
+    ----------
+    p, stress : (m,) plastic strain, flow stress in MPa
+    covariance : (m, m) MPa^2
+    at : places of the points that are compared, at most as many as the curve has parameters
+    """
+    at, std = np.asarray(at), np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance[np.ix_(at, at)])
+    kept = values > WHITENING_RANK * values[-1]
+    white = vectors[:, kept].T / np.sqrt(values[kept])[:, None]
+    size, reach = float(np.max(np.abs(stress))), float(p[-1])
+    fits = []
+    for form, (names, curve) in FORMS.items():
+        best = None
+        for start in STARTING[form](reach):
+            scale = np.array([size if name in ("yield_stress", "H", "Q", "K") else 1.0 for name in names])
+            found = least_squares(
+                lambda z, curve=curve, scale=scale: white @ (curve(p[at], *(z * scale)) - stress[at]),
+                start, bounds=(0.0, np.inf), x_scale=np.maximum(np.abs(start), 1e-6), max_nfev=2000)
+            if best is None or found.cost < best[0]:
+                best = (found.cost, found.x * scale)
+        assert best is not None  # every form has a start
+        fitted = curve(p, *best[1])
+        fits.append(ClassicalFit(form, dict(zip(names, map(float, best[1]), strict=True)), 2.0 * float(best[0]),
+                                 int(kept.sum()) - len(names), bool(np.all(np.abs(fitted - stress) <= 1.96 * std)), fitted))
+    return tuple(sorted(fits, key=lambda fit: fit.chi2))

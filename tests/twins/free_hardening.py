@@ -1,0 +1,162 @@
+"""Strips with a hole whose hardening is none of idic's terms, or hidden: the truth on a mesh and with steps of its own."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from idic.fe.march import march
+from idic.fe.model import Constraints, Model, Reaction, Section
+from idic.images.camera import Camera
+from idic.images.pattern import dense_speckle
+from idic.materials import LawParameter, LawSpec, all_laws, compile, register, tensors
+from idic.materials.plasticity import elastoplastic
+from idic.virtual_tests.experiment_files import write_images, write_loads
+from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.virtual_tests.render import Sensor, clean_image, painted, record
+
+LENGTH, WIDTH, RADIUS, THICKNESS = 28.0, 16.0, 3.0, 2.0  # mm
+PIXEL, SHAPE = 0.16, (125, 190)
+ORIGIN = ((SHAPE[1] - 1) / 2 - 1.7, (SHAPE[0] - 1) / 2 + 0.3)
+CAMERA = Camera.from_table(pixel_size=PIXEL, origin=ORIGIN)
+NOISE, FORCE_NOISE = 2.0, 5.0  # grey values of 255, N
+SWIFT, VOCE, LUDWIK, LUEDERS = range(4)
+FORMS = {  # MPa and -
+    "swift": (SWIFT, 500.0, 0.01, 0.2, 0.0), "voce": (VOCE, 200.0, 120.0, 15.0, 0.0),
+    "ludwik": (LUDWIK, 200.0, 350.0, 0.5, 0.0), "lueders": (LUEDERS, 250.0, 150.0, 8.0, 0.02),
+}
+GRIP = np.concatenate([np.linspace(0.0, 0.05, 4)[:-1], np.linspace(0.05, 0.12, 5)[:-1], np.linspace(0.12, 0.48, 8)])
+USER, TRUE = (4, 5, 3), (6, 8, 4)  # mesh densities
+
+TOML = f"""
+[experiment]
+images = "images/*.tif"
+loads = "loads.csv"
+mesh = "mesh.inp"
+mesh_unit = "mm"
+kind = "plane_stress"
+thickness_mm = {THICKNESS}
+[camera]
+pixel_size_mm = {PIXEL}
+origin_px = [{ORIGIN[0]}, {ORIGIN[1]}]
+noise_std_gv = NOISE
+[[boundary]]
+nodes = "LEFT"
+ux = 0.0
+uy = 0.0
+[[boundary]]
+nodes = "RIGHT"
+ux = {{ column = "grip_mm" }}
+uy = 0.0
+[[channel]]
+column = "force_N"
+simulated = {{ reaction = "RIGHT", component = "x" }}
+noise_std = {FORCE_NOISE}
+"""
+FREE = """
+[material.sheet]
+law = "elastoplastic"
+E = { value = 60e3, unit = "MPa", identify = true }
+nu = 0.3
+yield_stress = { value = 170, unit = "MPa", identify = true }
+hardening = [{ kind = "free", knots = KNOTS, range = 0.2 }]
+"""
+
+
+@njit
+def true_flow_stress(form, a, b, c, d, p):
+    """(flow stress, its slope) at plastic strain p, real or complex."""
+    if form == SWIFT:
+        s = a * (b + p) ** c
+        return s, c * s / (b + p)
+    if form == LUDWIK:
+        s = b * p ** c if p.real > 0.0 else 0.0 * p
+        return a + s, c * s / p if p.real > 0.0 else 0.0 * p
+    x = p - d if form == LUEDERS else p
+    if x.real < 0.0:
+        return a + 0.0 * p, 0.0 * p
+    return a + b * (1.0 - np.exp(-c * x)), b * c * np.exp(-c * x)
+
+
+def update(F, state, params, dt, P, state_new):
+    """J2 plasticity with that flow stress: bisection on real parts, then two complex Newton steps."""
+    G, kappa = elastoplastic.shear_and_bulk(params[0], params[1])
+    J, fi, _, mean, dev, norm, shrink = elastoplastic.trial_state(F, state)
+    if not J.real > 0.0:
+        return 1
+    form, a, b, c, d = int(params[2].real), params[3], params[4], params[5], params[6]
+    p, keep, trial = state[6], 1.0 + 0.0 * J, norm * G * math.sqrt(1.5)
+    for m in range(7):
+        state_new[m] = state[m]
+    if trial.real > true_flow_stress(form, a, b, c, d, p)[0].real:
+        low, high = 0.0, (trial / (3.0 * G * mean)).real
+        for _ in range(60):
+            x = 0.5 * (low + high)
+            beyond = trial - 3.0 * G * mean * x - true_flow_stress(form, a, b, c, d, p + x)[0]
+            low, high = (x, high) if beyond.real > 0.0 else (low, x)
+        growth = 0.5 * (low + high) + 0.0 * J
+        for _ in range(2):
+            flow, slope = true_flow_stress(form, a, b, c, d, p + growth)
+            growth = growth + (trial - 3.0 * G * mean * growth - flow) / (3.0 * G * mean + slope).real
+        keep = 1.0 - 3.0 * G * mean * growth / trial
+        elastoplastic.cp_after(fi, keep, mean, dev, 1.0 / shrink, state_new)
+        state_new[6] = p + growth
+    tau = tensors.scaled(keep * G, dev, kappa * (J - 1.0) * J)
+    tensors.store(tensors.times_transposed(tau, fi), P)
+    return 0
+
+
+def true_law():
+    """The law of the truth, registered once."""
+    if "true_curve" not in all_laws():
+        names = ("E", "nu", "form", "a", "b", "c", "d")
+        register(LawSpec("true_curve", tuple(LawParameter(name, "-", name) for name in names), {"finite": update},
+                         state_names=elastoplastic.STATE_NAMES, reference="truth of a test"))
+    return compile("true_curve")
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Motion of the true mesh (n_frames, n_nodes, 2) mm, force (n_frames,) N, plastic strain at its points at the end."""
+
+    mesh: object
+    u: np.ndarray
+    force: np.ndarray
+    plastic_strain: np.ndarray
+
+
+def truth_of(form: str) -> Truth:
+    """What really happens, with three increments per frame."""
+    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *TRUE)
+    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
+    dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
+    shape = np.zeros((len(dofs), 1))
+    shape[:len(right)] = 1.0
+    model = Model(mesh=mesh, kind="plane_stress", thickness=THICKNESS, channels=(Reaction(2 * right),),
+                  sections=(Section("sheet", true_law(), mesh.element_sets["sheet"]),),
+                  constraints=Constraints(dofs, shape, GRIP[:, None]))
+    values = {"sheet": np.array([70e3, 0.3, *FORMS[form]])}
+    u, force, p = [], [], None
+    for state in march(model, values, np.arange(len(GRIP), dtype=float), substeps=3):
+        u.append(state.u.copy())
+        force.append(state.channels[0])
+        p = np.concatenate([group.state[:, 6] for group in state.points])
+    return Truth(mesh, np.array(u), np.array(force), p)
+
+
+def write_folder(folder, truth: Truth, seed: int, material: str):
+    """The experiment of a user who does not know the form of the hardening."""
+    speckle = dense_speckle(np.random.default_rng(5), 1.6, 20.0, 235.0, extent_px=300.0)
+    texture, sensor = painted(speckle, CAMERA), Sensor(SHAPE, noise_std=NOISE, background=25.0)
+    rng = np.random.default_rng(50 + seed)
+    (folder / "images").mkdir(parents=True)
+    write_images(folder, (record(clean_image(x, truth.mesh.nodes, truth.mesh.blocks, CAMERA, texture, sensor), sensor, rng)
+                          for x in truth.u))
+    write_loads(folder, np.arange(len(truth.u), dtype=float),
+                {"force_N": truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u)), "grip_mm": GRIP})
+    write_inp(strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *USER), folder / "mesh.inp", "strip")
+    (folder / "experiment.toml").write_text(TOML.replace("NOISE", f"{sensor.total_noise_std:.4f}", 1) + material)
+    return folder / "experiment.toml"
