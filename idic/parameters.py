@@ -108,9 +108,9 @@ class JointPrior:
 
 @dataclass(frozen=True)
 class SmoothnessPrior:
-    """A normal prior of the ratio of neighbours in a row of positive parameters: ln of it has mean zero.
+    """A normal prior of the bends in a row of positive parameters: the second differences of their ln have mean zero.
 
-    names : in their order; std : of the ln of a ratio
+    A row that falls or grows by a constant factor is straight. names : in their order; std : of a second difference
     """
 
     names: tuple[str, ...]
@@ -121,7 +121,7 @@ class SmoothnessPrior:
         """As `JointPrior.normal_equations`; parameters that are not in `names` keep their values."""
         own = [i for i, name in enumerate(self.names) if name in names and parameters[name].transform == "log"]
         logs = np.log([parameters[name].value for name in self.names])
-        differences = np.diff(np.eye(len(logs)), axis=0) / self.std
+        differences = np.diff(np.eye(len(logs)), n=2, axis=0) / self.std
         moving = differences[:, own]
         return [names.index(self.names[i]) for i in own], moving.T @ moving, -moving.T @ (differences @ logs)
 

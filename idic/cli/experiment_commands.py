@@ -149,12 +149,24 @@ def laws(
                                                  show_default=False)] = None,
     plot: Annotated[Path | None, typer.Option(
         metavar="FILE", help="Draws the stress-strain curve of LAW and its sensitivities.")] = None,
+    export: Annotated[Path | None, typer.Option(
+        metavar="RUN", help="Writes the laws that RUN has identified: a table for experiment.toml, and material cards of "
+                            "Abaqus and CalculiX.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of --export [default: laws in RUN].")] = None,
 ) -> None:
-    """List the constitutive laws and their parameters."""
+    """List the constitutive laws and their parameters, or export identified ones."""
     with outcome():
         from idic.cli.tables import laws_table
         from idic.materials import all_laws, get_law
 
+        if export is not None:
+            from idic.run.reporting.law_files import export_laws
+
+            for written in export_laws(export, out or export / "laws"):
+                typer.echo("\n".join(f"{user_path(file)} written" for file in written.files))
+                for program, missing in written.missing.items():
+                    typer.echo("".join(f"{program}: NOT IN THE CARD: {what}\n" for what in missing), nl=False, err=True)
+            return
         if plot is not None:
             if law is None:
                 raise InputError("a plot needs a law", key="--plot", expected="idic laws LAW --plot FILE",

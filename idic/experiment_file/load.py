@@ -129,7 +129,7 @@ class ExperimentFolder(RecordedFolder):
         identity, earlier = self.identities(frames)
         return with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
-            thickness=thickness, materials=materials, 
+            thickness=thickness, materials=materials,
             parameters=ParameterSet(parameters, (*joint_priors(lens, parameters), *smoothness_priors(materials))),
             prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels),
             camera=camera, stack=frames.stack, labels=frames.labels, times=times,

@@ -54,7 +54,29 @@ def read_toml(path: Path) -> dict:
         raise InputError("not valid TOML", file=path, expected="TOML, https://toml.io", found=str(error),
                          remedy="correct that line: text stands in quotes, numbers have a decimal point") from None
     check_values(tables, path)
-    return tables
+    return _with_law_files(tables, path)
+
+
+def _with_law_files(tables: dict, path: Path) -> dict:
+    """The tables with the laws that ``from = "law.toml"`` takes from other files; keys beside it win."""
+    materials = tables.get("material")
+    if not isinstance(materials, dict):
+        return tables
+    made = {}
+    for name, table in materials.items():
+        made[name] = table
+        if not isinstance(table, dict) or "from" not in table:
+            continue
+        key, source = f"material.{name}.from", path.parent / str(table["from"])
+        if not source.is_file():
+            raise InputError("no such law file", file=path, key=key, expected="a file that  idic laws --export RUN  wrote",
+                             found=shortened(str(table["from"])), remedy="correct the path; it counts from the experiment's folder")
+        law = read_toml(source)
+        if "law" not in law or "from" in law:
+            raise InputError("not a law file", file=source, key="law", expected='law = "...", and its parameters',
+                             found=", ".join(law) or "nothing", remedy="name a file that  idic laws --export RUN  wrote")
+        made[name] = law | {own: value for own, value in table.items() if own != "from"}
+    return tables | {"material": made}
 
 
 def check_values(value: object, file: Path | str, key: tuple[str, ...] = ()) -> None:

@@ -21,6 +21,7 @@ from idic.report.html import filled_in
 from idic.report.practice import practice_table
 from idic.report.record import RunRecord
 from idic.report.stress_scale import in_ratios
+from idic.report.figures.hardening import hardening_curve
 from idic.report.stress_strain import open_curves, stress_strain
 from idic.report.tables import parameter_status
 from idic.report.treatments import treatment_table
@@ -49,7 +50,8 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
     """Every figure of the report in the order of a reader's questions; empty sections are left out."""
     channels = tuple(charts.channel(record, c) for c in record.channels)
     extra = () if record.fields is None else tuple(maps.nodal_field(record, n) for n in record.fields.extra)
-    laws = tuple(stress_strain(record, curve) for curve in record.curves)
+    laws = (*(stress_strain(record, curve) for curve in record.curves),
+            *(hardening_curve(record, curve) for curve in record.hardening))
     plan = (
         (
             "explained",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from idic.materials.composed.free_curve import ClassicalFit
 from idic.fields.series import FieldSeries
 from idic.model.gauges import Gauge
 
@@ -205,6 +206,31 @@ class LawCurve:
     axis: str = "x"
 
 
+@dataclass(frozen=True, eq=False)
+class HardeningCurve:
+    """An identified free hardening curve.
+
+    Attributes
+    ----------
+    name : element set
+    plastic_strain, stress, std : (m,) -, MPa, MPa
+        Flow stress up to the plastic strain that the specimen has reached, std from the covariance of the parameters.
+    knots : (n,) plastic strain of the knots
+    reached : float
+        Plastic strain that 99 % of the seen nodes stay within; the last knot where no state is known.
+    fits : tuple of ClassicalFit
+        The classical forms, the nearest first.
+    """
+
+    name: str
+    plastic_strain: np.ndarray
+    stress: np.ndarray
+    std: np.ndarray
+    knots: np.ndarray
+    reached: float
+    fits: tuple[ClassicalFit, ...]
+
+
 @dataclass(frozen=True)
 class NoiseFloor:
     """What noise alone does to displacement (px) and strain: free FE-DIC of a still image, and the identified model.
@@ -327,6 +353,7 @@ class RunRecord:
     views: tuple[FrameView, ...] = ()
     free: FreeFields | None = None
     curves: tuple[LawCurve, ...] = ()
+    hardening: tuple[HardeningCurve, ...] = ()
     practice: Practice | None = None
     camera_floor_px: np.ndarray | None = None
     points: PointMaps | None = None

@@ -1,4 +1,4 @@
-"""Strips with a hole whose hardening is none of idic's terms, or hidden: the truth on a mesh and with steps of its own."""
+"""Waisted strips whose hardening is none of idic's terms, or hidden: the truth on a mesh and with steps of its own."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ import numpy as np
 from numba import njit
 
 from idic.fe.march import march
+from idic.fe.mesh.mesh import make_mesh
 from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle
 from idic.materials import LawParameter, LawSpec, all_laws, compile, register, tensors
 from idic.materials.plasticity import elastoplastic
 from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.virtual_tests.meshes import Patch, mesh_patches, write_inp
 from idic.virtual_tests.render import Sensor, clean_image, painted, record
 
-LENGTH, WIDTH, RADIUS, THICKNESS = 28.0, 16.0, 3.0, 2.0  # mm
+LENGTH, WIDTH, THICKNESS = 26.0, 16.0, 2.0  # mm
+WAIST_SHARE, WAIST_LENGTH = 0.25, 7.0  # narrower by that share in the middle; mm
 PIXEL, SHAPE = 0.16, (125, 190)
 ORIGIN = ((SHAPE[1] - 1) / 2 - 1.7, (SHAPE[0] - 1) / 2 + 0.3)
 CAMERA = Camera.from_table(pixel_size=PIXEL, origin=ORIGIN)
@@ -28,8 +30,8 @@ FORMS = {  # MPa and -
     "swift": (SWIFT, 500.0, 0.01, 0.2, 0.0), "voce": (VOCE, 200.0, 120.0, 15.0, 0.0),
     "ludwik": (LUDWIK, 200.0, 350.0, 0.5, 0.0), "lueders": (LUEDERS, 250.0, 150.0, 8.0, 0.02),
 }
-GRIP = np.concatenate([np.linspace(0.0, 0.05, 4)[:-1], np.linspace(0.05, 0.12, 5)[:-1], np.linspace(0.12, 0.48, 8)])
-USER, TRUE = (4, 5, 3), (6, 8, 4)  # mesh densities
+GRIP = np.concatenate([np.linspace(0.0, 0.05, 4)[:-1], np.linspace(0.05, 0.12, 5)[:-1], np.linspace(0.12, 1.0, 9)])
+USER, TRUE = (13, 6), (20, 8)  # elements along and across
 
 TOML = f"""
 [experiment]
@@ -62,8 +64,19 @@ law = "elastoplastic"
 E = { value = 60e3, unit = "MPa", identify = true }
 nu = 0.3
 yield_stress = { value = 170, unit = "MPa", identify = true }
-hardening = [{ kind = "free", knots = KNOTS, range = 0.2 }]
+hardening = [{ kind = "free", knots = KNOTS, range = RANGE }]
 """
+
+
+def waisted(n: int, m: int):
+    """A quad8 mesh of the strip; element set ``sheet``, node sets LEFT and RIGHT."""
+    def shape(s, t):
+        x = LENGTH * (s - 0.5)
+        return x, WIDTH * (t - 0.5) * (1.0 - WAIST_SHARE * np.exp(-(x / WAIST_LENGTH) ** 2))
+
+    nodes, cells = mesh_patches([Patch(shape, n, m)], "quad8")
+    sides = {name: np.flatnonzero(np.abs(nodes[:, 0] - x) < 1e-6) for name, x in (("LEFT", -0.5 * LENGTH), ("RIGHT", 0.5 * LENGTH))}
+    return make_mesh(nodes, [("quad8", cells)], node_sets=sides, element_sets={"sheet": np.arange(len(cells))})
 
 
 @njit
@@ -130,7 +143,7 @@ class Truth:
 
 def truth_of(form: str) -> Truth:
     """What really happens, with three increments per frame."""
-    mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *TRUE)
+    mesh = waisted(*TRUE)
     left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
     dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
     shape = np.zeros((len(dofs), 1))
@@ -157,6 +170,6 @@ def write_folder(folder, truth: Truth, seed: int, material: str):
                           for x in truth.u))
     write_loads(folder, np.arange(len(truth.u), dtype=float),
                 {"force_N": truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u)), "grip_mm": GRIP})
-    write_inp(strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *USER), folder / "mesh.inp", "strip")
+    write_inp(waisted(*USER), folder / "mesh.inp", "strip")
     (folder / "experiment.toml").write_text(TOML.replace("NOISE", f"{sensor.total_noise_std:.4f}", 1) + material)
     return folder / "experiment.toml"

@@ -102,7 +102,7 @@ def elastic_stress(symmetry, terms, e, params, t, D):
     softens = False
     for i in range(0, len(terms) - 2, 2):
         kind = terms[i]
-        softens = softens or kind == RAMBERG_OSGOOD or kind == HAHN_TSAI
+        softens = softens or kind in (RAMBERG_OSGOOD, HAHN_TSAI)
     if softens and symmetry == ORTHOTROPIC:
         sign = -1.0 if e[3].real < 0.0 else 1.0
         x, slope = inverted(terms, 2.0 * sign * e[3], G, params)

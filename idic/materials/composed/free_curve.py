@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-SMOOTHNESS = 1.0  # prior std of the ln of the ratio of neighbouring slopes: a factor e from knot to knot
+SMOOTHNESS = 0.5  # prior std of the second difference of ln(slope) from knot to knot; Swift, Voce and Ludwik stay below 0.5
 TERM = re.compile(r"[(+]free(\d+)[)+]")
 WHITENING_RANK = 1e-10  # variances below this share of the largest are rounding
 STARTS = 6  # of the exponents of a classical form

@@ -23,6 +23,7 @@ from idic.parameters import ParameterSet
 from idic.report.evidence.matrices import shown_step, without_modes
 from idic.report.figures.profiles import EDGE
 from idic.report.page import all_pictures, draw_sections, render_page
+from idic.report.evidence.hardening import hardening_curves
 from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
 from idic.report.tables import all_tables
 from idic.report.tables_page import joint_page
@@ -126,8 +127,9 @@ def load_record(run: Path | str) -> RunRecord:
         return RunRecord(**common)
     floor = read_floor(context.store)
     main, *others = [_seen(context, result, there, number, parameters) for number in range(len(there.views))]
-    record = RunRecord(**(common | main), channels=_channels(context, result),
-                       series=series_of(run, context, result, there), gauges=gauges_of(context, there),
+    series = series_of(run, context, result, there)
+    record = RunRecord(**(common | main), channels=_channels(context, result), series=series,
+                       hardening=hardening_curves(experiment, parameters, result, series), gauges=gauges_of(context, there),
                        camera_floor_px=None if floor is None else floor.nodes_px,
                        **evidence(context, result, accepted[-1], parameters, main["sensitivities"]))
     names = [camera.name for camera in there.cameras]

@@ -1,0 +1,88 @@
+"""The terms of a law by name: of a composed law, or of an older one that is a special case of it.
+
+``terms_of`` is what a law file, a card of another program and the report read a law by: kinds with their values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.materials.composed.elastoplastic import NAME
+from idic.materials.composed.free_curve import basis, knots_of
+from idic.materials.composed.terms import GROUPS, LISTS, Term, term_of
+
+OLDER = {  # law: (terms, {parameter of the older law: that of the composed one})
+    "elastic": ((), {}),
+    "orthotropic": (("orthotropic",), {name: f"elasticity_{name}" for name in ("E1", "E2", "nu12", "G12", "angle")}),
+    "j2_linear": (("linear",), {"hardening_modulus": "hardening_1_H"}),
+    "j2_voce": (("voce", "linear"), {"Q": "hardening_1_Q", "b": "hardening_1_b", "hardening_modulus": "hardening_2_H"}),
+    "j2_power": (("power",), {"K": "hardening_1_K", "n": "hardening_1_n"}),
+    "j2_kinematic": (("linear", "armstrong_frederick"), {"hardening_modulus": "hardening_1_H", "C": "backstress_1_C",
+                                                         "gamma": "backstress_1_gamma"}),
+    "j2_hill": (("hill48", "voce", "linear"), {
+        "Q": "hardening_1_Q", "b": "hardening_1_b", "hardening_modulus": "hardening_2_H",
+        **{name: f"yield_surface_{name}" for name in ("r0", "r45", "r90", "angle")}}),
+    "viscoplastic": (("linear", "norton"), {"hardening_modulus": "hardening_1_H", "eta": "rate_eta", "m": "rate_m"}),
+    "j2_pressure": (("drucker_prager", "linear"), {"hardening_modulus": "hardening_1_H",
+                                                   "friction": "yield_surface_friction"}),
+}
+
+
+@dataclass(frozen=True)
+class WrittenTerm:
+    """A term and its values: those of the term by their own names, and by the names that they have in the law."""
+
+    term: Term
+    values: dict[str, float]
+    names: dict[str, str]
+
+    @property
+    def kind(self) -> str:
+        return self.term.kind
+
+
+def terms_of(law: str, values: Mapping[str, float]) -> tuple[WrittenTerm, ...] | None:
+    """The terms of a law with its values by parameter name, in the order of the groups; None of a law that has none."""
+    kinds, renamed = OLDER.get(law, (None, {}))
+    if law == NAME:
+        kinds = ()
+    elif law.startswith(f"{NAME}("):
+        kinds = tuple(law[len(NAME) + 1:-1].split("+"))
+    if kinds is None:
+        return None
+    in_law = {composed: older for older, composed in renamed.items()}
+    found, counted = [], dict.fromkeys(GROUPS, 0)
+    for term in sorted((term_of(kind) for kind in kinds), key=lambda term: GROUPS.index(term.group)):  # type: ignore
+        assert term is not None  # the law exists
+        counted[term.group] += 1
+        names = {own.name: in_law.get(f"{term.stem(counted[term.group])}_{own.name}",
+                                      f"{term.stem(counted[term.group])}_{own.name}") for own in term.parameters}
+        names = {own: name for own, name in names.items() if name in values}  # one angle may serve two terms
+        found.append(WrittenTerm(term, {own: values[name] for own, name in names.items()}, names))
+    return tuple(found)
+
+
+def flow_stress(law: str, values: Mapping[str, float], p: np.ndarray) -> np.ndarray:
+    """Yield stress and isotropic hardening at plastic strain p, slow  # (m,) MPa"""
+    p = np.asarray(p, dtype=float)
+    total = np.full(len(p), float(values["yield_stress"]))
+    for written in terms_of(law, values) or ():
+        v = written.values
+        if written.kind == "linear":
+            total += v["H"] * p
+        elif written.kind == "voce":
+            total += v["Q"] * (1.0 - np.exp(-v["b"] * p))
+        elif written.kind == "power":
+            total += v["K"] * p ** v["n"]
+        elif written.kind.startswith("free"):
+            n = knots_of(law)
+            total += basis(p, v["range"], n) @ np.array([v[f"H{k}"] for k in range(1, n + 1)])
+    return total
+
+
+def group_is_list(group: str) -> bool:
+    """Whether experiment.toml has a list of such terms."""
+    return group in LISTS

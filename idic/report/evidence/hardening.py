@@ -1,0 +1,64 @@
+"""Identified free hardening curves: flow stress over plastic strain with its band, and the classical forms beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+
+import numpy as np
+
+from idic.fields.series import FieldSeries
+from idic.materials.composed.free_curve import basis, classical_fits, knots, knots_of, slope_names
+from idic.model.experiment import Experiment
+from idic.parameters import ParameterSet
+from idic.report.record import HardeningCurve
+
+POINTS_BETWEEN = 8  # of the drawn curve, between the points that are compared with the classical forms
+REACHED_PERCENTILE = 99.0  # percent of the nodes: the few at notches of the mesh flow more than anything that was seen
+MIN_REACHED = 1e-4  # plastic strain below which there is no curve to draw
+
+
+def hardening_curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+                     series: FieldSeries | None) -> tuple[HardeningCurve, ...]:
+    """One curve per material with a free hardening curve of which something was identified.
+
+    Parameters
+    ----------
+    parameters : the identified values, internal units
+    series : fields of the simulation, with the plastic strain that the specimen has reached
+    """
+    return tuple(_curves(experiment, parameters, result, series))
+
+
+def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+            series: FieldSeries | None) -> Iterator[HardeningCurve]:
+    state = None if series is None else series.states.get("plastic_strain")
+    for material in experiment.materials:
+        n = knots_of(material.law)
+        if n == 0:
+            continue
+        names = (f"{material.element_set}.yield_stress", *slope_names(material.law, material.element_set))
+        last = parameters[f"{material.element_set}.hardening_1_range"].value
+        reached = last if state is None else float(np.nanpercentile(state, REACHED_PERCENTILE, axis=1).max())
+        entries = [result["parameters"].get(name, {}) for name in names]
+        known = [i for i, entry in enumerate(entries) if entry.get("std") and names[i] in result["correlation"]["names"]]
+        if reached < MIN_REACHED or not known:
+            continue
+        at = knots(last, n)
+        compared = np.append(at[at < reached], reached)
+        p = np.unique(np.concatenate([np.linspace(a, b, POINTS_BETWEEN + 1)
+                                      for a, b in pairwise(compared)]))
+        J = np.hstack([np.ones((len(p), 1)), basis(p, last, n)])
+        covariance = J[:, known] @ _covariance(result, parameters, [names[i] for i in known]) @ J[:, known].T
+        stress = J @ np.array([parameters[name].value for name in names])
+        fits = classical_fits(p, stress, covariance, np.searchsorted(p, compared))
+        yield HardeningCurve(material.element_set, p, stress, np.sqrt(np.maximum(np.diag(covariance), 0.0)), at, reached,
+                             fits)
+
+
+def _covariance(result: Mapping, parameters: ParameterSet, names: list[str]) -> np.ndarray:
+    """Covariance of some identified parameters, internal units  # (n, n)"""
+    table = result["correlation"]
+    at = [table["names"].index(name) for name in names]
+    stds = np.array([result["parameters"][name]["std"] * abs(parameters[name].factor) for name in names])
+    return np.asarray(table["matrix"], dtype=float)[np.ix_(at, at)] * np.outer(stds, stds)

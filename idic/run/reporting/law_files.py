@@ -1,0 +1,100 @@
+"""Identified laws as files: a table that experiment.toml takes (``from = "sheet.toml"``), and cards of other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from idic.errors import InputError
+from idic.experiment_file.toml_file import to_toml
+from idic.fe.external.material_card import PROGRAMS, material_card
+from idic.fe.external.solver import EXTERNAL
+from idic.materials.composed.elastoplastic import NAME
+from idic.materials.composed.terms import LISTS
+from idic.materials.composed.written_terms import WrittenTerm, terms_of
+from idic.materials.core.law import EXPANSION, get_law
+from idic.run.context import open_run
+from idic.run.reporting.write import accepted_parameters
+from idic.store.result_file import read_result
+
+
+@dataclass(frozen=True)
+class WrittenLaw:
+    """Files of one material, and per program what its card does not say."""
+
+    name: str
+    files: tuple[Path, ...]
+    missing: dict[str, tuple[str, ...]]
+
+
+def export_laws(run: Path | str, folder: Path | str) -> tuple[WrittenLaw, ...]:
+    """Write every identified law of a RUN: SET.toml, SET.abaqus.inp and SET.calculix.inp.
+
+    Raises
+    ------
+    InputError
+        No result in the RUN, several experiments with laws of their own, or a law of an external solver.
+    """
+    context, result, folder = open_run(str(run)), read_result(run), Path(folder)
+    parameters = accepted_parameters(result, context.experiment.parameters)
+    materials = [m for m in context.experiment.materials if m.law != EXTERNAL]
+    if not materials:
+        raise InputError("the laws of this RUN belong to another solver", file=run, key="--export",
+                         expected="a law of idic", found="[solver]", remedy="take the parameters from its result.json")
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for material in materials:
+        names = [*get_law(material.law).parameter_names, EXPANSION.name]
+        values = {name: parameters[f"{material.element_set}.{name}"].value for name in names
+                  if f"{material.element_set}.{name}" in parameters}
+        files = [folder / f"{material.element_set}.toml"]
+        files[0].write_text(law_table(material.element_set, material.law, material.kinematics, values, result),
+                            encoding="utf-8")
+        missing = {}
+        for program in PROGRAMS:
+            card = material_card(material.element_set, material.law, values, program)
+            files.append(folder / f"{material.element_set}.{program}.inp")
+            files[-1].write_text(card.text, encoding="ascii")
+            missing[program] = card.missing
+        written.append(WrittenLaw(material.element_set, tuple(files), missing))
+    return tuple(written)
+
+
+def law_table(element_set: str, law: str, kinematics: str, values: Mapping[str, float], result: Mapping) -> str:
+    """A law with its values as a table of [material.SET], terms as experiment.toml writes them, stds as comments."""
+    units = {p.name: p.unit for p in (*get_law(law).parameters, EXPANSION)}
+    entries = result["parameters"]
+    composed = law.partition("(")[0] == NAME
+    terms = (terms_of(law, values) or ()) if composed else ()
+    in_terms = {name for written in terms for name in written.names.values()}
+    table: dict = {"law": NAME if composed else law}
+    if len(get_law(law).kinematics) > 1:
+        table["kinematics"] = kinematics
+    table |= {name: _value(value, units[name]) for name, value in values.items() if name not in in_terms}
+    for written in terms:
+        entry = _term_table(written, units)
+        if written.term.group in LISTS:
+            table.setdefault(written.term.group, []).append(entry)
+        else:
+            table[written.term.group] = entry
+    stds = [f"#   {name} = {values[name]:.6g} ± {entries[key]['std']:.2g} {entries[key].get('unit', '')}".rstrip()
+            for name in values if (entries.get(key := f"{element_set}.{name}") or {}).get("std")]
+    open_ones = [f"#   {name}: not determined by the test, its starting value" for name in values
+                 if (entries.get(key := f"{element_set}.{name}") or {}).get("free") and entries[key].get("std") is None]
+    head = [f"# The law of {element_set} as it was identified. In experiment.toml:  [material.{element_set}]  "
+            f'from = "{element_set}.toml"', "# Identified, with standard deviations (other values were given):",
+            *stds, *open_ones]
+    return "\n".join(head) + "\n" + to_toml(table)
+
+
+def _term_table(written: WrittenTerm, units: Mapping[str, str]) -> dict:
+    kind, made = written.kind, {}
+    if kind.startswith("free"):
+        made["knots"], kind = sum(name.startswith("H") for name in written.values), "free"
+    return {"kind": kind, **made, **{own: _value(value, units[written.names[own]]) for own, value in written.values.items()}}
+
+
+def _value(value: float, unit: str) -> float | dict:
+    value = float(f"{value:.10g}")
+    return {"value": value, "unit": unit} if unit not in ("-", "") else value

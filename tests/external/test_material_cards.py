@@ -1,0 +1,130 @@
+"""Cards of identified laws: CalculiX runs them on one element as idic's material point goes, and says what it lacks."""
+
+import subprocess
+
+import numpy as np
+import pytest
+
+from idic.fe.external.material_card import material_card
+from idic.materials import compile, get_law, point
+from idic.materials.composed.written_terms import OLDER, flow_stress, terms_of
+
+CUBE = """*NODE
+1, 0, 0, 0
+2, 1, 0, 0
+3, 1, 1, 0
+4, 0, 1, 0
+5, 0, 0, 1
+6, 1, 0, 1
+7, 1, 1, 1
+8, 0, 1, 1
+*ELEMENT, TYPE=C3D8, ELSET=CUBE
+1, 1, 2, 3, 4, 5, 6, 7, 8
+*NSET, NSET=LEFT
+1, 4, 5, 8
+*NSET, NSET=RIGHT
+2, 3, 6, 7
+*NSET, NSET=FRONT
+1, 2, 5, 6
+*NSET, NSET=BELOW
+1, 2, 3, 4
+"""
+STEP = """*SOLID SECTION, ELSET=CUBE, MATERIAL=M
+*BOUNDARY
+LEFT, 1, 1
+FRONT, 2, 2
+BELOW, 3, 3
+*AMPLITUDE, NAME=PULL
+{amplitude}
+*TIME POINTS, NAME=FRAMES, GENERATE
+1, {end}, 1
+*STEP, NLGEOM, INC=10000
+*STATIC
+1, {end}, 1e-6, 1
+*BOUNDARY, AMPLITUDE=PULL
+RIGHT, 1, 1, 1
+*NODE PRINT, NSET=LEFT, TOTALS=ONLY, TIME POINTS=FRAMES
+RF
+*END STEP
+"""
+
+
+def pulled_by_calculix(folder, card, strain):
+    """Nominal stress of one element in tension along x at every strain but the first, MPa."""
+    amplitude = "\n".join(f"{k}, {e:.9g}" for k, e in enumerate(strain))
+    (folder / "cube.inp").write_text(CUBE + card + STEP.format(amplitude=amplitude, end=len(strain) - 1))
+    done = subprocess.run(["ccx", "-i", "cube"], cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout[-2000:]
+    rows = [line.split() for line in (folder / "cube.dat").read_text().splitlines()]
+    numbers = [[float(x) for x in row] for row in rows if len(row) == 3 and row[0][0] in "-0123456789"]
+    return -np.array(numbers)[:, 0]
+
+
+def compared(folder, law, values, strain):
+    """(theirs, ours, card): nominal stress in MPa."""
+    card = material_card("M", law, values, "calculix", reached=0.2)
+    ours = point.uniaxial(compile(law, get_law(law).kinematics[-1]), list(values.values()), strain).P[1:, 0, 0]
+    return pulled_by_calculix(folder, card.text, strain), ours, card
+
+
+THERE_AND_BACK = np.concatenate([np.linspace(0.0, 0.03, 16), np.linspace(0.03, -0.01, 21)[1:]])
+KIRCHHOFF = 1.5e-3  # J - 1 = (1 - 2 nu) stress / E = 0.4 * 250 / 70e3: Cauchy stress in the yield condition there
+
+
+@pytest.mark.parametrize("law", ["j2_voce", pytest.param("elastoplastic(linear+prager)", marks=pytest.mark.slow),
+                                 pytest.param("elastoplastic(free)", marks=pytest.mark.slow)])
+def test_one_element_of_calculix_goes_as_the_law_with_the_exported_card(ccx, tmp_path, law):
+    spec = get_law(law)
+    values = dict(zip(spec.parameter_names, spec.defaults(), strict=True))
+    theirs, ours, card = compared(tmp_path, spec.name, values, THERE_AND_BACK)
+    assert card.missing == ()
+    assert np.abs(theirs - ours).max() < 2.0 * KIRCHHOFF * np.abs(ours).max()
+
+
+@pytest.mark.slow  # the law takes 20 s to compile
+def test_plasticity_on_orthotropic_elasticity_goes_as_in_calculix(ccx, tmp_path):
+    law = "elastoplastic(orthotropic+linear)"
+    values = {"elasticity_E1": 120e3, "elasticity_E2": 60e3, "elasticity_nu12": 0.3, "elasticity_G12": 25e3,
+              "elasticity_angle": 0.0, "yield_stress": 300.0, "hardening_1_H": 2000.0}
+    assert get_law(law).parameter_names == tuple(values)
+    theirs, ours, card = compared(tmp_path, law, values, np.linspace(0.0, 0.01, 21))
+    assert card.missing == ()
+    assert np.abs(theirs - ours).max() < 3.0 * KIRCHHOFF * np.abs(ours).max()
+
+
+@pytest.mark.parametrize("program", ["abaqus", "calculix"])
+def test_a_term_without_a_card_is_named_in_the_card(program):
+    law = get_law("elastoplastic(in_plane_shear+voce+norton+lemaitre)")
+    card = material_card("M", law.name, dict(zip(law.parameter_names, law.defaults(), strict=True)), program)
+    assert [what.split(":")[0] for what in card.missing] == ["rate norton", "damage lemaitre", "yield_surface in_plane_shear"]
+    assert all(f"** NOT IN THIS CARD: {what}" in card.text for what in card.missing)
+    egp = get_law("egp")
+    assert material_card("M", "egp", dict(zip(egp.parameter_names, egp.defaults(), strict=True)), program).missing
+
+
+def test_the_ratios_of_hills_card_are_the_yield_stresses_of_the_law():
+    """Abaqus divides by R: a strip across the rolling direction yields at R22 times the yield stress."""
+    law = get_law("j2_hill")
+    values = dict(zip(law.parameter_names, law.defaults(), strict=True))
+    card = material_card("M", "j2_hill", values, "abaqus")
+    ratios = [float(x) for x in card.text.split("*POTENTIAL\n")[1].split("\n")[0].split(",")]
+    r0, r90 = values["r0"], values["r90"]
+    assert ratios[1] == pytest.approx(np.sqrt(r90 * (1.0 + r0) / (r0 * (1.0 + r90))))
+
+
+def test_the_written_flow_stress_is_that_of_the_law_in_tension():
+    for name in ("j2_linear", "j2_voce", "j2_power"):
+        law = compile(name)
+        values = law.spec.defaults()
+        curve = point.uniaxial(law, values, np.linspace(0.0, 0.03, 7))
+        yields = curve.state[:, 6] > 0
+        ours = flow_stress(name, dict(zip(law.spec.parameter_names, values, strict=True)), curve.state[:, 6])
+        np.testing.assert_allclose((curve.P * curve.F)[yields, 0, 0], ours[yields], rtol=1e-8)
+
+
+def test_every_older_law_has_the_parameters_of_its_terms():
+    for name in OLDER:
+        law = get_law(name)
+        terms = terms_of(name, dict(zip(law.parameter_names, law.defaults(), strict=True)))
+        named = {parameter for term in terms for parameter in term.names.values()}
+        assert named | {"E", "nu", "yield_stress"} >= set(law.parameter_names)
