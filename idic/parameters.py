@@ -108,22 +108,21 @@ class JointPrior:
 
 @dataclass(frozen=True)
 class SmoothnessPrior:
-    """A normal prior of the bends in a row of positive parameters: the second differences of their ln have mean zero.
+    """A normal prior of combinations of parameters, each of mean zero and unit variance: the bends of a curve.
 
-    A row that falls or grows by a constant factor is straight. names : in their order; std : of a second difference
+    names : (n,); bends : (m, n) per internal unit
     """
 
     names: tuple[str, ...]
-    std: float
+    bends: tuple[tuple[float, ...], ...]
 
     def normal_equations(self, parameters: Mapping[str, Parameter], names: Sequence[str],
                          slopes: np.ndarray) -> tuple[list[int], np.ndarray, np.ndarray]:
         """As `JointPrior.normal_equations`; parameters that are not in `names` keep their values."""
-        own = [i for i, name in enumerate(self.names) if name in names and parameters[name].transform == "log"]
-        logs = np.log([parameters[name].value for name in self.names])
-        differences = np.diff(np.eye(len(logs)), n=2, axis=0) / self.std
-        moving = differences[:, own]
-        return [names.index(self.names[i]) for i in own], moving.T @ moving, -moving.T @ (differences @ logs)
+        own = [i for i, name in enumerate(self.names) if name in names]
+        at, bends = [names.index(self.names[i]) for i in own], np.array(self.bends)
+        moving = bends[:, own] * slopes[at]
+        return at, moving.T @ moving, -moving.T @ (bends @ np.array([parameters[name].value for name in self.names]))
 
     def renamed(self, names: Mapping[str, str]) -> SmoothnessPrior:
         """The same under other names."""

@@ -5,10 +5,10 @@
 becomes ``law = "elastoplastic(voce+linear)"`` with hardening_1_Q, hardening_1_b and hardening_2_H, which is a form that
 experiment.toml may have too. `idic.materials.composed` has the terms and their equations. A free hardening curve,
 
-    hardening = [{ kind = "free", knots = 8, range = 0.2, H = { value = 1000.0, identify = true } }]
+    hardening = [{ kind = "free", knots = 8, range = 0.2, H = 1000.0 }]
 
-becomes ``free8`` with hardening_1_range and the slopes hardening_1_H1 ... hardening_1_H8, all as H, which may be left out;
-H3 = ... gives one its own value.
+becomes ``free8`` with hardening_1_range and the flow stresses hardening_1_s2 ... hardening_1_s8 at its knots, identified and
+starting on the straight line of slope H (MPa); s3 = ... gives one its own value.
 """
 
 from __future__ import annotations
@@ -16,16 +16,19 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from idic.errors import InputError
 from idic.materials.composed.elastoplastic import NAME as COMPOSED
 from idic.materials.composed.elastoplastic import composed_name
-from idic.materials.composed.free_curve import SMOOTHNESS, slope_names
+from idic.materials.composed.free_curve import bends, knots, level_names
 from idic.materials.composed.terms import DEFAULT_KNOTS, GROUPS, KNOTS, LISTS, kinds_of, term_of
 from idic.model.experiment import Material
-from idic.parameters import SmoothnessPrior
+from idic.parameters import Parameter, SmoothnessPrior
+from idic.readers.units import factor_between
 
-START_SLOPE = {"value": 1000.0, "unit": "MPa", "identify": True}  # of a free hardening curve
-LAST_KNOT = 0.2
+START_SLOPE = 1000.0  # MPa, of a free hardening curve
+LAST_KNOT = 0.2  # plastic strain
 
 
 def with_flat_terms(raw: Mapping, file: str) -> dict:
@@ -58,7 +61,7 @@ def _flat(table: Mapping, file: str, key: str) -> dict:
             place = f"{key}.{group}" + (f"[{number - 1}]" if isinstance(given, list) else "")
             kind = _kind(entry, group, file, place)
             if kind == "free":
-                kind, entry = _free_curve(entry, file, place)
+                kind, entry = _free_curve(entry, table.get("yield_stress"), file, place)
             kinds.append(kind)
             flat |= _parameters(kind, entry, number, file, place)
     try:
@@ -83,23 +86,38 @@ def _kind(entry: object, group: str, file: str, key: str) -> str:
     return str(kind)
 
 
-def _free_curve(entry: Mapping, file: str, key: str) -> tuple[str, dict]:
-    """A free curve as the kind with its number of knots and a value for every slope."""
-    n = entry.get("knots", DEFAULT_KNOTS)
+def _free_curve(entry: Mapping, yield_stress: object, file: str, key: str) -> tuple[str, dict]:
+    """A free curve as the kind with its number of knots and a start value at every knot."""
+    n, slope, last = entry.get("knots", DEFAULT_KNOTS), entry.get("H", START_SLOPE), entry.get("range", LAST_KNOT)
     if not isinstance(n, int) or isinstance(n, bool) or not KNOTS[0] <= n <= KNOTS[1]:
         raise InputError("a free curve needs its number of knots", file=file, key=f"{key}.knots",
                          expected=f"a whole number, {KNOTS[0]} to {KNOTS[1]}", found=repr(n)[:80],
                          remedy=f"{DEFAULT_KNOTS} suit most metals; more show a sharper bend")
-    every = entry.get("H", START_SLOPE)
-    slopes = {f"H{k}": every for k in range(1, n + 1)}
+    for name, value in (("H", slope), ("range", last)):
+        if not isinstance(value, (int, float)) or isinstance(value, bool) or not value > 0:
+            raise InputError("a free curve starts on a straight line", file=file, key=f"{key}.{name}",
+                             expected="a number above zero" + (" (MPa)" if name == "H" else ""), found=repr(value)[:80],
+                             remedy=f"write  {name} = {START_SLOPE if name == 'H' else LAST_KNOT}")
+    first = yield_stress if isinstance(yield_stress, Mapping) else {"value": yield_stress}
+    start, unit = first.get("value"), first.get("unit")
+    if not isinstance(start, (int, float)) or isinstance(start, bool):
+        start, unit = START_SLOPE, None  # the missing yield stress is told with the other parameters
+    per_unit = factor_between(unit, "MPa", file=file, key=f"{key}.yield_stress") if isinstance(unit, str) else 1.0
+    levels = {f"s{k + 1}": {"value": float(start * per_unit + slope * p), "unit": "MPa", "identify": True}
+              for k, p in enumerate(knots(last, n)) if k > 0}
     own = {name: value for name, value in entry.items() if name not in ("knots", "H")}
-    return f"free{n}", {"range": LAST_KNOT} | slopes | own
+    return f"free{n}", {"range": last} | levels | own
 
 
-def smoothness_priors(materials: Sequence[Material]) -> tuple[SmoothnessPrior, ...]:
-    """The stated smoothness of every free hardening curve."""
-    rows = (slope_names(material.law, material.element_set) for material in materials)
-    return tuple(SmoothnessPrior(names, SMOOTHNESS) for names in rows if names)
+def smoothness_priors(materials: Sequence[Material], parameters: Sequence[Parameter]) -> tuple[SmoothnessPrior, ...]:
+    """The stated smoothness of every free hardening curve, in units of the mean slope of its start."""
+    values, made = {p.name: p.value for p in parameters}, []
+    for material in materials:
+        names = level_names(material.law, material.element_set)
+        if names:
+            rows = bends(values[f"{material.element_set}.hardening_1_range"], np.array([values[name] for name in names]))
+            made.append(SmoothnessPrior(names, tuple(tuple(row) for row in rows.tolist())))
+    return tuple(made)
 
 
 def _parameters(kind: str, entry: Mapping, number: int, file: str, key: str) -> dict:

@@ -130,7 +130,7 @@ class ExperimentFolder(RecordedFolder):
         return with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
             thickness=thickness, materials=materials,
-            parameters=ParameterSet(parameters, (*joint_priors(lens, parameters), *smoothness_priors(materials))),
+            parameters=ParameterSet(parameters, (*joint_priors(lens, parameters), *smoothness_priors(materials, parameters))),
             prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels),
             camera=camera, stack=frames.stack, labels=frames.labels, times=times,
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,

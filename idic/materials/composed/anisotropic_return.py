@@ -55,11 +55,12 @@ def product(s, t):
 
 @njit
 def times(A, s, out):
-    """out = A s."""
+    """out = A s; most entries of A are zero."""
     for i in range(6):
         out[i] = 0.0
         for j in range(6):
-            out[i] += A[i, j] * s[j]
+            if A[i, j] != 0.0:
+                out[i] += A[i, j] * s[j]
 
 
 @njit
@@ -102,8 +103,8 @@ def shifted(back, stress, growth, state, params, A, dA):
 
 
 @njit
-def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, own, e, xi, flowing, passes):
-    """The strain e, xi and A xi that belong to a growth: (1 / resistance - 1 / q, its slope over growth, q).
+def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, own, e, xi, flowing, passes, sloped):
+    """The strain e, xi and A xi that belong to a growth: (1 / resistance - 1 / q, its slope over growth if ``sloped``).
 
     e is the start and is overwritten. ``passes`` bounds the Newton passes on the strain: 1 in the complex step.
     """
@@ -135,27 +136,33 @@ def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, para
             e[i] = new
         if len(elastic) <= 3 or change <= STRAIN_TOLERANCE * size:
             break
+    q = np.sqrt(product(xi, flowing))
+    if not sloped:
+        return 1.0 / flow - 1.0 / q, 0.0 * q
     for i in range(6):  # slope: (1 + z (D + total) A) dxi = dshift - (dz (D + total) + z dtotal) A xi
         columns[i, 0], columns[i, 1] = 0.0, dshift[i] - (dz * total + z * dtotal) * flowing[i]
         for j in range(6):
             columns[i, 1] -= dz * D[i, j] * flowing[j]
     stiffness_times(D, A, total, z, K)
     solve(K, columns)
-    q = np.sqrt(product(xi, flowing))
     dq = 0.0 * q
     for i in range(6):
         dq += weight(i) * flowing[i] * columns[i, 1] / q
-    return 1.0 / flow - 1.0 / q, dq / (q * q) - dflow / (flow * flow), q
+    return 1.0 / flow - 1.0 / q, dq / (q * q) - dflow / (flow * flow)
 
 
 @njit
 def stiffness_times(D, A, total, z, K):
-    """K = 1 + z (D + total) A."""
+    """K = 1 + z (D + total) A; most entries of both are zero."""
     for i in range(6):
         for j in range(6):
             K[i, j] = (1.0 if i == j else 0.0) + z * total * A[i, j]
-            for m in range(6):
-                K[i, j] += z * D[i, m] * A[m, j]
+        for m in range(6):
+            if D[i, m] != 0.0:
+                stiffness = z * D[i, m]
+                for j in range(6):
+                    if A[m, j] != 0.0:
+                        K[i, j] += stiffness * A[m, j]
 
 
 @njit
@@ -167,8 +174,8 @@ def plastic_growth(elastic, back, hardening, rate, A, trial, q, modulus, p, dt, 
     x = 0.5 * min((q - sigma) / modulus, high)
     for _ in range(MAX_ITERATIONS):
         e[:] = trial
-        value, slope, _ = relaxed(elastic, back, hardening, rate, A, trial, p, x, dt, state, params, own, e, xi, flowing,
-                                  MOST_PASSES)
+        value, slope = relaxed(elastic, back, hardening, rate, A, trial, p, x, dt, state, params, own, e, xi, flowing,
+                               MOST_PASSES, True)
         if not math.isfinite(value):
             return -1.0
         if value > 0.0:
@@ -220,8 +227,8 @@ def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, 
             return 1
         growth = real + 0.0 * p
         for last in range(3):  # the real solution, one step in complex: exact derivative, the strain that belongs to it
-            value, steep, _ = relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, own, e, xi,
-                                      flowing, MOST_PASSES if last == 0 else 1)
+            value, steep = relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, own, e, xi,
+                                   flowing, MOST_PASSES if last == 0 else 1, last == 1)
             growth -= value / steep.real if last == 1 else 0.0 * value
         elastic_stress(elastic[0], elastic[1:], e, params, t, D)
         g = remember(back, U, e, turn, trial, growth, state, own, state_new)

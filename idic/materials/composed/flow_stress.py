@@ -1,12 +1,12 @@
 """The flow stress of a composed law: a sum of hardening terms, and what the rate of plastic strain makes of it.
 
-    sigma(p) = yield_stress + sum of   H p   |   Q (1 - exp(-b p))   |   K p^n   |   integral of theta over p
+    sigma(p) = yield_stress + sum of   H p   |   Q (1 - exp(-b p))   |   K p^n   |   s(p) - yield_stress
     resistance = sigma(p) + eta (dp/dt)^(1/m)                       (norton)
                = sigma(p) (1 + (tau dp/dt)^(1/m))                   (perzyna)
                = sigma(p) (1 + C ln(1 + (dp/dt) / reference_rate))  (johnson_cook)
 
-theta of a free curve is linear between its values H1 ... Hn at the knots range ((k - 1) / (n - 1))^2 and constant beyond the
-last: monotone where no H is negative, with a continuous slope. Terms come as a flat tuple of integers (kind, place of its first parameter, kind, place, ..., NONE, 0): a constant in the
+s of a free curve is linear between its values yield_stress, s2 ... sn at the knots range ((k - 1) / (n - 1))^2, and beyond
+the last; a value below the one before it counts as that one, so that the curve never falls. Terms come as a flat tuple of integers (kind, place of its first parameter, kind, place, ..., NONE, 0): a constant in the
 code of each combination. dp/dt is growth / dt, backward Euler.
 """
 
@@ -24,33 +24,32 @@ YIELD = 2
 
 @njit
 def free_curve(n, first, p, params):
-    """(integral of theta, theta) at p of a free curve with n knots; real or complex."""
-    sigma, last, value = 0.0 * (p + params[first]), 0.0 * params[first], params[first + 1] + 0.0 * p
+    """(s - yield_stress, slope of s) at p of a free curve with n knots; real or complex."""
+    low, last, steepness = params[YIELD] + 0.0 * p, 0.0 * params[first], 0.0 * (params[first] + p)
     for k in range(1, n):
         knot = params[first] * (k / (n - 1.0)) ** 2
-        steepness = (params[first + 1 + k] - params[first + k]) / (knot - last)
-        if p.real < knot.real:
-            x = p - last
-            return sigma + params[first + k] * x + 0.5 * steepness * x * x, params[first + k] + steepness * x
-        sigma += 0.5 * (params[first + k] + params[first + 1 + k]) * (knot - last)
-        last, value = knot, params[first + 1 + k] + 0.0 * p
-    return sigma + value * (p - last), value
+        high = params[first + k] if params[first + k].real > low.real else low
+        steepness = (high - low) / (knot - last)
+        if p.real < knot.real or k == n - 1:
+            break
+        low, last = high + 0.0 * p, knot
+    return low + steepness * (p - last) - params[YIELD], steepness
 
 
 @njit
 def free_curve_change(n, first, p, params, d):
-    """Change of the integral of theta with range, H1 ... Hn at fixed p; real. It is range S(p / range)."""
-    sigma, theta = free_curve(n, first, p, params)
-    change, last = (sigma - p * theta) / params[first] * d[first], 0.0
+    """Change of s - yield_stress with yield_stress, range, s2 ... sn at fixed p; real."""
+    low, dlow, last, dlast, steepness, change = params[YIELD], d[YIELD], 0.0, 0.0, 0.0, 0.0
     for k in range(1, n):
-        knot = params[first] * (k / (n - 1.0)) ** 2
-        width = knot - last
-        x = min(p, knot) - last
-        change += (x - 0.5 * x * x / width) * d[first + k] + 0.5 * x * x / width * d[first + 1 + k]
-        if p < knot:
-            return change
-        last = knot
-    return change + (p - last) * d[first + n]
+        share = (k / (n - 1.0)) ** 2
+        knot, dknot = params[first] * share, d[first] * share
+        high, dhigh = (params[first + k], d[first + k]) if params[first + k] > low else (low, dlow)
+        steepness = (high - low) / (knot - last)
+        change = (dhigh - dlow - steepness * (dknot - dlast)) / (knot - last)
+        if p < knot or k == n - 1:
+            break
+        low, dlow, last, dlast = high, dhigh, knot, dknot
+    return dlow + change * (p - last) - steepness * dlast - d[YIELD]
 
 
 @njit
@@ -66,7 +65,7 @@ def flow_stress(hardening, p, params):
             decay = np.exp(-params[first + 1] * p)
             sigma += params[first] * (1.0 - decay)
             slope += params[first] * params[first + 1] * decay
-        elif kind >= FREE:  # range, H1 ... Hn
+        elif kind >= FREE:  # range, s2 ... sn
             part, theta = free_curve(kind - FREE, first, p, params)
             sigma += part
             slope += theta

@@ -1,6 +1,6 @@
 """The free hardening curve of a composed law outside of the compiled code: its basis, its prior, classical forms of it.
 
-The flow stress is linear in the slopes at the knots (``flow_stress.py``):  sigma(p) = yield_stress + B(p) H.
+The flow stress is linear in its values at the knots (``flow_stress.py``):  s(p) = B(p) (yield_stress, s2 ... sn).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-SMOOTHNESS = 0.5  # prior std of the second difference of ln(slope) from knot to knot; Swift, Voce and Ludwik stay below 0.5
+SMOOTHNESS = 1.0  # prior std of the change of slope from interval to interval, over the mean slope of the starting curve
 TERM = re.compile(r"[(+]free(\d+)[)+]")
 WHITENING_RANK = 1e-10  # variances below this share of the largest are rounding
 STARTS = 6  # of the exponents of a classical form
@@ -24,9 +24,10 @@ def knots_of(law: str) -> int:
     return int(found[1]) if found else 0
 
 
-def slope_names(law: str, element_set: str) -> tuple[str, ...]:
-    """The parameters H1 ... Hn of the free curve, of an element set."""
-    return tuple(f"{element_set}.hardening_1_H{k}" for k in range(1, knots_of(law) + 1))
+def level_names(law: str, element_set: str) -> tuple[str, ...]:
+    """The parameters of an element set that are the values of its free curve at the knots; none without one."""
+    n = knots_of(law)
+    return (f"{element_set}.yield_stress", *(f"{element_set}.hardening_1_s{k}" for k in range(2, n + 1))) if n else ()
 
 
 def knots(last: float, n: int) -> np.ndarray:
@@ -35,16 +36,24 @@ def knots(last: float, n: int) -> np.ndarray:
 
 
 def basis(p: np.ndarray, last: float, n: int) -> np.ndarray:
-    """B: the flow stress at p (m,) per slope at each of n knots, the last at plastic strain `last`  # (m, n)"""
+    """B: weights at p (m,) of the values at n knots, the last at plastic strain `last`; straight beyond  # (m, n)"""
     at, p = knots(last, n), np.asarray(p, dtype=float)
+    k = np.clip(np.searchsorted(at, p, side="right") - 1, 0, n - 2)
+    x = (p - at[k]) / (at[k + 1] - at[k])
     B = np.zeros((len(p), n))
-    for k in range(n - 1):
-        width = at[k + 1] - at[k]
-        x = np.clip(p - at[k], 0.0, width)
-        B[:, k] += x - 0.5 * x * x / width
-        B[:, k + 1] += 0.5 * x * x / width
-    B[:, -1] += np.maximum(p - last, 0.0)
+    B[np.arange(len(p)), k] = 1.0 - x
+    B[np.arange(len(p)), k + 1] = x
     return B
+
+
+def bends(last: float, levels: np.ndarray) -> np.ndarray:
+    """What the smoothness prior has of unit variance: changes of slope over their std, per value  # (n - 2, n)
+
+    levels : (n,) MPa, values of the starting curve
+    """
+    n = len(levels)
+    slopes = np.diff(np.eye(n), axis=0) / np.diff(knots(last, n))[:, None]
+    return np.diff(slopes, axis=0) / (SMOOTHNESS * max(levels[-1] - levels[0], 1e-3 * levels[0]) * (1.0 / last))
 
 
 @dataclass(frozen=True)

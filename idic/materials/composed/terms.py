@@ -108,8 +108,8 @@ TERMS = {term.kind: term for term in (
           LawParameter("n", "-", "exponent of the power law", default=0.3, bounds=(0.0, 5.0))),
          "K p^n (Ludwik 1909)"),
     Term("free", "hardening", FREE, (),
-         "integral over p of a slope that is linear between its values H1 ... Hn at n knots, range ((k - 1) / (n - 1))^2; "
-         "free or free8 has 8 of them, free12 has 12"),
+         "linear between yield_stress, s2 ... sn at n knots, range ((k - 1) / (n - 1))^2; free or free8 has 8 of them, "
+         "free12 has 12"),
     Term("prager", "backstress", PRAGER,
          (LawParameter("C", "MPa", "kinematic modulus: slope of the back stress over plastic strain",
                        default=2000.0),),
@@ -158,10 +158,10 @@ def term_of(kind: str) -> Term | None:
     n = int(found[1] or DEFAULT_KNOTS)
     if not KNOTS[0] <= n <= KNOTS[1]:
         return None
-    slopes = tuple(LawParameter(f"H{k}", "MPa", f"slope of the flow stress at knot {k} of {n}", default=1500.0 * 0.8**k,
-                                bounds=(0.0, np.inf)) for k in range(1, n + 1))
+    levels = tuple(LawParameter(f"s{k}", "MPa", f"flow stress at knot {k} of {n}", default=200.0 + 25.0 * k)
+                   for k in range(2, n + 1))
     last = LawParameter("range", "-", "plastic strain of the last knot; chosen, locked", default=0.2)
-    return replace(TERMS["free"], kind=f"free{n}", code=FREE + n, parameters=(last, *slopes))
+    return replace(TERMS["free"], kind=f"free{n}", code=FREE + n, parameters=(last, *levels))
 
 
 def kinds_of(group: str) -> tuple[str, ...]:

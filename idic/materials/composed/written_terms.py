@@ -12,7 +12,7 @@ import numpy as np
 
 from idic.materials.composed.elastoplastic import NAME
 from idic.materials.composed.free_curve import basis, knots_of
-from idic.materials.composed.terms import GROUPS, LISTS, Term, term_of
+from idic.materials.composed.terms import GROUPS, Term, term_of
 
 OLDER = {  # law: (terms, {parameter of the older law: that of the composed one})
     "elastic": ((), {}),
@@ -78,11 +78,7 @@ def flow_stress(law: str, values: Mapping[str, float], p: np.ndarray) -> np.ndar
         elif written.kind == "power":
             total += v["K"] * p ** v["n"]
         elif written.kind.startswith("free"):
-            n = knots_of(law)
-            total += basis(p, v["range"], n) @ np.array([v[f"H{k}"] for k in range(1, n + 1)])
+            n, first = knots_of(law), float(values["yield_stress"])
+            levels = np.maximum.accumulate([first, *(v[f"s{k}"] for k in range(2, n + 1))])
+            total += basis(p, v["range"], n) @ levels - first
     return total
-
-
-def group_is_list(group: str) -> bool:
-    """Whether experiment.toml has a list of such terms."""
-    return group in LISTS

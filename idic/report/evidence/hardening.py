@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from idic.fields.series import FieldSeries
-from idic.materials.composed.free_curve import basis, classical_fits, knots, knots_of, slope_names
+from idic.materials.composed.free_curve import basis, classical_fits, knots, knots_of, level_names
 from idic.model.experiment import Experiment
 from idic.parameters import ParameterSet
 from idic.report.record import HardeningCurve
@@ -37,7 +37,7 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         n = knots_of(material.law)
         if n == 0:
             continue
-        names = (f"{material.element_set}.yield_stress", *slope_names(material.law, material.element_set))
+        names = level_names(material.law, material.element_set)
         last = parameters[f"{material.element_set}.hardening_1_range"].value
         reached = last if state is None else float(np.nanpercentile(state, REACHED_PERCENTILE, axis=1).max())
         entries = [result["parameters"].get(name, {}) for name in names]
@@ -48,9 +48,9 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         compared = np.append(at[at < reached], reached)
         p = np.unique(np.concatenate([np.linspace(a, b, POINTS_BETWEEN + 1)
                                       for a, b in pairwise(compared)]))
-        J = np.hstack([np.ones((len(p), 1)), basis(p, last, n)])
+        J = basis(p, last, n)
         covariance = J[:, known] @ _covariance(result, parameters, [names[i] for i in known]) @ J[:, known].T
-        stress = J @ np.array([parameters[name].value for name in names])
+        stress = J @ np.maximum.accumulate([parameters[name].value for name in names])
         fits = classical_fits(p, stress, covariance, np.searchsorted(p, compared))
         yield HardeningCurve(material.element_set, p, stress, np.sqrt(np.maximum(np.diag(covariance), 0.0)), at, reached,
                              fits)

@@ -45,7 +45,7 @@ def _caption(curve: HardeningCurve, unit: str, size: float) -> str:
     forms = "; ".join(_form(fit, unit, size) for fit in curve.fits)
     return (f"Flow stress up to the plastic strain that 99 % of the seen nodes stay within ({100 * curve.reached:.3g} %); beyond it "
             "the curve is not measured. The band follows from the covariance of the parameters; the smoothness prior "
-            f"(second differences of ln(slope) from knot to knot have std {SMOOTHNESS:g}) is part of it. Below: classical forms fitted in that "
+            f"(changes of slope from interval to interval: std {SMOOTHNESS:g} of the mean starting slope) is part of it. Below: classical forms fitted in that "
             "covariance, solid where they stay inside the band, with their loss in chi2 (noise alone: about the number "
             f"in brackets). {forms}.")
 

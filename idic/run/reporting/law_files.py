@@ -91,7 +91,7 @@ def law_table(element_set: str, law: str, kinematics: str, values: Mapping[str, 
 def _term_table(written: WrittenTerm, units: Mapping[str, str]) -> dict:
     kind, made = written.kind, {}
     if kind.startswith("free"):
-        made["knots"], kind = sum(name.startswith("H") for name in written.values), "free"
+        made["knots"], kind = sum(name.startswith("s") for name in written.values) + 1, "free"
     return {"kind": kind, **made, **{own: _value(value, units[written.names[own]]) for own, value in written.values.items()}}
 
 
