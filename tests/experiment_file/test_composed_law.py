@@ -54,8 +54,8 @@ def test_no_terms_are_perfect_plasticity():
 
 
 @pytest.mark.parametrize(("changes", "key", "expected"), [
-    ({"hardening": [{"Q": 3.0}]}, "hardening[0].kind", "linear | voce | power"),
-    ({"hardening": [{"kind": "voice", "Q": 3.0, "b": 4.0}]}, "hardening[0].kind", "linear | voce | power"),
+    ({"hardening": [{"Q": 3.0}]}, "hardening[0].kind", "linear | voce | power | free"),
+    ({"hardening": [{"kind": "voice", "Q": 3.0, "b": 4.0}]}, "hardening[0].kind", "linear | voce | power | free"),
     ({"hardening": [{"kind": "voce", "Q": 3.0}]}, "hardening[0].b", "b (rate of the saturation over plastic strain, -)"),
     ({"hardening": [{"kind": "voce", "Q": 3.0, "b": 4.0, "H": 2.0}]}, "hardening[0].H", "Q, b"),
     ({"hardening": "voce"}, "hardening", '{ kind = "linear", ... }'),
@@ -66,3 +66,48 @@ def test_a_wrong_term_is_told_with_its_place(changes, key, expected):
         read(**changes)
     assert (error.value.key, error.value.expected) == (f"material.SPECIMEN.{key}", expected)
     assert error.value.file == "experiment.toml" and error.value.remedy
+
+
+def test_a_free_curve_starts_on_a_straight_line_of_identified_values():
+    record, found = read(hardening=[{"kind": "free", "knots": 5, "range": 0.1, "H": 800.0, "s3": 240.0}])
+    assert record.law == "elastoplastic(hill48+free5+armstrong_frederick+norton+lemaitre)"
+    assert [found[f"hardening_1_s{k}"].value for k in (2, 3, 5)] == pytest.approx([205.0, 240.0, 280.0])
+    assert found["hardening_1_s5"].free and not found["hardening_1_range"].free
+
+
+def test_material_axes_of_the_elasticity_serve_hills_surface_too():
+    record, found = read(E=None, nu=None, elasticity={"kind": "orthotropic", "E1": 140e3, "E2": 1e4, "nu12": 0.3, "G12": 5e3, "angle": 30.0},
+                         nonlinear_elasticity=[{"kind": "fibre", "gamma": 15.0}])
+    assert record.law.startswith("elastoplastic(orthotropic+fibre+hill48+voce+linear")
+    assert found["elasticity_angle"].value == 30.0 and "yield_surface_angle" not in found and "E" not in found
+    with pytest.raises(InputError, match="fibre needs material axes"):
+        read(nonlinear_elasticity=[{"kind": "fibre", "gamma": 15.0}])
+
+
+def test_a_law_file_is_taken_in_and_keys_beside_it_win(tmp_path):
+    from idic.experiment_file.toml_file import read_toml
+
+    (tmp_path / "sheet.toml").write_text('law = "j2_linear"\nE = 70e3\nnu = 0.3\nyield_stress = 200\nhardening_modulus = 900\n')
+    main = tmp_path / "experiment.toml"
+    main.write_text('[material.SHEET]\nfrom = "sheet.toml"\nnu = 0.33\n')
+    assert read_toml(main)["material"]["SHEET"] == {"law": "j2_linear", "E": 70e3, "nu": 0.33, "yield_stress": 200,
+                                                    "hardening_modulus": 900}
+    main.write_text('[material.SHEET]\nfrom = "other.toml"\n')
+    with pytest.raises(InputError, match="no such law file"):
+        read_toml(main)
+
+
+def test_an_exported_composed_law_is_read_as_the_same_law_with_the_same_values():
+    import tomllib
+
+    from idic.run.reporting.law_files import law_table
+
+    record, found = read(hardening=[{"kind": "free", "knots": 4, "range": 0.1}])
+    values = {name: p.value for name, p in found.items()}
+    text = law_table("SPECIMEN", record.law, "finite", values,
+                     {"parameters": {"SPECIMEN.yield_stress": {"std": 1.5, "unit": "MPa", "free": True}}})
+    assert "#   yield_stress = 200 ± 1.5 MPa" in text
+    raw = with_overrides(tables() | {"material": {"SPECIMEN": tomllib.loads(text)}}, None)
+    again, kept, _ = material("SPECIMEN", validated(raw, "e").material["SPECIMEN"], "e")
+    assert again.law == record.law
+    assert {p.name.removeprefix("SPECIMEN."): p.value for p in kept} == pytest.approx(values)

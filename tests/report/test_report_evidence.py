@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -125,3 +127,26 @@ def test_words_on_the_laboratory_change_no_result(tmp_path):
     assert load_experiment(plain).identity == load_experiment(worded).identity
     with pytest.raises(InputError, match="camra"):
         load_experiment(misspelt)
+
+
+def test_an_identified_law_becomes_a_table_and_cards(run, tmp_path):
+    from idic.run.reporting.law_files import export_laws
+
+    written, = export_laws(run, tmp_path / "laws")
+    assert [file.name for file in written.files] == ["BODY.toml", "BODY.abaqus.inp", "BODY.calculix.inp"]
+    E = json.loads((run / "result.json").read_text())["parameters"]["BODY.E"]["value"]
+    assert tomllib.loads(written.files[0].read_text())["E"]["value"] == pytest.approx(E)
+    assert float(written.files[2].read_text().split("*ELASTIC\n")[1].split(",")[0]) == pytest.approx(E, rel=1e-7)
+    assert not any(written.missing.values())
+
+
+def test_a_free_hardening_curve_is_drawn_with_its_band_and_the_nearest_forms():
+    from idic.materials.composed.free_curve import classical_fits, knots
+    from idic.report.figures.hardening import hardening_curve
+    from idic.report.record import HardeningCurve, RunRecord
+
+    p = knots(0.1, 8)
+    stress, covariance = 200.0 + 120.0 * (1.0 - np.exp(-15.0 * p)), 0.25 * np.eye(8)
+    curve = HardeningCurve("sheet", p, stress, 0.5 * np.ones(8), p, 0.1, classical_fits(p, stress, covariance, range(8)))
+    picture = hardening_curve(RunRecord(title="", result={"parameters": {}}), curve)
+    assert "voce: yield_stress + Q (1 - exp(-b p)), yield_stress = 200 MPa, Q = 120 MPa, b = 15" in picture.caption
