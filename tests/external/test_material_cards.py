@@ -5,7 +5,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from idic.fe.external.material_card import material_card
+from idic.materials.composed.material_card import material_card
 from idic.materials import compile, get_law, point
 from idic.materials.composed.written_terms import OLDER, flow_stress, terms_of
 

@@ -88,10 +88,12 @@ FORMS: dict[str, tuple[tuple[str, ...], Callable[..., np.ndarray]]] = {
     "swift": (("K", "strain_0", "n"), lambda p, K, strain_0, n: K * (strain_0 + p) ** n),
     "power": (("K", "n"), lambda p, K, n: K * np.maximum(p, 1e-12) ** n),
 }
-STARTING = {"linear": lambda r: [(1.0, 0.5)], "voce": lambda r: [(1.0, 0.3, b / r) for b in np.geomspace(0.5, 30, STARTS)],
-            "ludwik": lambda r: [(0.9, 0.5, n) for n in np.linspace(0.1, 1.2, STARTS)],
-            "swift": lambda r: [(1.5, e * r, 0.2) for e in np.geomspace(1e-3, 1.0, STARTS)],
-            "power": lambda r: [(1.5, n) for n in np.linspace(0.05, 0.6, STARTS)]}
+STARTING: dict[str, Callable[[float], list[tuple[float, ...]]]] = {
+    "linear": lambda r: [(1.0, 0.5)],
+    "voce": lambda r: [(1.0, 0.3, b / r) for b in np.geomspace(0.5, 30, STARTS)],
+    "ludwik": lambda r: [(0.9, 0.5, n) for n in np.linspace(0.1, 1.2, STARTS)],
+    "swift": lambda r: [(1.5, e * r, 0.2) for e in np.geomspace(1e-3, 1.0, STARTS)],
+    "power": lambda r: [(1.5, n) for n in np.linspace(0.05, 0.6, STARTS)]}
 
 
 def classical_fits(p: np.ndarray, stress: np.ndarray, covariance: np.ndarray,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from idic.errors import InputError
 from idic.experiment_file.toml_file import to_toml
-from idic.fe.external.material_card import PROGRAMS, material_card
+from idic.materials.composed.material_card import PROGRAMS, material_card
 from idic.fe.external.solver import EXTERNAL
 from idic.materials.composed.elastoplastic import NAME
 from idic.materials.composed.terms import LISTS
