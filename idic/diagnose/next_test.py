@@ -190,7 +190,7 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
         return np.concatenate([values, np.full(n, values[-1])])
 
     def correction(entry: Correction) -> Correction:
-        return replace(entry, course=(held if entry.kind == "slip" else scaled)(entry.course))
+        return replace(entry, course=(held if entry.kind == "slip" or entry.knot is not None else scaled)(entry.course))
 
     def carried(entry):
         drive = entry.drive
@@ -202,6 +202,7 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
         return replace(entry, drive=replace(drive, **changes)) if changes else entry
 
     channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]),
+                             drift_hats=None if c.drift_hats is None else np.hstack([c.drift_hats, np.repeat(c.drift_hats[:, -1:], n, 1)]),
                              rates=None if c.rates is None else np.concatenate([c.rates, np.zeros(n)]))
                      for c in experiment.channels)
     prescribed = tuple(carried(entry) for entry in experiment.prescribed)

@@ -57,7 +57,8 @@ class CorrectionTable(Strict):
 
     kind: Literal["slip", "rotation", "compliance", "misalignment", "seating"]
     start_s: float | None = None
-    course: Literal["ramp", "jump", "travel"] | None = None
+    course: Literal["ramp", "jump", "travel", "free"] | None = None
+    knots: Annotated[int, Field(ge=1, le=100)] | None = None
     column: str | None = None
     unit: str | None = None
     towards: Component | None = None
@@ -66,12 +67,16 @@ class CorrectionTable(Strict):
     @model_validator(mode="after")
     def _own_keys(self):
         timed, logged = ("slip", "rotation", "misalignment"), ("rotation", "compliance", "misalignment", "seating")
-        own = {"start_s": timed, "course": timed, "column": logged, "unit": logged, "towards": ("misalignment",),
+        own = {"start_s": timed, "course": timed, "knots": timed, "column": logged, "unit": logged, "towards": ("misalignment",),
                "seated_at": ("seating",)}
         for key in sorted(self.model_fields_set & set(own)):
             if self.kind not in own[key]:
                 raise refuse(f"{key} does not belong here", f"{key} of a {' or '.join(own[key])}", f"leave out {key}",
                              f"{key} of a {self.kind}")
+        if self.course != "free" and self.knots is not None:
+            raise refuse("knots of a course that has none", 'knots next to course = "free"', "leave out knots", f"course = {self.course}")
+        if self.course == "free" and self.start_s is not None:
+            raise refuse("a free course has no start", "knots, which show where it begins", "leave out start_s", "start_s")
         if self.kind == "compliance" and self.column is None:
             raise refuse("machine compliance without a force", 'the measured force, e.g. column = "force_N"',
                          'write { kind = "compliance", column = "force_N" }', "no column")
@@ -237,3 +242,10 @@ class ChannelTable(Strict):
     noise_std: Positive | None = None
     unit: str | None = None
     drift_from_s: float | None = None
+    drift_knots: Annotated[int, Field(ge=1, le=100)] | None = None
+
+    @model_validator(mode="after")
+    def _one_course(self):
+        if self.drift_knots is not None and self.drift_from_s is not None:
+            raise refuse("two courses of one drift", "drift_knots or drift_from_s", "leave one of them out", "both")
+        return self

@@ -6,7 +6,8 @@
     ``motion = "free"``: a rigid motion of the camera in every frame, ``camera.col_at[K]``, ``row_at[K]`` (px) and
     ``turn_at[K]`` (deg) of frame K, is identified (hold the specimen firmly in the model then). A specimen that moves
     out of its plane: [[dof]] ``camera.magnification_drift`` (1/s), and with ``magnification_column``, a column of the
-    log, ``camera.magnification_load``: relative magnification at that column's largest value.
+    log, ``camera.magnification_load``: relative magnification at that column's largest value;
+    ``magnification_knots``: so many ``camera.magnification_knot[K]``, a course that the data give.
 ``[[camera]]``
     The first table is the main camera, the one of ``[experiment]``. Each further one looks at the same specimen at the
     same times: ``name``, its own ``images`` (as many, same order), its calibration, and where they differ ``mask``,
@@ -29,7 +30,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from idic.experiment_file.schema_base import Component, Pair, Positive, Strict, as_list, refuse
 
 _TELECENTRIC = ("pixel_size_mm", "origin_px", "origin_mm", "axes", "rotation_deg", "centre_px", "matrix_px_per_unit",
-                "magnification_column")
+                "magnification_column", "magnification_knots")
 _PINHOLE = ("calibration", "calibration_camera", "calibration_conventions", "identify_calibration", "fx_px", "fy_px",
             "skew_px", "cx_px", "cy_px", "k2", "k3", "p1", "p2", "rotation", "translation_mm", "alignment",
             "motion_column")
@@ -122,6 +123,7 @@ class CameraTable(LensTable):
     noise_std_gv: Positive | None = None
     noise_model: Literal["uniform", "grey_level"] | NoiseModelTable = "uniform"
     magnification_column: str | None = None
+    magnification_knots: Annotated[int, Field(ge=1, le=100)] | None = None
     motion: Literal["free"] | None = None
 
     @model_validator(mode="after")

@@ -9,6 +9,8 @@ freedom ``boundary.SET.COMPONENT.KIND``, zero where the log is right:
     rotation      rad/mm   the set turns about its middle in proportion to the motion
     misalignment  -        the set moves across, too, in proportion to the motion
 
+Slip, rotation and misalignment may have a course that the data give (`idic.model.free_course`).
+
 Rotation and misalignment may follow a column of the log, or begin at a time with a course of their own; the amplitude
 (rad, mm) is then that at the column's largest value, or at the end of the course. At a set that is held at a fixed value, slip, seating and compliance count along the axis.
 """
@@ -48,7 +50,7 @@ def pattern(correction: Correction, mesh: Mesh, nodes: np.ndarray, component: st
 def correction_parameter(stem: str, correction: Correction, pixel_size: float) -> Parameter:
     """The amplitude as a degree of freedom; a unit of its scale moves the set by ten pixels at most (mm per px)."""
     reach = correction.reach * float(np.abs(correction.course).max(initial=0.0))
-    return Parameter(f"{stem}.{correction.kind}", 0.0, correction.unit, True, scale=10.0 * pixel_size / (reach or 1.0))
+    return Parameter(f"{stem}.{correction.name}", 0.0, correction.unit, True, scale=10.0 * pixel_size / (reach or 1.0))
 
 
 def reach(correction_kind: str, mesh: Mesh, nodes: np.ndarray, component: str) -> float:

@@ -182,7 +182,7 @@ class _Builder:
                                  key=f"{stem} corrections", expected=f"u{component} of {prescribed.nodes} prescribed",
                                  found="no drive for it",
                                  remedy=f"add u{component} = 0.0 to that [[boundary]], or remove the correction")
-            name = f"{stem}.{correction.kind}"
+            name = f"{stem}.{correction.name}"
             index = self._drive(name, np.zeros(self.frames))
             self._pattern([self.dof_index[int(dof)] for dof in dofs], index, shape)
             self._derivative(name, index, correction.course[:self.frames])

@@ -19,6 +19,7 @@ from idic.fe.mesh.morph import Morph, morphed
 from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.images.quality.stabilise import Stabiliser
 from idic.images.stack import Stack
+from idic.model.free_course import knot_name
 from idic.model.gauges import Gauge
 from idic.parameters import ParameterSet
 
@@ -37,7 +38,8 @@ class Correction:
     """What a drive may lack: ``amplitude * course(t)`` times a pattern on its set; see `idic.model.corrections`.
 
     kind : "slip" | "rotation" | "compliance" | "misalignment" | "seating"; reach : largest value of the pattern (mm for a
-    rotation); towards : the component that a misalignment moves.
+    rotation); towards : the component that a misalignment moves; knot : frame of the knot whose course it is, of a course
+    that the data give (`idic.model.free_course`).
     """
 
     kind: str
@@ -45,6 +47,12 @@ class Correction:
     unit: str
     reach: float = 1.0
     towards: str | None = None
+    knot: int | None = None
+
+    @property
+    def name(self) -> str:
+        """Last word of its degree of freedom."""
+        return self.kind if self.knot is None else knot_name(self.kind, self.knot)
 
 
 @dataclass(frozen=True)
@@ -164,7 +172,8 @@ class Channel:
     kind "reaction": factor x sum of the reactions of a node set along ``component`` (N); "displacement": mean
     displacement of a node set along ``component``, less that of the set ``minus`` (mm: an extensometer, an LVDT);
     "pressure": the pressure on the edge set ``nodes`` (MPa).
-    drift_from : s, when its drift begins, None: at the reference frame; full_scale : largest reading of the test that these
+    drift_from : s, when its drift begins, None: at the reference frame; drift_knots : frames of the knots of a drift whose
+    course the data give, drift_hats : (n_knots, n_frames) their courses; full_scale : largest reading of the test that these
     frames are a part of, None: these are all
     """
 
@@ -179,6 +188,8 @@ class Channel:
     kind: str = "reaction"
     minus: str | None = None
     drift_from: float | None = None
+    drift_knots: tuple[int, ...] = ()
+    drift_hats: np.ndarray | None = None
     full_scale: float | None = None
 
     @property

@@ -63,8 +63,9 @@ def _drive(drive, pick: np.ndarray):
 
 
 def _channel(channel: Channel, pick: np.ndarray) -> Channel:
-    return replace(channel, values=channel.values[pick], rates=_cut(channel.rates, pick),
-                   full_scale=channel.largest)
+    hats = None if channel.drift_hats is None else channel.drift_hats[:, pick]
+    return replace(channel, values=channel.values[pick], rates=_cut(channel.rates, pick), full_scale=channel.largest,
+                   drift_hats=hats)
 
 
 def _temperature(entry: Temperature, pick: np.ndarray) -> Temperature:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from experiment_file.small_experiment import TOML, write_experiment
 
-from idic.correlation.channels import drifting
+from idic.correlation.channels import channel_values, drifting
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.tables.heterogeneities import heterogeneities
@@ -214,3 +214,36 @@ def test_a_magnification_that_follows_no_column_is_refused(tmp_path):
     toml = TOML.replace("noise_std_gv", 'magnification_column = "strain"\nnoise_std_gv')
     with pytest.raises(InputError, match="strain"):
         load_experiment(write_experiment(tmp_path / "test", toml))
+
+
+def test_a_free_course_has_one_amplitude_per_knot_and_is_linear_between_them(tmp_path):
+    text = '{ kind = "rotation", course = "free", knots = 2 }, { kind = "slip", course = "free", knots = 3 }'
+    toml = corrected(text).replace("noise_std = 0.005", "drift_knots = 2", 1)
+    experiment = load_experiment(write_experiment(tmp_path / "test", toml))
+    names = [name for name in experiment.parameters.free if "_knot[" in name]
+    assert [name for name in names if "rotation" in name] == [f"boundary.TOP.y.rotation_knot[{k}]" for k in (2, 3)]
+    assert [name for name in names if "slip" in name] == [f"boundary.TOP.y.slip_knot[{k}]" for k in (1, 2, 3)]
+    drives, at = build_drives(experiment), {"boundary.TOP.y.rotation_knot[2]": 0.1, "boundary.TOP.y.rotation_knot[3]": 0.3}
+    histories = drives.histories(experiment.parameters.with_values(at))
+    turned = histories[:, [i for i, name in enumerate(drives.names) if "rotation" in name]].sum(axis=1)
+    half = float(np.interp(experiment.times[1], experiment.times[[0, 2]], [0.0, 0.1]))
+    assert turned == pytest.approx([0.0, half, 0.1, 0.3])
+    (channel,) = experiment.channels
+    drifts = [name for name in names if name.startswith("channel.")]
+    shown = [channel_values(experiment, experiment.parameters.with_values(dict(zip(drifts, (2.0, 5.0), strict=True))),
+                            np.zeros(1), k)[0] for k in range(4)]
+    assert shown == pytest.approx([0.0, 20.0 * half, 2.0, 5.0])
+
+
+@pytest.mark.parametrize("text, found", [
+    ('{ kind = "slip", knots = 3 }', "knots"), ('{ kind = "slip", course = "free", start_s = 1.0 }', "start")])
+def test_a_free_course_has_knots_and_no_start(tmp_path, text, found):
+    with pytest.raises(InputError, match=found):
+        load_experiment(write_experiment(tmp_path / "test", corrected(text)))
+
+
+def test_the_magnification_of_a_camera_may_have_a_free_course(tmp_path):
+    toml = TOML.replace("[camera]", "[camera]\nmagnification_knots = 2")
+    camera = load_experiment(write_experiment(tmp_path / "test", toml)).camera
+    assert camera.motion.names == ("magnification_knot[2]", "magnification_knot[3]")
+    assert camera.motion.courses[:, [0, 2, 3]] == pytest.approx(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))

@@ -195,4 +195,4 @@ def _direct(found: Identification, residual: ResidualEvidence, variant: Variant,
 
 def _concerns(name: str, frame: int) -> bool:
     """Whether a degree of freedom acts in this frame: `camera.col_at[3]` acts in frame 3 alone."""
-    return not name.endswith("]") or name.endswith(f"_at[{frame}]")
+    return "_at[" not in name or name.endswith(f"_at[{frame}]")

@@ -9,7 +9,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_boundary import BoundaryTable, ChannelTable, DriveTable, LoadTable
-from idic.experiment_file.tables.corrections import Place, corrections
+from idic.experiment_file.tables.corrections import Place, corrections, free_course
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_node_set
 from idic.fe.mesh.mesh import Mesh
 from idic.model.corrections import corrections_of
@@ -85,8 +85,9 @@ def _channel(made: Motion, table: ChannelTable, key: str, context: Context) -> C
     noise = None if table.noise_std is None else table.noise_std * factor
     if kind == "displacement":
         values = _from_rest(made, values, table.column, factor, noise or 0.0, key, context)
+    frames, courses = ((), None) if table.drift_knots is None else free_course(table.drift_knots, context)
     return Channel(table.column, values, noise, name, simulated.component, simulated.factor, rates, unit, kind,
-                   simulated.minus, drift_from=_drift_from(table, key, context))
+                   simulated.minus, drift_from=_drift_from(table, key, context), drift_knots=frames, drift_hats=courses)
 
 
 def _drift_from(table: ChannelTable, key: str, context: Context) -> float | None:

@@ -16,6 +16,7 @@ from idic.images.camera_motion import COLUMN, MAGNIFICATION, ROW, TURN, CameraMo
 from idic.images.placed_camera import PLACEMENT_STEM, AnyCamera, PlacedCamera
 from idic.images.rigid_motion import RIGID, RIGID_UNITS, RigidMotion
 from idic.model.experiment import FurtherCamera
+from idic.model.free_course import hats, knot_frames, knot_name
 from idic.parameters import Parameter
 
 DRIFT, LOAD = "magnification_drift", "magnification_load"
@@ -39,6 +40,11 @@ def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: 
         courses[DRIFT] = (MAGNIFICATION, times - times[context.reference])
     if table is not None and table.magnification_column is not None:
         courses[LOAD] = (MAGNIFICATION, _column("magnification_column", table.magnification_column, context))
+    if table is not None and table.magnification_knots is not None:
+        frames = knot_frames(context.n_frames, context.reference, table.magnification_knots)
+        at = np.arange(context.n_frames, dtype=float) if times is None else times
+        courses |= {knot_name(MAGNIFICATION, frame): (MAGNIFICATION, hat)
+                    for frame, hat in zip(frames, hats(at, context.reference, frames), strict=True)}
     if table is not None and table.motion == "free":
         for frame in range(context.n_frames):
             if frame != context.reference:
@@ -89,7 +95,7 @@ def motion_parameters(stem: str, camera: AnyCamera, image_shape) -> list[Paramet
     half, made = 0.5 * float(np.hypot(*image_shape)), []
     for name, kind, course in zip(camera.motion.names, camera.motion.kinds, camera.motion.courses, strict=True):
         reach = {MAGNIFICATION: half, TURN: float(np.radians(half))}.get(kind, 1.0) * float(np.abs(course).max())
-        unit = _AT[name.partition("[")[0]][1] if "[" in name else "1/s" if name == DRIFT else ""
+        unit = _AT[name.partition("[")[0]][1] if "_at[" in name else "1/s" if name == DRIFT else ""
         made.append(Parameter(f"{stem}.{name}", 0.0, unit, "[" in name, scale=3.0 / (reach or 1.0)))
     return made
 

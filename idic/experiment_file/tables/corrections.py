@@ -12,6 +12,7 @@ from idic.experiment_file.schema_boundary import CorrectionTable
 from idic.fe.mesh.mesh import Mesh
 from idic.model.corrections import along_the_motion, end_sign, reach, slip_course
 from idic.model.experiment import Column, Constant, Correction
+from idic.model.free_course import KNOTS, hats, knot_frames
 from idic.readers.units import column_factor
 
 
@@ -38,6 +39,9 @@ def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, pla
     made = []
     for number, table in enumerate(tables):
         own = f"{key}.corrections[{number}]"
+        if table.course == "free":
+            made += _free(table, drive, reach(table.kind, place.mesh, nodes, place.component), context)
+            continue
         if table.kind == "slip":
             course, unit = _slip(table, drive, own, context), context.length_unit
         elif table.kind == "compliance":
@@ -51,6 +55,26 @@ def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, pla
     return tuple(made)
 
 
+def _free(table: CorrectionTable, drive: Column | Constant, most: float, context) -> list[Correction]:
+    """One correction per knot of a course that the data give; most : largest value of the pattern."""
+    sign = -end_sign(drive) if table.kind == "slip" and isinstance(drive, Column) else 1.0
+    unit = "rad" if table.kind == "rotation" else context.length_unit
+    return [Correction(table.kind, sign * course, unit, most, table.towards, frame)
+            for frame, course in zip(*free_course(table.knots or KNOTS, context), strict=True)]
+
+
+def free_course(knots: int, context) -> tuple[tuple[int, ...], np.ndarray]:
+    """Frames of the knots of a course that the data give, and the course of each  # (n_knots, n_frames)"""
+    frames = knot_frames(context.n_frames, context.reference, knots)
+    return frames, hats(_times(context), context.reference, frames)
+
+
+def _times(context) -> np.ndarray:
+    """Times of all frames, their numbers where none are known  # (n_frames,) s"""
+    times = None if context.log is None else context.log.times
+    return np.arange(context.n_frames, dtype=float) if times is None else times
+
+
 def _slip(table: CorrectionTable, drive: Column | Constant, key: str, context) -> np.ndarray:
     """The course of the slip: at a fixed set positive, at a logged motion negative (the specimen lags behind)."""
     start, times = _start(table, key, context)
@@ -61,9 +85,7 @@ def _slip(table: CorrectionTable, drive: Column | Constant, key: str, context) -
 
 def _start(table: CorrectionTable, key: str, context) -> tuple[float, np.ndarray]:
     """When a course begins, and the times of all frames  # s, (n_frames,) s"""
-    times = None if context.log is None else context.log.times
-    if times is None:
-        times = np.arange(context.n_frames, dtype=float)
+    times = _times(context)
     start = float(times[context.reference]) if table.start_s is None else table.start_s
     if not times[0] <= start < times[-1]:
         raise InputError(f"the {table.kind} begins outside the test", file=context.file, key=f"{key}.start_s",

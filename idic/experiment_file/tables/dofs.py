@@ -22,6 +22,7 @@ from idic.materials import LawParameter, LawSpec
 from idic.materials.core.law import EXPANSION, law_for
 from idic.model.drives import boundary_parameters
 from idic.model.experiment import Channel, FurtherCamera, Load, Material, Prescribed
+from idic.model.free_course import knot_name
 from idic.model.load_train import way_of
 from idic.model.loads import load_parameters
 from idic.parameters import Parameter
@@ -200,7 +201,9 @@ def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, 
         known |= (lens_dofs(name, by, shape) if isinstance(by, PlacedCamera)
                   else _camera_dofs(name, by, length_unit, shape))
     known |= of_placement
-    known |= _channel_dofs(channels, times, way_of(prescribed) is not None)
+    of_channels = _channel_dofs(channels, times, way_of(prescribed) is not None)
+    known |= of_channels
+    known_by_drive = (*known_by_drive, *(p.name for p in of_channels.values() if p.free))
     known |= _other_dofs(thickness, times, length_unit) | {p.name: p for p in holes}
     made = {name: known[name] for name in known_by_drive}
     made |= {name: replace(known[name], free=True) for name in calibrated}
@@ -268,6 +271,8 @@ def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None, moves
             duration = float(times[-1] - (times[0] if channel.drift_from is None else channel.drift_from))
             made[f"{stem}.drift"] = Parameter(f"{stem}.drift", 0.0, f"{channel.unit}/s",
                                               scale=0.1 * size / duration)
+        made |= {name: Parameter(name, 0.0, channel.unit, True, scale=0.1 * size)
+                 for name in (knot_name(f"{stem}.drift", frame) for frame in channel.drift_knots)}
         made[f"{stem}.curvature"] = Parameter(f"{stem}.curvature", 0.0, "", scale=0.1)
         if moves and channel.kind == "reaction":
             made[f"{stem}.friction"] = Parameter(f"{stem}.friction", 0.0, channel.unit, scale=0.1 * size)

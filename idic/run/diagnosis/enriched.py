@@ -12,6 +12,7 @@ from pathlib import Path
 
 from idic.experiment_file.toml_file import NAME, to_toml, validated, with_overrides
 from idic.model.experiment import Experiment
+from idic.model.free_course import without_knot
 from idic.run.diagnosis.source import Source
 
 FOLDER = "enriched"
@@ -79,9 +80,9 @@ def _start_corrections(document: dict, free: Mapping[str, float]) -> None:
         for component in "xyz":
             drive = table.get(f"u{component}")
             for entry in drive.get("corrections", ()) if isinstance(drive, Mapping) else ():
-                name = f"boundary.{table['nodes']}.{component}.{entry['kind']}"
-                if name in free and name not in known:
-                    kept = [*kept, {"name": name, "value": free[name]}]
+                stem = f"boundary.{table['nodes']}.{component}.{entry['kind']}"
+                kept = [*kept, *({"name": name, "value": value} for name, value in free.items()
+                                 if without_knot(name) == stem and name not in known)]
     if kept:
         document["dof"] = kept
 
