@@ -12,9 +12,10 @@ from idic.diagnose.chain import Diagnosis
 from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.next_test import reason_against_continuation
 from idic.diagnose.refit import MAX_EVALUATIONS
+from idic.diagnose.residual.excess_left import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
-from idic.diagnose.verdict import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft, Round
+from idic.diagnose.selection.rival import Round
 from idic.identify.judgement.significance import z_text
 
 MIN_CARRYING_ELEMENTS = 60  # elements that carry the active law: fewer do not resolve its course in space

@@ -8,7 +8,7 @@ from scipy import stats
 from idic.diagnose.chain import Diagnosis
 from idic.diagnose.locate.place import clusters, element_centres, in_words
 from idic.diagnose.screen.select import Ranked
-from idic.diagnose.verdict import Rival
+from idic.diagnose.selection.rival import Rival
 
 MAX_PLACE_SHARE = 0.5  # of the elements: a larger source is the whole body
 MIN_CLUSTER_SHARE = 0.3  # of the largest cluster's elements: a cluster that is reported on its own

@@ -10,7 +10,8 @@ from idic.diagnose.cautions import channel_cautions
 from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.probability import P_NONE, P_UNEXPLAINED, P_WITH_LEFTOVER, probability
 from idic.diagnose.screen.candidate import Variant
-from idic.diagnose.verdict import ExcessLeft, conclude
+from idic.diagnose.residual.excess_left import ExcessLeft
+from idic.diagnose.verdict import conclude
 from idic.report.diagnosis.headline import headline, left_over
 from idic.report.diagnosis.not_excluded import hidden_shift, probe_words
 

@@ -17,7 +17,8 @@ from idic.diagnose.screen.candidate import candidates
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.screen.select import screen
 from idic.diagnose.screen.situation import situation
-from idic.diagnose.verdict import ExcessLeft, conclude
+from idic.diagnose.residual.excess_left import ExcessLeft
+from idic.diagnose.verdict import conclude
 from idic.dic.camera_floor import CameraFloor
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml

@@ -15,10 +15,11 @@ from idic.diagnose.residual.heldout import Fit, grid_of, pooled
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT
-from idic.diagnose.rivals import MAX_PARALLEL_REFITS, alternatives, judged_on_both, next_wave, refitted, undecided
+from idic.diagnose.selection.rivals import MAX_PARALLEL_REFITS, alternatives, judged_on_both, next_wave, refitted, undecided
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import Ranked
-from idic.diagnose.verdict import ExcessLeft, Rival, Round, judge
+from idic.diagnose.residual.excess_left import ExcessLeft
+from idic.diagnose.selection.rival import Rival, Round, judge
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 from idic.identify.step.state import AcceptedPoint, LoopState, Trial

@@ -15,7 +15,7 @@ from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, hats, spectrum
 from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.score import null_model, score
 from idic.diagnose.screen.time_course import GRID_REFINEMENT, added_time_course, time_course_test
-from idic.diagnose.verdict import MAX_INCLUSION_EXCESS_LEFT
+from idic.diagnose.residual.excess_left import MAX_INCLUSION_EXCESS_LEFT
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 

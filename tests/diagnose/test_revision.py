@@ -11,11 +11,11 @@ import pytest
 from idic.diagnose.refit import Refit
 from idic.diagnose.refit_job import Told
 from idic.diagnose.residual.heldout import Fit
-from idic.diagnose.revision import Workplace, exchangeable, is_needed, min_further_drop, revised
+from idic.diagnose.selection.revision import Workplace, exchangeable, is_needed, min_further_drop, revised
 from idic.diagnose.screen.candidate import Variant, candidates
 from idic.diagnose.screen.score_columns import ScoreColumn
 from idic.diagnose.screen.select import Ranked, Screening
-from idic.diagnose.verdict import MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round
+from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round
 
 T, RANK = 10, 100
 KNOWN = {candidate.name: candidate for candidate in candidates()}

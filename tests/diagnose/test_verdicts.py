@@ -11,11 +11,13 @@ from idic.diagnose.findings import acts_everywhere, refitted_form
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect
 from idic.diagnose.refit import Refit
 from idic.diagnose.residual.heldout import Fit
-from idic.diagnose.rivals import same_family_rivals
+from idic.diagnose.selection.rivals import same_family_rivals
 from idic.diagnose.screen.candidate import Variant, candidates
 from idic.diagnose.screen.score import Scores
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_SEPARATION_CHI2, Ranked, Screening
-from idic.diagnose.verdict import MIN_HELDOUT_DROP, MAX_LOCAL_EXCESS_LEFT, ExcessLeft, Rival, Round, bound_text, conclude, judge
+from idic.diagnose.residual.excess_left import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
+from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, judge
+from idic.diagnose.verdict import bound_text, conclude
 
 T, RANK = 10, 100
 POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px

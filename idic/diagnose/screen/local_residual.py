@@ -13,11 +13,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from idic.diagnose.residual.excess import seen_planes
+from idic.diagnose.residual.excess_left import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.subspace import Basis, Grid, explained, hats
-from idic.diagnose.verdict import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
 from idic.model.experiment import Experiment
 
 MAX_LOCAL_SHARE = 0.6  # of all free motions: an inclusion, not the whole specimen

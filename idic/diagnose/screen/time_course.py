@@ -17,12 +17,12 @@ from scipy import sparse
 
 from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.excess import power
+from idic.diagnose.residual.excess_left import MAX_INCLUSION_EXCESS_LEFT, ExcessLeft
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, Grid, hats, projected, spectrum
 from idic.diagnose.screen.score import null_model
-from idic.diagnose.verdict import MAX_INCLUSION_EXCESS_LEFT, ExcessLeft
 
 GRID_REFINEMENT = 2  # cells of this grid per cell of the free motions: the excess of a cut is narrow
 

@@ -11,9 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from idic.diagnose.chain import Diagnosis
+from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
 from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.screen.select import Ranked
-from idic.diagnose.verdict import MIN_EXCESS_Z, Round
+from idic.diagnose.selection.rival import Round
 from idic.report.words import short_names, two_digits
 
 MIN_HIDDEN_SHIFT_STD = 2.0  # standard deviations of a parameter that an invisible effect would move it by

@@ -8,11 +8,12 @@ from functools import partial
 from pathlib import Path
 
 from idic.diagnose.blocks import BlockJudgement, block_cautions, block_judgements
-from idic.diagnose.chain import SEED, Diagnosis, Stage, silent
+from idic.diagnose.chain import SEED, Diagnosis
 from idic.diagnose.chain import diagnose as diagnose_identification
 from idic.diagnose.notes import Notes
 from idic.diagnose.residual.margin import Margin
 from idic.diagnose.screen.candidate import Candidate
+from idic.diagnose.selection.rounds import Stage, silent
 from idic.run.diagnosis.enriched import write_enriched
 from idic.run.diagnosis.files import titles_of, write_diagnosis
 from idic.run.diagnosis.page import write_page

@@ -14,7 +14,7 @@ from idic.diagnose.findings import mismatch_content, refitted_form
 from idic.diagnose.residual.heldout import Fit, better_blocks, ratio
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX, Margin
 from idic.diagnose.screen.select import Ranked
-from idic.diagnose.verdict import Rival, Round
+from idic.diagnose.selection.rival import Rival, Round
 from idic.parameters import ParameterSet
 from idic.report.diagnosis.headline import headline, left_over
 from idic.report.diagnosis.not_excluded import not_excluded

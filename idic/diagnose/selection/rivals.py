@@ -15,7 +15,8 @@ from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import Ranked, Screening
-from idic.diagnose.verdict import MIN_EXCESS_Z, Rival
+from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
+from idic.diagnose.selection.rival import Rival
 
 MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the better the bar is known
 MIN_GAIN_OVER_LIMIT = 1.1  # times the promise of its limit: a larger model is refitted as well

@@ -19,11 +19,11 @@ import numpy as np
 from idic.diagnose.refit import Refit
 from idic.diagnose.refit_job import ExperimentSource, Refits
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.rivals import edits_of, refit_of_candidate
+from idic.diagnose.selection.rivals import edits_of, refit_of_candidate
 from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.select import Ranked, Screening
-from idic.diagnose.verdict import (MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, MIN_SEPARATION_CHI2, Rival,
-                                   Round)
+from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
+from idic.diagnose.selection.rival import MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round
 
 MAX_EXCHANGES = 2  # rivals that are tried in the place of one cause
 MIN_EXCHANGE_SHARE = 0.3  # of the winner's drop of chi-square: a rival that may overtake it in the company of others

@@ -1,0 +1,182 @@
+"""The rounds of a diagnosis: screening, refits of the shortlist, selection of a candidate, which joins the null model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from idic.diagnose.refit import Refit, identification_at
+from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told
+from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.residual.margin import ASSUMED, Margin
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.residual.thinning import CHOICE, thinned
+from idic.diagnose.screen.candidate import Candidate
+from idic.diagnose.screen.score_columns import ScoreColumn, score_columns
+from idic.diagnose.screen.select import Screening, screen
+from idic.diagnose.screen.situation import situation
+from idic.diagnose.selection.revision import Workplace, min_further_drop, revised
+from idic.diagnose.selection.rival import Round, judge
+from idic.diagnose.selection.rivals import edits_of, judged_on_both, refitted, undecided
+from idic.errors import NotConverged
+from idic.identify.in_memory import Identification
+
+MAX_ROUNDS = 3
+YIELD_STATES = ("plastic_strain",)
+CAMERA = "camera"  # the family that is left out where another system has measured the fields
+Stage = Callable[[str], None]
+Group = list[tuple[ExperimentSource, Refit]]  # indistinguishable models
+Watch = Callable[[ResidualEvidence, Sequence[ScoreColumn], Columns], None]
+
+
+def silent(text: str) -> None:
+    """A stage that reports nothing."""
+
+
+def unwatched(residual: ResidualEvidence, tested: Sequence[ScoreColumn], columns: Columns) -> None:
+    """A watch that looks at nothing."""
+
+
+@dataclass
+class Clock:
+    """Seconds spent on every step."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def step(self, name: str):
+        """Add the time spent inside to a step."""
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What all steps of one diagnosis share.
+
+    refits : runs refit jobs; stage : called with the name of a step that begins; seed : of the noise that makes two
+    copies of the recording; library : candidates that are tested; watch, margin, quick : see `diagnose`
+    """
+
+    refits: Refits
+    grid: Grid
+    seed: int
+    library: Sequence[Candidate]
+    stage: Stage
+    clock: Clock
+    watch: Watch
+    margin: Margin
+    quick: bool = False
+
+
+def null_refit(source: ExperimentSource, found: Identification, setting: Setting) -> Refit:
+    """The identified model fitted to the copy for choosing."""
+    setting.stage("fit of the identified model to one of two copies of the recording")
+    with setting.clock.step("null_s"):
+        (null,) = setting.refits([RefitJob("null", source, ("null",), ({},), (found.parameters.as_values(),),
+                                           found.local, setting.grid, np.inf, setting.seed)])
+    if not null.usable:
+        raise NotConverged("the identified model finds no equilibrium when it is fitted again to a copy of the "
+                           "recording; no candidate can be compared with it. Identify with smaller increments, or from "
+                           f"the values of result.json, and diagnose again ({null.problem})")
+    return null
+
+
+def selected_rounds(source: ExperimentSource, found: Identification, null: Refit,
+            setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, list[Group]]:
+    """Additions to the model, its last source and refit, and the indistinguishable groups."""
+    rounds: list[Round] = []
+    bends, place = has_state(found, YIELD_STATES), _workplace(setting)
+    for number in range(1, 2 if setting.quick else MAX_ROUNDS + 1):
+        one = _round(source, null, number, rounds, setting, bends)
+        if one.winner is None:
+            rounds.append(one)
+            break
+        rounds.append(one)
+        if len(rounds) > 1:
+            setting.stage("every selected cause tested for removal and exchange")
+            with setting.clock.step("revision_s"):
+                rounds = revised(rounds, place)
+        last = rounds[-1]
+        source, null = last.source.with_edits(edits_of(last.winner, last.screening)), last.winner.refitted
+    return rounds, source, null, [_group(one) for one in rounds if one.winner is not None and one.equals]
+
+
+def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[Round], setting: Setting,
+           bends: bool) -> Round:
+    """One addition to the model, or none.
+
+    before : the rounds before, whose causes are in the model; bends : a law of yielding was identified
+    """
+    stage, clock, refits = setting.stage, setting.clock, setting.refits
+    stage(f"screening of the library, round {number}")
+    with clock.step("screening_s"):
+        screening = screened(source, null, setting.seed, setting.library, setting.watch, setting.margin, bool(before))
+    if not screening.shortlist:
+        stage("no candidate is significant: no refit")
+    with clock.step("refits_s"):
+        told = Told(refits, stage, 1 if setting.quick else len(screening.shortlist))
+        rivals = refitted(source, null, screening, told, setting.grid, setting.seed, bends=not before and bends,
+                          alone=setting.quick)
+    winner, equals = judge(rivals, screening)
+    crossed = None
+    if not before and not setting.quick and (near := undecided(rivals)):
+        stage(f"judgement on both copies: {', '.join(r.ranked.called for r in near)}")
+        with clock.step("refits_s"):
+            rivals, crossed = judged_on_both(source, null, rivals, screening, refits, setting.grid, setting.seed)
+        winner, equals = judge(rivals, screening)
+    if before and winner is not None:
+        drop = before[0].null.judgement.chi2 - winner.refitted.judgement.chi2
+        if winner.heldout < min_further_drop(winner, drop):
+            return Round(screening, null, rivals, None, (), crossed, source, winner)
+    return Round(screening, null, rivals, winner, equals, crossed, source)
+
+
+def _workplace(setting: Setting) -> Workplace:
+    """What the refits of revised sets need."""
+    def screen_some(source: ExperimentSource, null: Refit, library: Sequence[Candidate]) -> Screening:
+        return screened(source, null, setting.seed, library, margin=setting.margin, further=True)
+
+    return Workplace(screen_some, setting.refits, setting.grid, setting.seed)
+
+
+def _group(one: Round) -> Group:
+    """The winner of a round and the models that are indistinguishable from it."""
+    return [(one.source.with_edits(edits_of(r, one.screening)), r.refitted) for r in one.rivals
+            if r is one.winner or r.name in one.equals]
+
+
+def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence[Candidate],
+             watch: Watch = unwatched, margin: Margin = ASSUMED, further: bool = False) -> Screening:
+    """Score every candidate against the null model on the copy for choosing.
+
+    further : the null holds a selected cause
+    """
+    found = identification_at(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
+    residual = residual_evidence(found)
+    here = situation(found, residual, source.document())
+    apply = [candidate for candidate in library if found.experiment.points is None or candidate.family != CAMERA]
+    trials = [(candidate, variant) for candidate in apply for variant in candidate.variants(here)]
+
+    def load(edits: Mapping[str, Any]):
+        return thinned(source.load(edits), CHOICE, seed)
+
+    labels, columns = score_columns(found, residual, trials, load) if trials else ((), residual.null.pick([]))
+    watch(residual, labels, columns)
+    return screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
+                  materials=[material.element_set for material in found.experiment.materials], margin=margin, further=further)
+
+
+def has_state(found: Identification, states: Collection[str]) -> bool:
+    """Whether a law of the identified model has one of these states."""
+    laws = (section.law.spec for section in found.forward.model.sections)
+    return any(state in law.state_names for law in laws for state in states)
