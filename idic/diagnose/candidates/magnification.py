@@ -13,6 +13,8 @@ PROBE_MAGNIFICATION = 1e-3  # relative magnification at the end, or at the large
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment, stem = situation.experiment, situation.experiment.camera_name
+    if any(name.startswith(f"{stem}.magnification_knot[") for name in experiment.parameters.free):
+        return ()
     found, drift = [], f"{stem}.magnification_drift"
     if experiment.extras.get("has_times", True) and (edits := further_dofs(situation, drift)) is not None:
         found.append(Variant("the image grows with time", edits, (drift,), {drift: 0.0},

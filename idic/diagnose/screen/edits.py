@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from idic.diagnose.screen.candidate import Situation
+from idic.model.free_course import without_knot
 
 
 def further_dofs(situation: Situation, *names: str, **values: float) -> dict[str, Any] | None:
@@ -14,7 +15,7 @@ def further_dofs(situation: Situation, *names: str, **values: float) -> dict[str
 
     values : start values by the last word of a name, others as the file gives them
     """
-    if any(name in situation.experiment.parameters.free for name in names):
+    if any(without_knot(free) in names for free in situation.experiment.parameters.free):
         return None
     kept = [dict(entry) for entry in situation.document.get("dof", ()) if entry.get("name") not in names]
     made = []

@@ -204,6 +204,8 @@ def edits_of(winner: Rival, screening: Screening) -> dict[str, Any]:
 
 def variant_of(rival: Rival, screening: Screening) -> Variant:
     """The variant that a rival's refit began at."""
+    if rival.refitted.label == rival.ranked.variant.label:
+        return rival.ranked.variant
     variants = [trial.variant for trial in screening.trials if trial.candidate.name == rival.name]
     return next(v for v in variants if v.label == rival.refitted.label)
 

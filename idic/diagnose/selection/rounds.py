@@ -21,6 +21,7 @@ from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.score_columns import ScoreColumn, score_columns
 from idic.diagnose.screen.select import Screening, screen
 from idic.diagnose.screen.situation import situation
+from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.revision import Workplace, min_further_drop, revised
 from idic.diagnose.selection.rival import Round, judge
 from idic.diagnose.selection.rivals import edits_of, judged_on_both, refitted, undecided
@@ -134,6 +135,12 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
         with clock.step("refits_s"):
             rivals, crossed = judged_on_both(source, null, rivals, screening, refits, setting.grid, setting.seed)
         winner, equals = judge(rivals, screening)
+    if winner is not None and not setting.quick:
+        with clock.step("refits_s"):
+            freed = with_own_course(source, null, winner, screening, told, setting.grid, setting.seed)
+        if freed is not None:
+            rivals = tuple(freed if r is winner else r for r in rivals)
+            winner, equals = judge(rivals, screening)
     if before and winner is not None:
         drop = before[0].null.judgement.chi2 - winner.refitted.judgement.chi2
         if winner.heldout < min_further_drop(winner, drop):

@@ -196,3 +196,30 @@ def _colour(record: DiagnosisRecord, entry) -> str:
 def _label(record: DiagnosisRecord, entry) -> str:
     form = f" ({entry['form']})" if entry.get("form") else ""
     return record.titles.get(entry["name"], entry["name"].replace("_", " ")) + form
+
+
+def courses(record: DiagnosisRecord) -> Picture | None:
+    """Amplitude over time of every selected cause that is no material, with its band."""
+    found = record.content.get("courses") or []
+    if not found:
+        return None
+    with look():
+        figure = new_figure(10.0, 2.6 * len(found))
+        axes = np.atleast_1d(figure.subplots(len(found), 1, sharex=True, squeeze=False).ravel())
+        for axis, one in zip(axes, found, strict=True):
+            value, std = np.array(one["value"]), np.array(one["std"])
+            axis.fill_between(record.abscissa, value - 1.96 * std, value + 1.96 * std, color=BLUE, alpha=0.25, lw=0,
+                              label="95 %")
+            axis.plot(record.abscissa, value, "-o", color=BLUE, ms=3, label="amplitude")
+            axis.axhline(0.0, color=GREY, lw=0.8)
+            if one["onset_frames"]:
+                first, last = (record.abscissa[k] for k in one["onset_frames"])
+                axis.axvspan(first, last, color=FAINT, alpha=0.8, lw=0, label="onset")
+            how = "given by the data" if one["free"] else "of the candidate"
+            title = record.titles.get(one["name"], one["name"].replace("_", " "))
+            axis.set(title=f"{title}: {one['parameter']}, course {how}", ylabel=f"[{one['unit'] or '–'}]")
+        axes[-1].set_xlabel(record.time_label)
+        axes[0].legend(ncols=3, loc="best")
+        return to_picture(figure, "diagnosis_courses", "Course of what is no material",
+                          "Amplitude of the cause in every frame. A course of the candidate is a ramp, a jump or in proportion; "
+                          "where it left something, the data give it, linear between knots.")

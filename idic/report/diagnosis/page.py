@@ -39,7 +39,7 @@ def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
          else "The identified model; no candidate was selected.",
          (drawn(figures.residual_maps, record), drawn(figures.excess_course, record), *curves)),
         ("where", "Place, onset and side", "", record.further),
-        ("which", "Candidates by score", "", (drawn(figures.ranking, record),)),
+        ("which", "Candidates by score", "", (drawn(figures.ranking, record), drawn(figures.courses, record))),
         ("moved", "Change of the parameters" if named else "Constancy of the parameters", "",
          (drawn(figures.parameters, record), drawn(window_courses, record), *(drawn(law_curves, record) or ()))),
     )

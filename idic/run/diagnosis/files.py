@@ -10,6 +10,8 @@ import numpy as np
 
 from idic.diagnose.cautions import cautions
 from idic.diagnose.chain import Diagnosis
+from idic.diagnose.courses import content as courses_content
+from idic.diagnose.courses import courses_of
 from idic.diagnose.findings import mismatch_content, refitted_form
 from idic.diagnose.residual.heldout import Fit, better_blocks, ratio
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX, Margin
@@ -54,6 +56,7 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
         "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded],
         "cannot_tell": list(verdict.cannot_tell), "probability": diagnosis.probability,
         "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px, "left": _left(diagnosis),
+        "courses": _courses(diagnosis),
         "rounds": [_round(one) for one in diagnosis.rounds], "margin": margin_content(diagnosis.margin),
         "cost": dict(diagnosis.cost) | {"wall_s": wall_s},
     }
@@ -83,6 +86,16 @@ def _left(diagnosis: Diagnosis) -> dict:
             "motion_share": left.after.excess / before if left is not None and before and diagnosis.verdict.selected else None,
             "channels": [{"column": one.column, "z": one.z, "share": one.share, "reading_share": one.reading_share,
                           "significant": one.is_significant, "matters": one.matters} for one in diagnosis.channels]}
+
+
+def _courses(diagnosis: Diagnosis) -> list[dict]:
+    """Course and error band of every selected cause that is no material."""
+    if diagnosis.final is None or not diagnosis.final.usable or diagnosis.residual_after is None:
+        return []
+    experiment, final = diagnosis.residual_after.context.experiment, diagnosis.final
+    found = [course for one in diagnosis.rounds if one.winner is not None
+             for course in courses_of(one.winner.name, experiment, one.winner.ranked.variant.new, final.values, final.stds)]
+    return courses_content(found, experiment.times)
 
 
 def titles_of(diagnosis: Diagnosis) -> dict[str, str]:

@@ -1,0 +1,103 @@
+"""Courses in time of causes that are no material: slip, rotation, misalignment, drift of a channel, magnification.
+
+A cause is a pattern times a course; the course of one degree of freedom is the change of that amplitude with it, per frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.correlation.channels import drifting, knots
+from idic.images.placed_camera import PlacedCamera
+from idic.model.corrections import corrections_of
+from idic.model.experiment import Experiment
+from idic.model.free_course import without_knot
+
+TIMED = ("slip", "rotation", "misalignment")  # corrections that may have a course of their own
+MIN_ONSET_STD = 3.0  # standard deviations: a cause has begun
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """The course of a selected cause.
+
+    cause : name of its candidate; name : degree of freedom without its knot; unit : of value; value, std : (n_frames,);
+    free : the data give it, knot by knot
+    """
+
+    cause: str
+    name: str
+    unit: str
+    value: np.ndarray
+    std: np.ndarray
+    free: bool
+
+    @property
+    def onset(self) -> tuple[int, int] | None:
+        """Frames between which it begins: the last one in which it is zero within a standard deviation, and the first one
+        beyond `MIN_ONSET_STD`; None where none is.
+        """
+        seen = np.abs(self.value) > MIN_ONSET_STD * np.maximum(self.std, 1e-300)
+        if not seen.any():
+            return None
+        visible = int(np.argmax(seen))
+        at_zero = np.flatnonzero(np.abs(self.value[:visible]) <= self.std[:visible])
+        return (int(at_zero[-1]) if len(at_zero) else 0), visible
+
+
+def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
+    """Amplitude in every frame per unit of a degree of freedom  # (n_frames,); None where it has no course."""
+    stem, _, last = name.rpartition(".")
+    for entry in experiment.prescribed:
+        if stem == f"boundary.{entry.nodes}.{entry.component}":
+            return next((c.course for c in corrections_of(entry.drive) if c.name == last and c.kind in TIMED), None)
+    frames = range(experiment.n_frames)
+    for channel in experiment.channels:
+        if stem == f"channel.{channel.column}" and without_knot(last) == "drift":
+            if last == "drift":
+                return np.array([drifting(experiment, channel, k) for k in frames])
+            return np.array([knots(channel, k).get(name, 0.0) for k in frames])
+    motion = experiment.camera.motion
+    if motion is not None and not isinstance(experiment.camera, PlacedCamera) and stem == experiment.camera_name \
+            and last in motion.names and last.startswith("magnification"):
+        return motion.courses[motion.names.index(last)]
+    return None
+
+
+def courses_of(cause: str, experiment: Experiment, names: Iterable[str], values: Mapping[str, float],
+               stds: Mapping[str, float | None]) -> list[Course]:
+    """Courses of a cause, one per degree of freedom, or per set of knots.
+
+    values, stds : of parameters, internal units. Between knots the bands of the neighbours are interpolated: the covariance
+    of knots would make it narrower.
+    """
+    parts: dict[str, list[tuple[str, np.ndarray]]] = {}
+    for name in names:
+        course = course_of(experiment, name)
+        if course is not None and stds.get(name) is not None:
+            parts.setdefault(without_knot(name), []).append((name, course))
+    made = []
+    for stem, own in parts.items():
+        value = np.sum([values[name] * course for name, course in own], axis=0)
+        std = np.sum([stds[name] * np.abs(course) for name, course in own], axis=0)
+        made.append(Course(cause, stem, _unit(experiment, own[0][0]), value, std, "_knot[" in own[0][0]))
+    return made
+
+
+def _unit(experiment: Experiment, name: str) -> str:
+    """Of the amplitude: that of a rate or of a share of the motion times its course."""
+    unit = experiment.parameters[name].unit
+    if unit.startswith("rad"):
+        return "rad"
+    if name.startswith("boundary."):
+        return experiment.length_unit
+    return unit.removesuffix("/s").replace("1", "") if unit.endswith("/s") else unit
+
+
+def content(courses: Sequence[Course], times: np.ndarray) -> list[dict]:
+    """Entries ``courses`` of diagnosis.json."""
+    return [{"name": one.cause, "parameter": one.name, "unit": one.unit, "free": one.free, "onset_frames": one.onset,
+             "time_s": times.tolist(), "value": one.value.tolist(), "std": one.std.tolist()} for one in courses]
