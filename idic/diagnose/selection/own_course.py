@@ -23,7 +23,7 @@ from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival
 from idic.diagnose.selection.rivals import edits_of
-from idic.model.free_course import KNOTS
+from idic.model.free_course import KNOTS, without_knot
 
 MIN_LEFT_Z = 3.0  # standard deviations of what a refit leaves in motions or channels
 
@@ -57,6 +57,11 @@ def with_own_course(source: ExperimentSource, null: Refit, winner: Rival, screen
                     achieved=null.choice.chi2 - answer.choice.chi2,
                     heldout=null.judgement.chi2 - answer.judgement.chi2)
     return freed if freed.heldout - winner.heldout > MIN_HELDOUT_DROP + len(new) - 1 else None
+
+
+def has_own_course(rival: Rival) -> bool:
+    """Whether its course is given by the data."""
+    return any(without_knot(name) != name for name in rival.ranked.variant.new)
 
 
 def leaves_something(one: Fit) -> bool:

@@ -23,6 +23,7 @@ from idic.diagnose.selection.rivals import edits_of, refit_of_candidate
 from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.select import Ranked, Screening
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
+from idic.diagnose.selection.own_course import has_own_course, with_own_course
 from idic.diagnose.selection.rival import MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round
 
 MAX_EXCHANGES = 2  # rivals that are tried in the place of one cause
@@ -120,6 +121,8 @@ def _rebuilt(rounds: Sequence[Round], number: int, instead: Rival | None, place:
                                    _starts(later.winner.refitted.values, rounds[-1].winner.refitted.values))
         if not rival.refitted.usable:
             return None
+        if has_own_course(later.winner):
+            rival = with_own_course(source, model, rival, screening, place.refits, place.grid, place.seed) or rival
         others = here.rivals if fresh else ()
         kept.append(Round(screening, model, (rival, *(r for r in others if r.ranked.key != rival.ranked.key)), rival,
                           source=source))
