@@ -42,6 +42,16 @@ def late(scene: Scene) -> np.ndarray:
     return np.maximum(elapsed(scene) - 0.5, 0.0) / 0.5
 
 
+def twice(scene: Scene) -> np.ndarray:
+    """A course with two steps, 1 after each  # (T,)"""
+    return (elapsed(scene) > 0.3) * 1.0 + (elapsed(scene) > 0.8) * 1.0
+
+
+def passing(scene: Scene) -> np.ndarray:
+    """A course that comes and goes, 1 at its top  # (T,)"""
+    return np.exp(-(((elapsed(scene) - 0.6) / 0.15) ** 2))
+
+
 def _larger(camera, factor):
     return replace(camera, matrix=factor * camera.matrix, origin_px=centre_px() + factor * (camera.origin_px - centre_px()))
 
@@ -71,6 +81,12 @@ CONFUSIONS = {
         "grip_rotation", "heterogeneity", lambda s: s.moved("RIGHT", "x", 0.0, 0.006 * late(s)), "plastic"),
     "load cell bent by 2 %": Confusion(
         "load_cell_curvature", "none", lambda s: replace(s, force=lambda F: F * (1.0 + 0.02 * F / np.abs(F).max()))),
+    "grip that swings": Confusion(
+        "grip_rotation", "outside", lambda s: s.moved("RIGHT", "x", 0.0, 0.006 * np.sin(2.0 * np.pi * elapsed(s)))),
+    "grip that slips twice": Confusion(
+        "grip_slip", "machine_compliance", lambda s: s.moved("RIGHT", "x", -0.004 * twice(s))),
+    "load cell that wanders": Confusion(
+        "force_drift", "thermal_expansion", lambda s: replace(s, force=lambda F: F + 0.06 * np.abs(F).max() * passing(s))),
 }
 
 

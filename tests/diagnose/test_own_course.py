@@ -1,0 +1,60 @@
+"""The course of a selected cause that is no material: where a ramp leaves something, the data give it, knot by knot."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_revision import Folder, fit, ranked, refit, screening
+
+from idic.diagnose.courses import Course
+from idic.diagnose.screen.candidate import Variant
+from idic.diagnose.selection import own_course
+from idic.diagnose.selection.own_course import free_edits, has_own_course, leaves_something
+from idic.diagnose.selection.rival import Rival
+
+BOUNDARY = [{"nodes": "TOP", "uy": {"column": "grip_mm", "corrections": [
+    {"kind": "compliance", "column": "F"}, {"kind": "rotation", "start_s": 3.0, "course": "ramp"}]}}]
+
+
+def variant(name, **edits):
+    return Variant(name, edits, (name,), {name: 0.0}, {name: 1.0})
+
+
+def test_a_correction_gets_knots_in_the_place_of_its_course_and_its_neighbours_stay():
+    edits = free_edits({}, {"boundary": BOUNDARY}, variant("boundary.TOP.y.rotation"))
+    first, second = edits["boundary"][0]["uy"]["corrections"]
+    assert first == {"kind": "compliance", "column": "F"}
+    assert second == {"kind": "rotation", "course": "free", "knots": own_course.KNOTS}
+    assert BOUNDARY[0]["uy"]["corrections"][1]["start_s"] == 3.0
+
+
+def test_a_drift_loses_its_start_and_its_own_degree_of_freedom():
+    document = {"channel": [{"column": "F", "drift_from_s": 4.0}, {"column": "G"}]}
+    edits = free_edits(document, {"dof": [{"name": "channel.F.drift"}, {"name": "camera.k1"}]}, variant("channel.F.drift"))
+    assert edits["channel"] == [{"column": "F", "drift_knots": own_course.KNOTS}, {"column": "G"}]
+    assert edits["dof"] == [{"name": "camera.k1"}]
+
+
+@pytest.mark.parametrize("name", ["boundary.TOP.y.compliance", "BODY.alpha", "channel.F.scale", "camera.k1"])
+def test_what_has_no_course_keeps_none(name):
+    assert free_edits({"channel": []}, {"boundary": BOUNDARY, "dof": []}, variant(name)) is None
+
+
+def test_a_fit_that_leaves_only_noise_keeps_its_course():
+    quiet = fit(0.0)
+    loud = replace(quiet, channels=np.full((10, 1), 3.0))
+    assert not leaves_something(quiet) and leaves_something(fit(200.0)) and leaves_something(loud)
+    one = ranked("magnification")
+    winner = Rival(one, refit(("magnification",), 0.0), 100.0, 300.0, 300.0)
+
+    def no_refits(jobs):
+        raise AssertionError("nothing is to be refitted")
+
+    assert own_course.with_own_course(Folder(), refit((), 300.0), winner, screening(), no_refits, None, 1) is None
+    assert not has_own_course(winner)
+
+
+@pytest.mark.parametrize("value, std, onset", [
+    ((0.0, 0.1, 0.2, 5.0, 6.0), 1.0, (2, 3)), ((0.0, 4.0, 4.0, 4.0, 4.0), 1.0, (0, 1)), ((0.0, 0.1, 2.0, 2.0, 1.0), 1.0, None)])
+def test_a_course_begins_between_its_last_frame_at_zero_and_its_first_beyond_noise(value, std, onset):
+    assert Course("grip_slip", "x", "mm", np.array(value), np.full(5, std), True).onset == onset
