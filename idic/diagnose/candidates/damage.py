@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.enrich import (
+    comes_back,
     elastic_pair,
     enriched,
     materials_with,
@@ -33,6 +34,14 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     return tuple(found)
 
 
+def untestable(situation: Situation) -> str:
+    """Without a load, and without a way back, a loss of stiffness deforms the body as plastic flow does."""
+    experiment = situation.experiment
+    if experiment.channels or experiment.loads or comes_back(situation.u):
+        return ""
+    return "without a force, and without unloading, the images show a stiffness that is lost as they show plastic flow"
+
+
 register(Candidate(
     "damage", "damage", "damage", "no loss of stiffness beyond the threshold (softening = 0)",
     rivals={"plasticity": "both soften under load: damage unloads to zero strain, plastic flow does not",
@@ -40,4 +49,4 @@ register(Candidate(
             "geometric_nonlinearity": "a stiffness that changes with the load"},
     separating_tests=("unload to zero once", "load again: is the slope that of the first loading?"),
     variants=variants, has_onset=True,
-    paraphrase="stiffness that is lost for good beyond a strain", slow=True))
+    paraphrase="stiffness that is lost for good beyond a strain", slow=True, untestable=untestable))

@@ -133,6 +133,7 @@ class Candidate:
     slow : its simulations take long, so that it is refitted after candidates that promise nearly as much
     hidden_by_yield_law : an identified law of yielding imitates it to first order; where no candidate is significant it is
         refitted whatever its score
+    untestable : why a record cannot tell it from its rivals, "" where it can; it is not screened then, and not excluded
     refitted_form : form of a variant after its refit, from the values of the parameters; None: the variant's own
     """
 
@@ -150,6 +151,7 @@ class Candidate:
     slow: bool = False
     hidden_by_yield_law: bool = False
     refitted_form: Callable[[Variant, Mapping[str, float]], str | None] | None = None
+    untestable: Callable[[Situation], str] | None = None
 
     @property
     def kind(self) -> Family:
@@ -160,6 +162,10 @@ class Candidate:
     def side(self) -> str:
         """Side on which it acts."""
         return self.kind.side
+
+    def reason_against(self, situation: Situation) -> str:
+        """Why this record cannot tell it from its rivals, "" where it can."""
+        return "" if self.untestable is None else self.untestable(situation)
 
     def form_after(self, variant: Variant, values: Mapping[str, float]) -> str | None:
         """Form of a refitted variant; values : parameters after the refit."""

@@ -12,6 +12,8 @@ from idic.materials import get_law
 from idic.materials.core.law import EXPANSION
 from idic.parameters import Parameter
 
+MIN_WAY_BACK = 0.1  # of the largest motion: the test unloads
+
 
 def materials_with(situation: Situation, *laws: str) -> Iterator[tuple[str, str]]:
     """(element set, law) of every material that has one of these laws."""
@@ -23,6 +25,13 @@ def materials_with(situation: Situation, *laws: str) -> Iterator[tuple[str, str]
 def has_times(situation: Situation) -> bool:
     """Whether the frames have times: without them nothing can depend on a rate."""
     return bool(situation.experiment.extras.get("has_times", True)) and situation.duration > 0.0
+
+
+def comes_back(u: np.ndarray) -> bool:
+    """Whether a motion (n_frames, n_nodes, dim) goes back from its largest by more than `MIN_WAY_BACK`."""
+    size = np.sqrt(np.mean(u.reshape(len(u), -1) ** 2, axis=1))
+    peak = int(np.argmax(size))
+    return bool(size[peak:].min() < (1.0 - MIN_WAY_BACK) * size[peak])
 
 
 def new(value: float, unit: str = "-", identify: bool = True) -> dict[str, Any]:

@@ -84,11 +84,15 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Screening:
-    """All candidates, best first, and the joint table they come from."""
+    """All candidates, best first, and the joint table they come from.
+
+    untestable : (candidate, why this record cannot tell it from its rivals), which are not among them
+    """
 
     ranked: tuple[Ranked, ...]
     trials: tuple[ScoreColumn, ...]
     scores: Scores
+    untestable: tuple[tuple[Candidate, str], ...] = ()
 
     def of(self, name: str) -> Ranked:
         return next(r for r in self.ranked if r.candidate.name == name)

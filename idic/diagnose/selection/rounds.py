@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -172,15 +172,18 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
     residual = residual_evidence(found)
     here = situation(found, residual, source.document())
     apply = [candidate for candidate in library if found.experiment.points is None or candidate.family != CAMERA]
-    trials = [(candidate, variant) for candidate in apply for variant in candidate.variants(here)]
+    untestable = tuple((candidate, why) for candidate in apply if (why := candidate.reason_against(here)))
+    left_out = [candidate for candidate, _ in untestable]
+    trials = [(candidate, variant) for candidate in apply if candidate not in left_out for variant in candidate.variants(here)]
 
     def load(edits: Mapping[str, Any]):
         return thinned(source.load(edits), CHOICE, seed)
 
     labels, columns = score_columns(found, residual, trials, load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
-    return screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
+    made = screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
                   materials=[material.element_set for material in found.experiment.materials], margin=margin, further=further)
+    return replace(made, untestable=untestable)
 
 
 def has_state(found: Identification, states: Collection[str]) -> bool:

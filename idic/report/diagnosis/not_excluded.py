@@ -19,13 +19,14 @@ from idic.report.words import short_names, two_digits
 
 MIN_HIDDEN_SHIFT_STD = 2.0  # standard deviations of a parameter that an invisible effect would move it by
 MIN_NEAR_SHARE = 0.3  # of the winner's drop of chi-square: a rival that comes near
+MIN_OTHER_SHARE = 0.5  # the same of one that is no known rival
 MAX_HIDDEN = 5  # invisible effects that are named, the largest shift first
 
 
 def not_excluded(diagnosis: Diagnosis) -> list[dict[str, str]]:
     """Entries ``name``, ``why``, the nearest first."""
     won = [one for one in diagnosis.rounds if one.winner is not None]
-    near = [*_indistinguishable(won), *_near(won, diagnosis), *_passed_over(diagnosis)]
+    near = [*_indistinguishable(won), *_untestable(won), *_near(won, diagnosis), *_passed_over(diagnosis)]
     known = {entry["name"] for entry in near} | set(diagnosis.verdict.selected)
     return near + [entry for entry in _hidden(diagnosis) if entry["name"] not in known]
 
@@ -36,19 +37,32 @@ def _indistinguishable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
             yield {"name": name, "why": "indistinguishable under this loading"}
 
 
+def _untestable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
+    """Rivals of a selected candidate that this record cannot tell from it."""
+    for one in won:
+        selected = one.winner.ranked.candidate  # type: ignore[union-attr]
+        for rival, why in one.screening.untestable:
+            if rival.name in selected.rivals or selected.name in rival.rivals:
+                yield {"name": rival.name, "why": why}
+
+
 def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
-    """Known rivals of a selected candidate that explain a good part of what it explains, where something is left."""
+    """Rivals that explain a good part of what the selected candidate explains, where something is left."""
     if not (diagnosis.verdict.after.excess_z > MIN_EXCESS_Z or any(one.is_significant for one in diagnosis.channels)):
         return
     for one in won:
-        selected = one.winner.ranked.candidate  # type: ignore[union-attr]
+        winner = one.winner
+        selected = winner.ranked.candidate  # type: ignore[union-attr]
         for rival in one.rivals:
             other = rival.ranked.candidate
-            why = selected.rivals.get(other.name) or other.rivals.get(selected.name)
-            if (why and rival is not one.winner and rival.name not in one.equals and rival.refitted.usable
-                    and rival.achieved > MIN_NEAR_SHARE * one.winner.achieved):  # type: ignore[union-attr]
-                share = rival.achieved / one.winner.achieved  # type: ignore[union-attr]
-                yield {"name": other.name, "why": f"reaches {share:.0%} of what {selected.title} explains, and a part is left ({why})"}
+            known = selected.rivals.get(other.name) or other.rivals.get(selected.name)
+            share = (rival.achieved if rival.refitted.usable else rival.predicted) / winner.achieved  # type: ignore[union-attr]
+            if rival is winner or rival.name in one.equals or not share > (MIN_NEAR_SHARE if known else MIN_OTHER_SHARE):
+                continue
+            reach = "reaches" if rival.refitted.usable else "promised"
+            given_up = "" if rival.refitted.usable else " (its refit was given up)"
+            yield {"name": other.name, "why": f"{reach} {min(share, 1.0):.0%} of what {selected.title} explains{given_up}, and a "
+                                              f"part is left{f': {known}' if known else ''}"}
 
 
 def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:

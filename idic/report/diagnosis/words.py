@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY
 from idic.report.words import number, short_names, with_std
 
+MIN_VALUE_STD = 2.0  # standard deviations: a value that is nearer to zero is not determined
 MIN_COURSE_UNKNOWNS = 3  # unknowns of one kind, one per frame, from which on they are summed up
 FORMS = {"void": "next to no stiffness: a void, a cut or a crack"}
 MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
@@ -104,9 +105,17 @@ def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> st
     courses = {stem: {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem} for stem in stems}
     courses = {stem: course for stem, course in courses.items() if len(course) >= MIN_COURSE_UNKNOWNS}
     said = [f"{shown[n].replace('_', ' ')} "
-            + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
+            + (_value(p) if p["std"] else "not determined")
             for n, p in added.items() if _stem(n) not in courses]
     return ", ".join([*said, *(_course(stem, course) for stem, course in courses.items())])
+
+
+def _value(entry: Mapping) -> str:
+    """A value with its deviation; where that is half of the value and more, about the value alone."""
+    if abs(entry["value"]) > MIN_VALUE_STD * entry["std"]:
+        return with_std(entry["value"], entry["std"], entry["unit"])
+    about = float(f"{entry['value']:.2g}")
+    return f"≈ {with_std(about, None, entry['unit'])} (not determined)"
 
 
 def _stem(name: str) -> str:
@@ -115,7 +124,7 @@ def _stem(name: str) -> str:
 
 def _course(stem: str, entries: Mapping[str, Mapping]) -> str:
     """Unknowns of many frames: root mean square and largest value."""
-    what = stem.removesuffix("_at").replace(".", " ").replace("_", " ")
+    what = stem.removesuffix("_at").removesuffix("_knot").replace(".", " ").replace("_", " ")
     known = {name: p for name, p in entries.items() if p["std"]}
     if not known:
         return f"{what} not determined"

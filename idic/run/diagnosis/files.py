@@ -100,7 +100,8 @@ def _courses(diagnosis: Diagnosis) -> list[dict]:
 
 def titles_of(diagnosis: Diagnosis) -> dict[str, str]:
     """Name of a candidate to its title in standard words."""
-    return {r.candidate.name: r.candidate.title for one in diagnosis.rounds for r in one.screening.ranked}
+    left_out = {c.name: c.title for one in diagnosis.rounds for c, _ in one.screening.untestable}
+    return left_out | {r.candidate.name: r.candidate.title for one in diagnosis.rounds for r in one.screening.ranked}
 
 
 def _candidates(diagnosis: Diagnosis) -> list[dict]:
