@@ -16,7 +16,7 @@ later frames are known from those frames alone: `reason_against_later_frames`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -27,6 +27,7 @@ from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.heldout import Fit, fit
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.selection.block_step import BlockJudgement, block_judgement
 from idic.errors import InputError, NotConverged
 from idic.identify.in_memory import identify
 from idic.model.experiment import Experiment, Parametrised
@@ -59,29 +60,6 @@ class FittedModel:
     experiment: Experiment
     values: Mapping[str, float]
     local: np.ndarray | None = None
-
-
-@dataclass(frozen=True)
-class BlockJudgement:
-    """The model before and after on one block.
-
-    before, after : held-out excess (`Fit.excess`), NaN where a fit failed; std : of its noise; drop : of chi-square
-    """
-
-    name: str
-    before: float
-    after: float
-    std: float
-    drop: float
-
-    @property
-    def better(self) -> bool:
-        """Whether the enriched model explains more of the block."""
-        return self.drop > 0.0
-
-    def content(self) -> dict:
-        """An entry of ``fit.blocks`` of diagnosis.json."""
-        return asdict(self) | {"better": self.better}
 
 
 def block_judgements(diagnosis: Diagnosis) -> tuple[BlockJudgement, ...]:
@@ -152,9 +130,7 @@ def judged_by_blocks(before: FittedModel, after: FittedModel, grid: Grid) -> tup
     if reason_against_later_frames(recording) is None:
         blocks += later_frames(correlated_frames(recording, range(recording.n_frames)))
     made = [(block, judged(before, block, grid), judged(after, block, grid)) for block in blocks]
-    return tuple(BlockJudgement(block.name, _excess(one), _excess(other), _std(one),
-                                float("nan") if one is None or other is None else one.chi2 - other.chi2)
-                 for block, one, other in made)
+    return tuple(block_judgement(block.name, one, other) for block, one, other in made)
 
 
 def judged(model: FittedModel, block: Block, grid: Grid) -> Fit | None:
@@ -178,11 +154,3 @@ def _masked(experiment: Experiment, mask: np.ndarray | None, frames: tuple[int, 
         left_out = set(range(experiment.n_frames)) - set(frames) - {experiment.reference}
         excluded = tuple(sorted({*excluded, *left_out}))
     return replace(experiment, mask=experiment.mask if mask is None else mask, excluded=excluded)
-
-
-def _excess(one: Fit | None) -> float:
-    return float("nan") if one is None else one.excess
-
-
-def _std(one: Fit | None) -> float:
-    return float("nan") if one is None else one.excess_std

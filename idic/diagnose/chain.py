@@ -31,6 +31,7 @@ from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
 from idic.diagnose.screen.candidate import Candidate, candidates
 from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.time_course import time_course_test
+from idic.diagnose.selection.block_step import BlockJudgement, judged_by_step
 from idic.diagnose.selection.rival import Round
 from idic.diagnose.selection.rounds import (Clock, Group, Setting, Stage, Watch, has_state, null_refit, selected_rounds,
                                             silent, unwatched)
@@ -63,6 +64,7 @@ class Diagnosis:
     channels, left : what the last model leaves in the channels, and of motions, on the whole recording
     probability : that the selected set holds the truth (`idic.diagnose.probability`), None where the test says nothing
     quick : no rival was refitted, and `final` is the fit to one copy
+    blocks : both models on blocks of the recording, after one step from the finished fit to the others
     """
 
     found: Identification
@@ -85,6 +87,7 @@ class Diagnosis:
     left: ExcessLeft | None = None
     probability: float | None = None
     quick: bool = False
+    blocks: tuple[BlockJudgement, ...] = ()
 
     @property
     def selected_effect(self) -> SelectedEffect | None:
@@ -136,7 +139,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     with clock.step("locate_s"):
         mismatch = located(found, before, margin)
     first = null_refit(source, found, setting)
-    rounds, source, null, groups = selected_rounds(source, found, first, setting)
+    rounds, source, null, groups = selected_rounds(source, found, first, before, setting)
     final, after, active = _enriched(source, null, rounds, setting) if null is not first else (None, None, None)
     unit = float(power(before.evidence).sum())
     of_camera = {"margin_px": margin.px, "camera_px": margin.camera_px}
@@ -157,12 +160,13 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_significant, excesses,
                        unloads(found.experiment), _camera_chi2(margin, unit, rounds[0] if alone else None), channels)
     notes = Notes()
+    blocks = () if after is None else judged_by_step(before, after, grid)
     advice = _separating_test(groups, setting, notes)
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, before, after, final, source, whole, effect(whole, unit),
                      grid, clock.seconds, active, tuple(own), margin, tuple(notes.told), channels, excesses[0],
-                     probability(verdict, rounds, excesses[0], channels), quick)
+                     probability(verdict, rounds, excesses[0], channels), quick, blocks)
 
 
 def _separating_test(groups: Sequence[Group], setting: Setting, notes: Notes) -> str | None:

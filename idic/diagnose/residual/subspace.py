@@ -128,12 +128,17 @@ def explained(evidence: Evidence, basis: Basis | list[np.ndarray]) -> Explained:
     gains, ranks = [], []
     for t, part in enumerate(evidence.parts):
         fields = basis.fields if isinstance(basis, Basis) else basis[t]
-        matrix, rhs = projected(evidence, part, fields)
-        values, vectors, scale = spectrum(matrix)
-        good = values > MIN_EIGENVALUE_SHARE * max(values.max(initial=0.0), 1e-300)
-        gains.append(float(((vectors[:, good].T @ (rhs * scale)) ** 2 / values[good]).sum()))
-        ranks.append(int(good.sum()))
+        gain, rank = gain_and_rank(*projected(evidence, part, fields))
+        gains.append(gain)
+        ranks.append(rank)
     return Explained(np.array(gains), np.array(ranks))
+
+
+def gain_and_rank(matrix: np.ndarray, rhs: np.ndarray) -> tuple[float, int]:
+    """Drop of chi-square by the fields of normal equations, and how many of them are seen."""
+    values, vectors, scale = spectrum(matrix)
+    good = values > MIN_EIGENVALUE_SHARE * max(values.max(initial=0.0), 1e-300)
+    return float(((vectors[:, good].T @ (rhs * scale)) ** 2 / values[good]).sum()), int(good.sum())
 
 
 def projected(evidence: Evidence, part: FrameEvidence, fields) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from idic.diagnose.refit import Refit
 from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.heldout import Fit, pooled
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2, Ranked, Screening
+from idic.diagnose.selection.block_step import BlockJudgement
 
 MIN_HELDOUT_DROP = 9.0  # chi-square per model and copy that judges
 MIN_DROP_DIFFERENCE = 2e-3  # of a drop of chi-square: two simulations are not better than that
@@ -102,7 +103,8 @@ class Round:
     """One addition to the model: screening of the null, refits of the shortlist, and the winner (None without one).
 
     crossed : the null's fit on the copy for choosing after a refit on the other one, where both had to judge
-    source : the experiment of the null; passed_over : a rival that passes, and explains too little to be a further cause
+    source : the experiment of the null; passed_over : a rival that passes, and explains too little to be a further
+    cause, or that blocks of the recording do not confirm; blocks : null and winner on them
     """
 
     screening: Screening
@@ -113,6 +115,7 @@ class Round:
     crossed_judgement: Fit | None = None
     source: ExperimentSource | None = None
     passed_over: Rival | None = None
+    blocks: tuple[BlockJudgement, ...] = ()
 
     def heldout_fits(self, rival: Rival) -> tuple[Fit, Fit]:
         """Of the null and a rival, where they had no part in the fit."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.diagnose.refit import Refit, identification_at
+from idic.diagnose.refit import Refit, identification_at, refit_residual
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.margin import ASSUMED, Margin
@@ -21,6 +21,7 @@ from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.score_columns import ScoreColumn, score_columns
 from idic.diagnose.screen.select import Screening, screen
 from idic.diagnose.screen.situation import situation
+from idic.diagnose.selection.block_step import holds, judged_by_step
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.revision import Workplace, min_further_drop, revised
 from idic.diagnose.selection.rival import Round, judge
@@ -92,13 +93,18 @@ def null_refit(source: ExperimentSource, found: Identification, setting: Setting
     return null
 
 
-def selected_rounds(source: ExperimentSource, found: Identification, null: Refit,
-            setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, list[Group]]:
-    """Additions to the model, its last source and refit, and the indistinguishable groups."""
+def selected_rounds(source: ExperimentSource, found: Identification, null: Refit, whole: ResidualEvidence,
+                    setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, list[Group]]:
+    """Additions to the model, its last source and refit, and the indistinguishable groups.
+
+    whole : residual of the identified model on the recording itself
+    """
     rounds: list[Round] = []
     bends, place = has_state(found, YIELD_STATES), _workplace(setting)
     for number in range(1, 2 if setting.quick else MAX_ROUNDS + 1):
         one = _round(source, null, number, rounds, setting, bends)
+        if one.winner is not None and not setting.quick:
+            one, whole = held_by_blocks(one, whole, setting)
         if one.winner is None:
             rounds.append(one)
             break
@@ -146,6 +152,22 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
         if winner.heldout < min_further_drop(winner, drop):
             return Round(screening, null, rivals, None, (), crossed, source, winner)
     return Round(screening, null, rivals, winner, equals, crossed, source)
+
+
+def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting) -> tuple[Round, ResidualEvidence]:
+    """A round without its winner where blocks of the recording that had no part in its fit get worse, and the residual of
+    the last model that holds.
+
+    whole : residual of the null on the recording itself
+    """
+    setting.stage("judgement on blocks of the recording")
+    with setting.clock.step("blocks_s"):
+        winner = one.winner
+        after = refit_residual(one.source.with_edits(edits_of(winner, one.screening)).load(), winner.refitted)  # type: ignore[union-attr, arg-type]
+        judged = judged_by_step(whole, after, setting.grid)
+    if holds(judged):
+        return replace(one, blocks=judged), after
+    return replace(one, winner=None, equals=(), passed_over=winner, blocks=judged), whole
 
 
 def _workplace(setting: Setting) -> Workplace:

@@ -14,6 +14,7 @@ from idic.diagnose.chain import Diagnosis
 from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
 from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.screen.select import Ranked
+from idic.diagnose.selection.block_step import holds
 from idic.diagnose.selection.rival import Round
 from idic.report.words import short_names, two_digits
 
@@ -68,7 +69,10 @@ def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]
 def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
     """A candidate that would explain too little more to be a further cause."""
     last = diagnosis.rounds[-1]
-    if last.passed_over is not None:
+    if last.passed_over is not None and not holds(last.blocks):
+        yield {"name": last.passed_over.name, "why": "explains more where it was fitted, and less in blocks of the recording that "
+               "had no part in the fit"}
+    elif last.passed_over is not None:
         drop = diagnosis.rounds[0].null.judgement.chi2 - last.passed_over.refitted.judgement.chi2
         yield {"name": last.passed_over.name, "why":
                f"as a further cause it would explain {100.0 * last.passed_over.heldout / drop:.2g} % of the whole; so little may be a "

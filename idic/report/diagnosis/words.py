@@ -105,17 +105,21 @@ def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> st
     courses = {stem: {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem} for stem in stems}
     courses = {stem: course for stem, course in courses.items() if len(course) >= MIN_COURSE_UNKNOWNS}
     said = [f"{shown[n].replace('_', ' ')} "
-            + (_value(p) if p["std"] else "not determined")
-            for n, p in added.items() if _stem(n) not in courses]
-    return ", ".join([*said, *(_course(stem, course) for stem, course in courses.items())])
+            + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
+            for n, p in added.items() if _stem(n) not in courses and not _is_open(p)]
+    left_open = [f"{shown[n].replace('_', ' ')} ≈ {with_std(_two_digits(p['value']), None, p['unit'])}"
+                 for n, p in added.items() if _stem(n) not in courses and _is_open(p)]
+    parts = [*said, *(_course(stem, course) for stem, course in courses.items())]
+    return ", ".join([*parts, *([f"{', '.join(left_open)}, not determined"] if left_open else [])])
 
 
-def _value(entry: Mapping) -> str:
-    """A value with its deviation; where that is half of the value and more, about the value alone."""
-    if abs(entry["value"]) > MIN_VALUE_STD * entry["std"]:
-        return with_std(entry["value"], entry["std"], entry["unit"])
-    about = float(f"{entry['value']:.2g}")
-    return f"≈ {with_std(about, None, entry['unit'])} (not determined)"
+def _two_digits(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+def _is_open(entry: Mapping) -> bool:
+    """Whether a value has a standard deviation of half of it and more."""
+    return bool(entry["std"]) and abs(entry["value"]) < MIN_VALUE_STD * entry["std"]
 
 
 def _stem(name: str) -> str:

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from idic.diagnose.blocks import BlockJudgement, block_cautions, block_judgements
+from idic.diagnose.blocks import block_cautions, block_judgements
 from idic.diagnose.chain import SEED, Diagnosis
 from idic.diagnose.chain import diagnose as diagnose_identification
 from idic.diagnose.notes import Notes
 from idic.diagnose.residual.margin import Margin
 from idic.diagnose.screen.candidate import Candidate
+from idic.diagnose.selection.block_step import BlockJudgement
 from idic.diagnose.selection.rounds import Stage, silent
 from idic.run.diagnosis.enriched import write_enriched
 from idic.run.diagnosis.files import titles_of, write_diagnosis
@@ -61,7 +62,7 @@ def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,
     ----------
     workers : 0 runs everything in this process, otherwise so many Dask processes
     stage, library, resume, quick : as in `diagnose`
-    blocks : also judge on parts of the recording that had no part in the fit (`idic.diagnose.blocks`)
+    blocks : fits to parts of the recording judge on the others (`idic.diagnose.blocks`), not one step from the finished fit
 
     Returns
     -------
@@ -86,13 +87,13 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool 
     """
     notes = Notes(diagnosis.notes)
 
-    def write(enriched: Path | None = None, judged: Sequence[BlockJudgement] = (), further: Sequence[str] = ()) -> dict:
+    def write(enriched: Path | None = None, judged: Sequence[BlockJudgement] | None = None, further: Sequence[str] = ()) -> dict:
         return write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began,
-                               [block.content() for block in judged], further, notes.told)
+                               None if judged is None else [block.content() for block in judged], further, notes.told)
 
     write()  # the verdict first: nothing that follows may cost it
     enriched = notes.attempt("the enriched experiment", _enriched, diagnosis)
-    judged, further = notes.attempt("blocks", _blocks, diagnosis, otherwise=((), ())) if blocks else ((), ())
+    judged, further = notes.attempt("blocks", _blocks, diagnosis, otherwise=(None, ())) if blocks else (None, ())
     content = write(enriched, judged, further)
     pictures = notes.attempt("the figures of the place", where_pictures, diagnosis, otherwise=())
     notes.attempt("the page", write_page, run, diagnosis, content, titles_of(diagnosis), notes, pictures)

@@ -37,7 +37,8 @@ def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None
     """
     run = Path(run)
     content = diagnosis_content(run, diagnosis, enriched, wall_s)
-    content["fit"]["blocks"] = finite(blocks or [])
+    if blocks is not None:
+        content["fit"]["blocks"] = finite(blocks)
     content["notes"] = list(notes)
     content["cautions"] += [*further, *notes]
     write_json(run / DIAGNOSIS_FILE, content)
@@ -167,7 +168,8 @@ def _fit(diagnosis: Diagnosis) -> dict:
             "heldout_excess_before": before.excess, "heldout_excess_after": after.excess,
             "heldout_excess_std": before.excess_std, "explainable_share_recovered": diagnosis.verdict.share,
             "heldout_channel_chi2_before": _by_channel(diagnosis, before),
-            "heldout_channel_chi2_after": _by_channel(diagnosis, after)}
+            "heldout_channel_chi2_after": _by_channel(diagnosis, after),
+            "blocks": [block.content() for block in diagnosis.blocks]}
 
 
 def _by_channel(diagnosis: Diagnosis, one: Fit) -> Mapping[str, float]:

@@ -1,0 +1,169 @@
+"""Judgement on blocks of the recording without another fit: squares of the specimen, and later frames.
+
+The residual of a model and its derivatives stand at the nodes (`idic.diagnose.residual.evidence`). With the test functions
+of the nodes of one part alone, the normal equations see only the pixels of that part,
+
+    J_A^T A J delta = J_A^T r,
+
+so one Gauss-Newton step from the finished fit gives the parameters of a fit to that part. The residual r - A J delta is then
+measured on the other part. Nodes of the two parts never share an element, and their shape functions vanish at the border:
+nothing leaks but the frames' own unknowns (gain, offset, noise of a logged grip).
+
+squares        a chessboard: one colour fits, the other one judges, and the reverse; motions judge
+later frames   fitted up to some frame, judged after it; motions and channels judge
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from idic.diagnose.residual.evidence import Evidence
+from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.subspace import Grid, gain_and_rank, hats
+from idic.diagnose.screen.score import NullModel, null_model
+
+SQUARES_PER_SIDE = 4  # along the longer side of the visible region
+FITTED_FRAME_SHARES = (0.5, 0.75)  # of the frames that fit; the following ones up to the next part judge
+MIN_PART_SHARE = 0.02  # of the whole recording's information on every direction: a smaller part does not determine the model
+MIN_SEEN_NODES = 8  # of a part
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What fits and what judges: fit, judge : (n_seen,) bool of the seen dofs; fit_frames, judge_frames : (T,) bool."""
+
+    name: str
+    fit: np.ndarray
+    judge: np.ndarray
+    fit_frames: np.ndarray
+    judge_frames: np.ndarray
+    with_channels: bool = False
+
+
+@dataclass(frozen=True)
+class BlockJudgement:
+    """The model before and after on one block.
+
+    before, after : held-out excess (`Fit.excess`), NaN where a fit failed; std : of its noise; drop : of chi-square
+    """
+
+    name: str
+    before: float
+    after: float
+    std: float
+    drop: float
+
+    @property
+    def better(self) -> bool:
+        """Whether the enriched model explains more of the block."""
+        return self.drop > 0.0
+
+    def content(self) -> dict:
+        """An entry of ``fit.blocks`` of diagnosis.json."""
+        return asdict(self) | {"better": self.better}
+
+
+def block_judgement(name: str, before: Fit | None, after: Fit | None) -> BlockJudgement:
+    """Both models on one block; None where a fit failed."""
+    both = before is not None and after is not None
+    nan = float("nan")
+    return BlockJudgement(name, before.excess if before else nan, after.excess if after else nan,
+                          before.excess_std if before else nan,
+                          before.chi2 - after.chi2 if both else nan)  # type: ignore[union-attr]
+
+
+def judged_by_step(before: ResidualEvidence, after: ResidualEvidence, grid: Grid) -> tuple[BlockJudgement, ...]:
+    """Two models of one recording, fitted to one part each and measured on the other; parts that determine both."""
+    made = []
+    for one, other in zip(_fits(before, grid), _fits(after, grid), strict=False):
+        if one[1] is not None and other[1] is not None:
+            made.append(block_judgement(one[0], one[1], other[1]))
+    return tuple(made)
+
+
+def holds(judged: Sequence[BlockJudgement]) -> bool:
+    """Whether a model explains more of the blocks that had no part in its fit; also where none says anything."""
+    return not judged or sum(one.drop for one in judged) > 0.0
+
+
+def _fits(residual: ResidualEvidence, grid: Grid) -> list[tuple[str, Fit | None]]:
+    parts = parts_of(residual.evidence, grid)
+    return [(part.name, found) for part, found in zip(parts, judged_parts(residual, grid, parts), strict=True)]
+
+
+def parts_of(evidence: Evidence, grid: Grid) -> tuple[Part, ...]:
+    """Both colours of the squares, and the later frames."""
+    every, frames = np.ones(len(evidence.seen), dtype=bool), np.ones(len(evidence.frames), dtype=bool)
+    black = _colour(evidence, grid)
+    found = []
+    for name, one in (("squares 1", black), ("squares 2", ~black)):
+        judge = ~one & ~_beside(evidence, one)
+        if min(one.sum(), judge.sum()) >= MIN_SEEN_NODES * evidence.n_components:
+            found.append(Part(name, one, judge, frames, frames))
+    number = np.arange(len(frames))
+    ends = [int(np.ceil(share * len(frames))) for share in FITTED_FRAME_SHARES]
+    for first, last in pairwise([*ends, len(frames)]):
+        if 0 < first < last:
+            label = f"frames {evidence.frames[first]} to {evidence.frames[last - 1]}"
+            found.append(Part(label, every, every, number < first, (number >= first) & (number < last), True))
+    return tuple(found)
+
+
+def _colour(evidence: Evidence, grid: Grid) -> np.ndarray:
+    """Whether a seen dof lies in a black square  # (n_seen,) bool"""
+    side = float(grid.extent.max()) / SQUARES_PER_SIDE
+    place = np.floor((grid.at[evidence.seen // evidence.n_components] - grid.low) / side + 1e-9).astype(int)
+    return place.sum(axis=1) % 2 == 0
+
+
+def _beside(evidence: Evidence, chosen: np.ndarray) -> np.ndarray:
+    """Whether a dof shares pixels with a chosen one  # (n_seen,) bool"""
+    part = evidence.parts[0]
+    return np.asarray(abs(part.A) @ chosen.astype(float)).ravel() > 0.0
+
+
+def judged_parts(residual: ResidualEvidence, grid: Grid, parts: Sequence[Part]) -> tuple[Fit | None, ...]:
+    """A model fitted to one part and measured on the other; None where a part does not determine it."""
+    null = null_model(residual.evidence, residual.null)
+    fields = hats(residual.evidence, grid).fields
+    return tuple(_judged(residual.evidence, null, fields, part) for part in parts)
+
+
+def _judged(evidence: Evidence, null: NullModel, fields, part: Part) -> Fit | None:
+    step = _step(evidence, null, part)
+    if step is None:
+        return None
+    own = fields.multiply(part.judge[:, None]).tocsr()
+    own = own[:, np.flatnonzero(abs(own).sum(axis=0) > 0.0)]
+    gains, ranks, channels = [], [], []
+    root = np.sqrt(evidence.channel_weight)
+    chosen = np.flatnonzero(part.judge_frames)
+    for t in chosen:
+        frame, n = evidence.parts[t], len(evidence.parts[t].q)
+        q, channel_q = evidence.residual(frame)
+        border = np.asarray(own.T @ frame.border[:n])
+        matrix = (own.T @ (frame.A @ own)).toarray() - border @ frame.inner @ border.T
+        gain, rank = gain_and_rank(matrix, np.asarray(own.T @ (q - null.weighed.fields[t] @ step)))
+        gains.append(gain)
+        ranks.append(rank)
+        channels.append((channel_q - null.weighed.channels[t] @ step) / root if part.with_channels else np.zeros(0))
+    return Fit(evidence.frames[chosen], np.array(gains), np.array(ranks), np.array(channels), float("nan"))
+
+
+def _step(evidence: Evidence, null: NullModel, part: Part) -> np.ndarray | None:
+    """Change of the parameters by a fit to one part  # (n,)"""
+    gram, b = np.zeros((len(null.b), len(null.b))), np.zeros(len(null.b))
+    for t in np.flatnonzero(part.fit_frames):
+        white, weighed = null.white.fields[t][part.fit], null.weighed.fields[t][part.fit]
+        q, channel_q = evidence.residual(evidence.parts[t])
+        gram += white.T @ weighed + null.white.channels[t].T @ null.weighed.channels[t]
+        b += white.T @ q[part.fit] + null.white.channels[t].T @ channel_q
+    if not len(b):
+        return b
+    share = np.linalg.eigvals(null.covariance @ gram).real  # of the whole recording's information, by direction
+    return np.linalg.solve(gram, b) if share.min() > MIN_PART_SHARE else None
