@@ -13,6 +13,8 @@ from idic.diagnose.chain import Diagnosis
 from idic.diagnose.courses import content as courses_content
 from idic.diagnose.courses import courses_of
 from idic.diagnose.findings import mismatch_content, refitted_form
+from idic.diagnose.locate.left_place import left_place
+from idic.diagnose.locate.place import in_words
 from idic.diagnose.residual.heldout import Fit, better_blocks, ratio
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX, Margin
 from idic.diagnose.screen.select import Ranked
@@ -83,8 +85,11 @@ def _left(diagnosis: Diagnosis) -> dict:
     """What the last model leaves on the whole recording: motion, channels."""
     left = diagnosis.left
     before = None if left is None else left.before.excess
+    place = None if diagnosis.residual_after is None else left_place(diagnosis.residual_after, diagnosis.grid)
     return {"motion_px": None if left is None else left.motion_px, "motion_z": None if left is None else left.after.excess_z,
             "motion_share": left.after.excess / before if left is not None and before and diagnosis.verdict.selected else None,
+            "place_mm": None if place is None else place.tolist(),
+            "place": None if place is None else f"around {in_words(place)} {diagnosis.found.experiment.length_unit}",
             "channels": [{"column": one.column, "z": one.z, "share": one.share, "reading_share": one.reading_share,
                           "significant": one.is_significant, "matters": one.matters} for one in diagnosis.channels]}
 
