@@ -172,3 +172,18 @@ def test_every_wave_of_refits_is_told_with_its_number_and_the_time_that_is_left(
     assert told([]) == []
     assert said[0] == "refit 1 of 3: magnification"
     assert said[1] == "refit 2 to 3 of 3, at most about 3 min: thermal expansion, camera motion"
+
+
+@pytest.mark.parametrize("loss, stays", [(5.0, False), (60.0, True)])
+def test_a_course_of_its_own_is_given_back_where_a_later_cause_makes_it_idle(loss, stays):
+    """With the course of the screening and the later cause the whole is as good: the freed course had stood in for it."""
+    left = sets(((), 5000.0), (("magnification",), 1000.0), (("magnification", "camera_motion"), 10.0 + loss),
+                (("camera_motion",), 3000.0))
+    rounds = chosen(("magnification", "camera_motion"), left)
+    plain = rounds[0].winner
+    variant = replace(plain.ranked.variant, new=("m_knot[1]", "m_knot[2]"))
+    freed = replace(plain, ranked=replace(plain.ranked, variant=variant))
+    rounds[0] = replace(rounds[0], winner=freed, rivals=(freed,), plain=plain)
+    last = rounds[1].winner
+    rounds[1] = replace(rounds[1], winner=replace(last, refitted=refit(("magnification", "camera_motion"), 10.0)))
+    assert (revised(rounds, world(left)[0])[0].winner is freed) is stays

@@ -5,7 +5,8 @@ rivals fits the whole better. A revised set keeps the causes before the one in q
 rival in its place, and adds the later causes again; the whole is refitted and judged on the copy that had no part in it.
 
     removal    accepted where the whole loses no more than a further cause would have to bring
-    exchange   accepted where the whole gains more than two models differ by noise
+    exchange   accepted where the whole gains more than two models differ by noise; with the former course in the place of one
+               that the data give, where the whole loses less than that course had to bring
 """
 
 from __future__ import annotations
@@ -77,7 +78,9 @@ def _better(rounds: list[Round], place: Workplace) -> list[Round] | None:
         gap = max(MIN_SEPARATION_CHI2, MIN_DROP_DIFFERENCE * whole_drop)
         for rival in exchangeable(rounds[number]):
             other = _rebuilt(rounds, number, rival, place)
-            if other is not None and whole.judgement.chi2 - _judged(other) > gap:
+            fewer = len(winner.ranked.variant.new) - len(rival.ranked.variant.new)
+            least = -(MIN_HELDOUT_DROP + fewer) if rival is rounds[number].plain else gap
+            if other is not None and whole.judgement.chi2 - _judged(other) > least:
                 return other
     return None
 
@@ -93,10 +96,13 @@ def is_needed(ranked: Ranked, whole: Refit, allowed: float) -> bool:
 
 
 def exchangeable(one: Round) -> list[Rival]:
-    """Rivals of a round's winner that come near it, or cannot be told from it, the best first."""
+    """The winner of a round with the course it was screened with, then rivals that come near it, or cannot be told from it,
+    the best first.
+    """
     near = [r for r in one.rivals if r is not one.winner and r.refitted.usable and r.determined
             and (r.name in one.equals or r.achieved > MIN_EXCHANGE_SHARE * one.winner.achieved)]
-    return sorted(near, key=lambda r: -r.achieved)[:MAX_EXCHANGES]
+    plain = [] if one.plain is None else [one.plain]
+    return plain + sorted(near, key=lambda r: -r.achieved)[:MAX_EXCHANGES]
 
 
 def _judged(rounds: Sequence[Round]) -> float:
@@ -108,7 +114,7 @@ def _rebuilt(rounds: Sequence[Round], number: int, instead: Rival | None, place:
     kept, here = list(rounds[:number]), rounds[number]
     source, model = here.source, here.null
     if instead is not None:
-        kept.append(replace(here, winner=instead, equals=(), crossed_judgement=None))
+        kept.append(replace(here, winner=instead, equals=(), crossed_judgement=None, plain=None))
         source, model = source.with_edits(edits_of(instead, here.screening)), instead.refitted
     for later in rounds[number + 1:]:
         known = later.winner.ranked

@@ -135,7 +135,7 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
         rivals = refitted(source, null, screening, told, setting.grid, setting.seed, bends=not before and bends,
                           alone=setting.quick)
     winner, equals = judge(rivals, screening)
-    crossed = None
+    crossed = plain = None
     if not before and not setting.quick and (near := undecided(rivals)):
         stage(f"judgement on both copies: {', '.join(r.ranked.called for r in near)}")
         with clock.step("refits_s"):
@@ -145,13 +145,13 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
         with clock.step("refits_s"):
             freed = with_own_course(source, null, winner, screening, told, setting.grid, setting.seed)
         if freed is not None:
-            rivals = tuple(freed if r is winner else r for r in rivals)
+            plain, rivals = winner, tuple(freed if r is winner else r for r in rivals)
             winner, equals = judge(rivals, screening)
     if before and winner is not None:
         drop = before[0].null.judgement.chi2 - winner.refitted.judgement.chi2
         if winner.heldout < min_further_drop(winner, drop):
             return Round(screening, null, rivals, None, (), crossed, source, winner)
-    return Round(screening, null, rivals, winner, equals, crossed, source)
+    return Round(screening, null, rivals, winner, equals, crossed, source, plain=plain)
 
 
 def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting) -> tuple[Round, ResidualEvidence]:
