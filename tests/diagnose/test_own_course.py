@@ -1,13 +1,14 @@
 """The course of a selected cause that is no material: where a ramp leaves something, the data give it, knot by knot."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from test_revision import Folder, fit, ranked, refit, screening
 
 from idic.diagnose.courses import Course
-from idic.diagnose.screen.candidate import Variant
+from idic.diagnose.screen.candidate import Variant, candidates
 from idic.diagnose.selection import own_course
 from idic.diagnose.selection.own_course import free_edits, has_own_course, leaves_something
 from idic.diagnose.selection.rival import Rival
@@ -58,3 +59,11 @@ def test_a_fit_that_leaves_only_noise_keeps_its_course():
     ((0.0, 0.1, 0.2, 5.0, 6.0), 1.0, (2, 3)), ((0.0, 4.0, 4.0, 4.0, 4.0), 1.0, (0, 1)), ((0.0, 0.1, 2.0, 2.0, 1.0), 1.0, None)])
 def test_a_course_begins_between_its_last_frame_at_zero_and_its_first_beyond_noise(value, std, onset):
     assert Course("grip_slip", "x", "mm", np.array(value), np.full(5, std), True).onset == onset
+
+
+@pytest.mark.parametrize("way, channels, tested", [((0.0, 1.0, 2.0), (), False), ((0.0, 2.0, 0.2), (), True), ((0.0, 1.0, 2.0), ("F",), True)])
+def test_damage_is_tested_only_where_a_force_or_a_way_back_tells_it_from_plastic_flow(way, channels, tested):
+    damage = next(c for c in candidates() if c.name == "damage")
+    u = np.array(way)[:, None, None] * np.ones((3, 4, 2))
+    here = SimpleNamespace(experiment=SimpleNamespace(channels=channels, loads=()), u=u)
+    assert (damage.reason_against(here) == "") is tested

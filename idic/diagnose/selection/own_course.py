@@ -23,6 +23,7 @@ from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival
 from idic.diagnose.selection.rivals import edits_of
+from idic.errors import InputError
 from idic.model.free_course import KNOTS, without_knot
 
 MIN_LEFT_Z = 3.0  # standard deviations of what a refit leaves in motions or channels
@@ -36,7 +37,10 @@ def with_own_course(source: ExperimentSource, null: Refit, winner: Rival, screen
     edits = free_edits(source.document(), edits_of(winner, screening), winner.ranked.variant)
     if edits is None:
         return None
-    before, after = source.load(edits_of(winner, screening)), source.load(edits)
+    try:
+        before, after = source.load(edits_of(winner, screening)), source.load(edits)
+    except InputError:  # a camera with a lens has no such course
+        return None
     new = tuple(name for name in after.parameters.free if name not in before.parameters)
     (old,) = winner.ranked.variant.new
     course = course_of(before, old)
