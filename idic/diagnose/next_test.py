@@ -202,7 +202,7 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
         return replace(entry, drive=replace(drive, **changes)) if changes else entry
 
     channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]),
-                             drift_hats=None if c.drift_hats is None else np.hstack([c.drift_hats, np.repeat(c.drift_hats[:, -1:], n, 1)]),
+                             drift_hats=_further(c.drift_hats, n),
                              rates=None if c.rates is None else np.concatenate([c.rates, np.zeros(n)]))
                      for c in experiment.channels)
     prescribed = tuple(carried(entry) for entry in experiment.prescribed)
@@ -211,6 +211,11 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
                    loads=tuple(carried(entry) for entry in experiment.loads),
                    temperatures=tuple(carried(entry) for entry in experiment.temperatures),
                    labels=(*experiment.labels, *(f"next {k}" for k in range(n))))
+
+
+def _further(hats: np.ndarray | None, n: int) -> np.ndarray | None:
+    """Courses (n_knots, n_frames) that stay as they are in n further frames."""
+    return None if hats is None else np.hstack([hats, np.repeat(hats[:, -1:], n, axis=1)])
 
 
 def _held(camera: Camera, n: int) -> Camera:
