@@ -1,4 +1,5 @@
-"""The documentation as a site with search: the pages of docs/, one per law and per candidate, the Python reference, the gallery.
+"""The documentation as a site with search: the pages of docs/, one per law and per candidate, executed examples, the Python
+reference, the gallery.
 
     pip install ".[docs]"
     python docs/site_pages.py site --gallery gallery     # site/html/index.html; gallery: written by idic gallery
@@ -14,12 +15,14 @@ import inspect
 import os
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
+EXAMPLES = DOCS / "examples"  # scripts; the build runs them
 REPOSITORY_PAGES = {"README.md": "readme", "CONTRIBUTING.md": "contributing", "CHANGELOG.md": "changelog",
                     "deploy/README.md": "deploy", "deploy/slurm.md": "deploy-slurm", "deploy/compose.md": "deploy-compose",
                     "deploy/kubernetes.md": "deploy-kubernetes", "deploy/prefect.md": "deploy-prefect"}
@@ -39,10 +42,11 @@ PYTHON = {  # title -> modules of the reference
 
 
 def write_source(folder: Path, gallery: Path | None = None, pictures: bool = True) -> None:
-    """The pages as Sphinx reads them; gallery : a folder that ``idic gallery`` wrote; pictures : of the laws."""
+    """The pages as Sphinx reads them; gallery : a folder that ``idic gallery`` wrote; pictures : of the laws and examples,
+    which are executed for them."""
     if folder.exists():
         shutil.rmtree(folder)
-    shutil.copytree(DOCS, folder, ignore=shutil.ignore_patterns("*.py", "README.md", "__pycache__"))
+    shutil.copytree(DOCS, folder, ignore=shutil.ignore_patterns("*.py", "README.md", "__pycache__", "examples"))
     shutil.copy(DOCS / "conf.py", folder)
     (folder / "extra").mkdir()
     _write(folder / "static" / "site.css", WRAPPED)
@@ -52,10 +56,11 @@ def write_source(folder: Path, gallery: Path | None = None, pictures: bool = Tru
         text = (ROOT / name).read_text(encoding="utf-8")
         (folder / f"{target}.md").write_text(_with_links(text, (ROOT / name).parent), encoding="utf-8")
     laws, candidates = list(_law_pages(folder / "laws", pictures)), list(_candidate_pages(folder / "candidates"))
+    examples = list(_example_pages(folder / "examples", pictures))
     _write_gallery(folder, gallery)
     for title, modules in PYTHON.items():
         _write(folder / "python" / f"{_slug(title)}.md", f"# {title}\n\n" + "\n\n".join(map(_reference, modules)))
-    _write(folder / "index.md", _index(laws, candidates))
+    _write(folder / "index.md", _index(laws, candidates, examples))
 
 
 def _with_links(text: str, place: Path) -> str:
@@ -102,6 +107,29 @@ def _law_pages(folder: Path, pictures: bool) -> Iterator[str]:
             parts.append(f"## In the source\n\n{doc}")
         _write(folder / f"{name}.md", "\n\n".join(parts))
         yield name
+
+
+def _example_pages(folder: Path, execute: bool) -> Iterator[str]:
+    """One page per script of docs/examples: its text, what it prints, the pictures it saves; yields their names.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        A script ends with an error.
+    """
+    for script in sorted(EXAMPLES.glob("*.py")):
+        text = script.read_text(encoding="utf-8")
+        title, _, rest = inspect.cleandoc(re.match(r'"""(.*?)"""', text, re.DOTALL).group(1)).partition("\n")
+        parts = [f"# {title.rstrip('.')}", rest.strip(), "```python\n" + text.partition('"""\n\n')[2].strip() + "\n```"]
+        if execute:
+            place = folder / script.stem
+            place.mkdir(parents=True)
+            done = subprocess.run([sys.executable, str(script)], cwd=place, check=True, stdout=subprocess.PIPE, text=True,
+                                  encoding="utf-8")
+            parts.append(f"```text\n{done.stdout.rstrip()}\n```")
+            parts += [f"![{picture.stem}]({script.stem}/{picture.name})" for picture in sorted(place.glob("*.png"))]
+        _write(folder / f"{script.stem}.md", "\n\n".join(parts))
+        yield script.stem
 
 
 def _toml(name: str, parameters: Sequence) -> str:
@@ -178,7 +206,7 @@ def _write_gallery(folder: Path, gallery: Path | None) -> None:
     _write(folder / "gallery-of-reports.md", text)
 
 
-def _index(laws: Sequence[str], candidates: Sequence[str]) -> str:
+def _index(laws: Sequence[str], candidates: Sequence[str], examples: Sequence[str]) -> str:
     """The first page: the map of docs/README.md as tables of contents."""
     parts = ["# idic", "From images and forces to material parameters with error bars: time-resolved integrated digital image "
              "correlation. The search finds every key of `experiment.toml`, every quantity of a report and every message."]
@@ -187,7 +215,7 @@ def _index(laws: Sequence[str], candidates: Sequence[str]) -> str:
         if heading and names:
             first = ["readme"] if "begin" in heading.group(1) else []
             parts.append(_toctree(heading.group(1).strip().capitalize(), [*first, *names]))
-    parts += [_toctree("Laws", [f"laws/{name}" for name in laws]), _toctree("Candidate physics", [f"candidates/{name}" for name in candidates]),
+    parts += [_toctree("Examples", [f"examples/{name}" for name in examples]), _toctree("Laws", [f"laws/{name}" for name in laws]), _toctree("Candidate physics", [f"candidates/{name}" for name in candidates]),
               _toctree("Python", [f"python/{_slug(title)}" for title in PYTHON]),
               _toctree("More", ["gallery-of-reports", *(name for page, name in REPOSITORY_PAGES.items() if page != "README.md")])]
     return "\n\n".join(parts)

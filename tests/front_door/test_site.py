@@ -38,6 +38,22 @@ def test_every_law_and_every_candidate_has_its_page(source):
         assert f"# {one.title}" in text and one.null.replace("|", "\\|") in text and all(f"[{r}]" in text or f"`{r}`" in text for r in one.rivals)
 
 
+def test_every_example_has_a_page_with_its_code(source):
+    scripts = sorted(site.EXAMPLES.glob("*.py"))
+    assert scripts
+    for script in scripts:
+        text = (source / "examples" / f"{script.stem}.md").read_text(encoding="utf-8")
+        assert text.startswith("# ") and script.read_text(encoding="utf-8").strip().splitlines()[-1] in text
+
+
+@pytest.mark.slow  # an identification: 20 s of processor time
+def test_every_example_runs_and_shows_what_it_prints_and_draws(tmp_path):
+    for name in site._example_pages(tmp_path, execute=True):
+        text = (tmp_path / f"{name}.md").read_text(encoding="utf-8")
+        pictures = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text)
+        assert "```text\n\n" not in text and pictures and all((tmp_path / picture).stat().st_size > 5000 for picture in pictures)
+
+
 def test_every_page_of_the_docs_is_in_a_table_of_contents(source):
     listed = re.findall(r"^[\w/-]+$", (source / "index.md").read_text(encoding="utf-8"), re.MULTILINE)
     pages = {str(page.relative_to(source).with_suffix("")) for page in source.rglob("*.md")} - {"index"}
