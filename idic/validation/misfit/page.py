@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.report.figures.style import BLUE, FAINT, GREY, ORANGE, Picture, look, new_figure, to_picture
-from idic.validation.misfit.worlds import RIGHT, WRONG
+from idic.validation.misfit.worlds import RIGHT, WRONG, draw, flow_stress
 from idic.validation.pages.case_record import CaseRecord
 from idic.validation.pages.study_page import Goal, StudyPage, StudySection, Table
 
@@ -16,7 +16,10 @@ Z95 = 1.96
 MIN_COVERAGE = 0.90  # target where the model is wrong
 MAX_WIDTH_RATIO = 1.15  # target where it is right: mean width over that of noise alone
 MIN_DRAWS_OF_A_TARGET = 20
-WITHOUT_COUNTERPART = {"hardening": ("sheet.yield_stress", "sheet.hardening_modulus")}  # of a model in its truth
+LINE = ("sheet.yield_stress", "sheet.hardening_modulus")
+WITHOUT_COUNTERPART = {"hardening": LINE}  # of a model in its truth
+PLASTIC_STRAIN = 0.02  # at which the flow stress stands for them, well inside the test
+FLOW_STRESS = f"σ at {100 * PLASTIC_STRAIN:.0f} % plastic strain"
 PLAIN = {"sheet.E": "E", "sheet.nu": "ν", "sheet.yield_stress": "σy", "sheet.hardening_modulus": "H"}
 IN_WORDS = {"metal": "right model, metal", "polymer": "right model, polymer", "solid": "three-dimensional truth",
             "coarse": "coarse linear mesh", "hardening": "wrong hardening form", "orthotropy": "orthotropy to 5 %",
@@ -28,7 +31,8 @@ MAX_SHOWN_ERROR = 8.0  # standard deviations
 class Outcome:
     """The converged draws of a world.
 
-    noise, both : (draws, n) error over the standard deviation by noise, and over that of noise and model;
+    names : of n parameters as they are shown
+    noise, both : (draws, n) error over the standard deviation by noise, and over that of noise and model; NaN: not known
     significant : share of draws with a significant discrepancy
     """
 
@@ -47,7 +51,8 @@ class Outcome:
     @property
     def noise_coverage(self) -> float:
         """The same of noise alone."""
-        return float((np.abs(self.noise) < Z95).mean())
+        known = np.isfinite(self.noise)
+        return float((np.abs(self.noise[known]) < Z95).mean())
 
     @property
     def width_ratio(self) -> np.ndarray:
@@ -63,7 +68,22 @@ def outcome_of(world: str, records: Sequence[CaseRecord]) -> Outcome:
     value, std, noise, truth = (np.array([r.arrays[key][pick] for r in done])
                                 for key in ("value", "std", "std_noise", "truth"))
     found = [bool((record.facts["discrepancy"] or {}).get("significant")) for record in done]
-    return Outcome(world, len(records), names, (value - truth) / noise, (value - truth) / std, float(np.mean(found)))
+    z_noise, z_both, shown = (value - truth) / noise, (value - truth) / std, tuple(PLAIN[name] for name in names)
+    if world == "hardening":
+        z_noise = np.column_stack([z_noise, np.full(len(done), np.nan)])  # their correlation by noise is not recorded
+        z_both, shown = np.column_stack([z_both, [_flow_stress_error(record) for record in done]]), (*shown, FLOW_STRESS)
+    return Outcome(world, len(records), shown, z_noise, z_both, float(np.mean(found)))
+
+
+def _flow_stress_error(record: CaseRecord) -> float:
+    """Error of the identified flow stress over its standard deviation; the number of the truth begins the record's name."""
+    i, weights = [record.names.index(name) for name in LINE], np.array([1.0, PLASTIC_STRAIN])
+    table = record.facts["correlation"]
+    pair = [table["names"].index(name) for name in LINE]
+    steps = weights * record.arrays["std"][i]
+    std = np.sqrt(steps @ np.array(table["matrix"])[np.ix_(pair, pair)] @ steps)
+    true = flow_stress(draw("hardening", int(record.name.partition("-")[0])), PLASTIC_STRAIN)
+    return float((weights @ record.arrays["value"][i] - true) / std)
 
 
 def draw_misfit(records: Mapping[str, CaseRecord]) -> StudyPage:
@@ -97,9 +117,10 @@ def _table(found: Sequence[Outcome]) -> Table:
     for own in found:
         for i, name in enumerate(own.names):
             held, alone = ((np.abs(z[:, i]) < Z95).mean() for z in (own.both, own.noise))
-            rows.append((IN_WORDS[own.world], PLAIN[name], f"{100 * alone:.0f} %", f"{100 * held:.0f} %",
-                         f"{np.sqrt(np.mean(own.noise[:, i]**2)):.1f}", f"{np.sqrt(np.mean(own.both[:, i]**2)):.2f}",
-                         f"{own.width_ratio[i]:.2f}", f"{100 * own.significant:.0f} %",
+            known = bool(np.isfinite(own.noise[0, i]))
+            rows.append((IN_WORDS[own.world], name, f"{100 * alone:.0f} %" if known else "–", f"{100 * held:.0f} %",
+                         f"{np.sqrt(np.mean(own.noise[:, i]**2)):.1f}" if known else "–",
+                         f"{np.sqrt(np.mean(own.both[:, i]**2)):.2f}", f"{own.width_ratio[i]:.2f}" if known else "–", f"{100 * own.significant:.0f} %",
                          f"{len(own.both)} of {own.asked}"))
     return Table("Coverage of the 95 % intervals", (
         "world", "parameter", "noise alone", "noise and model", "rms error / std, noise alone",
@@ -120,7 +141,7 @@ def _picture(found: Sequence[Outcome]) -> Picture:
                     shown = np.clip(z[:, i], -MAX_SHOWN_ERROR, MAX_SHOWN_ERROR)
                     axis.plot(shown, np.full(len(shown), -row + shift), "|", color=colour, ms=6,
                               label=label if row == 0 else None)
-                labels.append(f"{IN_WORDS[own.world]}, {PLAIN[name]}")
+                labels.append(f"{IN_WORDS[own.world]}, {name}")
                 row += 1
             axis.axhline(-row + 0.5, color=GREY, lw=0.5)
         axis.set_yticks(-np.arange(len(labels)), labels)

@@ -76,6 +76,12 @@ def draw(world: str, seed: int) -> Draw:
     return Draw(world, size, thickness, COARSE_MESHES[int(rng.integers(len(COARSE_MESHES)))])
 
 
+def flow_stress(drawn: Draw, plastic_strain: float) -> float:
+    """True flow stress of the metal that saturates, MPa."""
+    saturated = MAX_SATURATION_MPA * drawn.size * (1.0 - np.exp(-SATURATION_RATE * plastic_strain))
+    return float(TRUTH["sheet.yield_stress"] + TRUTH["sheet.hardening_modulus"] * plastic_strain + saturated)
+
+
 def virtual_test(drawn: Draw) -> VirtualTest:
     """The test of a draw: its truth, and the files of a user who does not know it."""
     pixels = POLYMER_SIZE if drawn.elastic else METAL_SIZE
