@@ -44,6 +44,8 @@ from idic.readers.paths import existing_file
 from idic.readers.raw_mesh import RawMesh, to_mesh
 from idic.readers.units import factor_between
 
+LINEAR_AS_GIVEN = ("elements are linear, as given: they are too stiff, parameters take most of that error, and std does not see what "
+                   "they take; idic systematic estimates it (discretisation_bias)")
 _HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
 
 
@@ -195,7 +197,7 @@ class ExperimentFolder(RecordedFolder):
         """The mesh with the element order of the options, on the arcs of a drawing, and a note if the order was raised."""
         wanted, n = self.config.options.element_order, mesh.n_nodes
         if wanted == "as_given" or (wanted == "auto" and not can_raise_order(mesh)):
-            return mesh, ()
+            return mesh, (LINEAR_AS_GIVEN,) if can_raise_order(mesh) else ()
         if not can_raise_order(mesh):
             raise InputError("idic cannot raise the order of these elements", file=self.file,
                              key="options.element_order", expected="a mesh of tri3, quad4 or tet4 elements",

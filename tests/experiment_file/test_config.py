@@ -25,6 +25,7 @@ def test_linear_elements_are_computed_as_quadratic_ones_unless_the_options_say_o
     assert raised.mesh.n_elements == given.mesh.n_elements and raised.mesh.n_nodes > given.mesh.n_nodes
     np.testing.assert_array_equal(raised.mesh.element_labels, given.mesh.element_labels)
     assert any("computed as quadratic" in note for note in raised.notes)
+    assert any("too stiff" in note for note in given.notes) and not any("too stiff" in note for note in raised.notes)
     with pytest.raises(InputError, match="options.element_order"):
         load_with_its_defaults(folder, {"options.element_order": "cubic"})
 
