@@ -69,8 +69,11 @@ class NodalEquations:
     def n_brightness(self) -> int:
         return len(self.rb)
 
-    def gram(self, columns: np.ndarray) -> FrameGram:
-        """M and b of nodal fields (docs/method.md, equations 3.4 and 3.5)  # columns (2 n_nodes, m) px per unit"""
+    def gram(self, columns: np.ndarray, alike: int = 0) -> FrameGram:
+        """M and b of nodal fields (docs/method.md, equations 3.4 and 3.5)  # columns (2 n_nodes, m) px per unit
+
+        alike : how many of the last columns most frames share; H differs in every frame, so that nothing is gained
+        """
         columns = np.ascontiguousarray(columns, dtype=np.float64)
         h_columns = self.H @ columns  # (2n, m)
         m, nb = columns.shape[1], self.n_brightness

@@ -64,11 +64,11 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
     view = view_of(experiment, camera).at(response.frame)
     motion = view.motion(nodes, response.u)
     nodal = reference.compare(experiment, response.frame, motion)
-    columns = np.hstack([global_columns(context, response),
-                         view.columns(nodes, response.u, response.local_du)])
+    local_columns = view.columns(nodes, response.u, response.local_du)
+    columns = np.hstack([global_columns(context, response), local_columns])
     if reference.shows_nothing(nodal):
         nodal = _without_pixels(reference, nodal)
-    projected = nodal.gram(columns)
+    projected = nodal.gram(columns, local_columns.shape[1])
     noise = reference.noise_terms(nodal, response.frame, motion, columns, projected)
     return nodal, FrameEquations(
         gram=projected.matrix, rhs=projected.rhs, rr=nodal.rr, shared=noise.shared, kappa=nodal.kappa,

@@ -168,8 +168,8 @@ class MeasuredEquations:
     def kappa(self) -> float:
         return self.image.kappa
 
-    def gram(self, columns: np.ndarray) -> FrameGram:
-        """Project on nodal fields  # columns (2 n_nodes, m) px per unit"""
+    def gram(self, columns: np.ndarray, alike: int = 0) -> FrameGram:
+        """Project on nodal fields  # columns (2 n_nodes, m) px per unit; alike : as of `NodalEquations`"""
         weighted = self._weighted(columns)
         m, nb = columns.shape[1], self.n_brightness
         matrix = np.zeros((m + nb, m + nb))

@@ -18,7 +18,7 @@ from idic.fe.increment_size import IncrementSize
 from idic.fe.model import Direction, Model, Reaction, validate
 from idic.fe.predictor import WarmStart, extrapolated
 from idic.fe.assembly.thickness_change import surface_rise
-from idic.fe.sensitivity import Changes, at_rest, check_directions, differentiate, local_influence
+from idic.fe.sensitivity import Changes, Influence, at_rest, check_directions, differentiate, influence_at
 
 
 @dataclass(frozen=True)
@@ -180,6 +180,7 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
     drives = drives_at(system.model, times, times[0])
     now = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest())
     changes, earlier, done, size = at_rest(system, len(directions)), None, [], IncrementSize()
+    influence = None
     yield _reference_frame(system, times, directions, now)
     for frame in range(1, len(times)):
         newton, failures, factor = 0, 0, None
@@ -218,7 +219,8 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
             newton += new.iterations
             done.append(target)
             earlier, now = replace(now, evaluation=None, states=(), factor=None, factor_matrices=()), new
-        yield _frame_state(system, frame, now, changes, factor, newton, tuple(done), directions)
+        influence = influence_at(system, now, factor, influence)
+        yield _frame_state(system, frame, now, changes, influence, newton, tuple(done), directions)
 
 
 def _next_target(t: float, frame_time: float, interval: float, frozen: np.ndarray | None) -> float:
@@ -253,19 +255,15 @@ def _channels(reactions: Sequence[Reaction], forces: np.ndarray) -> np.ndarray:
     return np.array(rows).reshape(len(reactions), *forces.shape[1:])
 
 
-def _frame_state(system: System, frame: int, now: Converged, changes: Changes, factor, newton, done,
+def _frame_state(system: System, frame: int, now: Converged, changes: Changes, influence: Influence, newton, done,
                  directions: Sequence[Direction]) -> FrameState:
     model, shape = system.model, now.u.shape
-    local, local_forces = np.zeros((model.n_dof, 0)), np.zeros((model.n_dof, 0))
-    if model.local_drives or model.local_loads:
-        factor = consistent_factor(system, now) if factor is None else factor
-        local, local_forces = local_influence(system, now, factor)
     values = tuple(PointValues(group.section, group.cell, group.elements, g.F, g.P, g.state)
                    for group, g in zip(system.groups, now.evaluation.groups, strict=True))
     rises = surface_rise(system, now, changes.states, directions) if model.surface_side else (None, None)
     return FrameState(frame, now.time, now.u, _channels(model.channels, now.evaluation.residual.ravel()),
                       changes.du.reshape(*shape, -1), _channels(model.channels, changes.forces),
-                      local.reshape(*shape, -1), _channels(model.channels, local_forces), newton, values,
+                      influence.du, _channels(model.channels, influence.forces), newton, values,
                       StepList(done), *rises)
 
 

@@ -19,7 +19,7 @@ from idic.errors import InputError
 from idic.fe.assembly import assembly, expansion, kernels
 from idic.fe.assembly.assembly import System
 from idic.fe.boundary import drive_changes, pressure_force
-from idic.fe.equilibrium import Converged
+from idic.fe.equilibrium import Converged, consistent_factor
 from idic.fe.solver.linear import Factor
 from idic.fe.model import Direction, Model
 
@@ -35,6 +35,19 @@ class Changes:
     du: np.ndarray
     forces: np.ndarray
     states: tuple[np.ndarray, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Influence:
+    """Same-frame influence of the model's local drives and, after them, of its local loads.
+
+    du (n_nodes, d, m) mm per unit of drive or load; forces (n_dof, m) N per unit; factor : the factorisation that it was
+    found with, where the stiffness is constant, else None
+    """
+
+    du: np.ndarray
+    forces: np.ndarray
+    factor: Factor | None
 
 
 def check_directions(model: Model, directions: Sequence[Direction], n_frames: int) -> None:
@@ -111,6 +124,22 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
                                              du.reshape(*shape, nd), before.states[k], dparams[k],
                                              expansions[k])[1])
     return Changes(du, forces, tuple(states))
+
+
+def influence_at(system: System, end: Converged, factor: Factor | None, before: Influence | None) -> Influence:
+    """The influence at `end`; the same record as in the frame before where the stiffness is the same.
+
+    factor : of the consistent tangent at `end`, None: not known yet
+    """
+    model = system.model
+    if not (model.local_drives or model.local_loads):
+        return Influence(np.zeros((*end.u.shape, 0)), np.zeros((model.n_dof, 0)), None)
+    factor = consistent_factor(system, end) if factor is None else factor
+    if before is not None and factor is before.factor:
+        return before
+    du, forces = local_influence(system, end, factor)
+    constant = factor is end.factor and bool(end.factor_matrices)
+    return Influence(du.reshape(*end.u.shape, -1), forces, factor if constant else None)
 
 
 def local_influence(system: System, end: Converged, factor: Factor) -> tuple[np.ndarray, np.ndarray]:

@@ -29,7 +29,11 @@ from idic.store.checkpoint import to_hex
 from idic.store.discrepancy_store import save_discrepancy
 from idic.store.layout import BASE, SCRATCH, group_name, local_label, stored_frames
 from idic.store.path_names import path_name
+from idic.store.repeated_arrays import RepeatedReader, RepeatedWriter
 from idic.store.run_store import RunStore
+
+
+LOCAL = "local_du"  # influence of the frame-local unknowns: the largest record of a simulation
 
 
 @dataclass(frozen=True)
@@ -144,11 +148,15 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
         if job.names:
             fields |= {"du": state.seen_du, "dchannels": state.dchannels}
         if influence:
-            fields |= {"local_du": state.seen_local_du, "local_dchannels": state.local_dchannels}
+            fields |= {LOCAL: state.seen_local_du, "local_dchannels": state.local_dchannels}
         if writers is None:
-            n, largest = len(context.forward.frames), max(8 * np.size(value) for value in fields.values())
-            size = stored_frames(context.experiment.n_frames, largest)
-            writers = {key: _Writer(folder, key, n, np.shape(value), size) for key, value in fields.items()}
+            n = len(context.forward.frames)
+            sizes = {key: 8 * np.size(value) for key, value in fields.items()}
+            size = stored_frames(context.experiment.n_frames, max(sizes[key] for key in sizes if key != LOCAL))
+            writers = {key: _Writer(folder, key, n, np.shape(value), size) for key, value in fields.items() if key != LOCAL}
+            if influence:
+                writers[LOCAL] = RepeatedWriter(folder, LOCAL, n, np.shape(fields[LOCAL]),
+                                                stored_frames(context.experiment.n_frames, sizes[LOCAL]))
         for key, value in fields.items():
             writers[key].append(value)
     for writer in writers.values():
@@ -224,15 +232,17 @@ def read_responses(context: RunContext, job: CorrelationJob) -> Iterator[FrameRe
     base = context.store.group(group_name(job.evaluation, BASE))
     first, last = max(job.first, start) - start, max(job.last, start) - start
     n_nodes, dim = FrameArrays.open(base, "u").shape
-    record = 8 * n_nodes * dim * max(1, len(context.moving), context.forward.drives.n_local)
-    step = stored_frames(context.experiment.n_frames, record)
+    step = stored_frames(context.experiment.n_frames, 8 * n_nodes * dim * max(1, len(context.moving)))
+    inside = context.forward.drives.n_local > 0 and not context.external
+    influence = RepeatedReader(base, LOCAL) if inside else None
     while first < last:
         following = min(last, step * (first // step + 1))
-        yield from _read_block(context, job, base, (first, following))
+        yield from _read_block(context, job, base, (first, following), influence)
         first = following
 
 
-def _read_block(context: RunContext, job: CorrelationJob, base: Path, span: tuple[int, int]) -> Iterator[FrameResponse]:
+def _read_block(context: RunContext, job: CorrelationJob, base: Path, span: tuple[int, int],
+                influence: RepeatedReader | None) -> Iterator[FrameResponse]:
     """The frames of a span, counted from the reference."""
     u, channels = _read(base, "u", span), _read(base, "channels", span)
     n, n_nodes, dim = u.shape
@@ -246,14 +256,15 @@ def _read_block(context: RunContext, job: CorrelationJob, base: Path, span: tupl
     else:
         du, dchannels = _read(base, "du", span), _read(base, "dchannels", span)
     m = context.forward.drives.n_local
+    local_du, local_dchannels = np.zeros((n, n_nodes, dim, 0)), np.zeros((n, channels.shape[1], 0))
     if context.external and m:
         local_du, local_dchannels = _shifted_quotients(context, job.evaluation, span, u, channels)
-    else:
-        local_du = _read(base, "local_du", span) if m else np.zeros((n, n_nodes, dim, 0))
-        local_dchannels = _read(base, "local_dchannels", span) if m else np.zeros((n, channels.shape[1], 0))
+    elif m:
+        local_dchannels = _read(base, "local_dchannels", span)
     for i in range(n):
         frame = context.experiment.reference + span[0] + i
-        yield FrameResponse(frame, u[i], channels[i], du[i], dchannels[i], local_du[i], local_dchannels[i])
+        own = local_du[i] if influence is None else influence.frame(span[0] + i)
+        yield FrameResponse(frame, u[i], channels[i], du[i], dchannels[i], own, local_dchannels[i])
 
 
 def _shifted_quotients(context: RunContext, evaluation: int, span, u, channels) -> tuple[np.ndarray, np.ndarray]:

@@ -194,6 +194,10 @@ class FrameArrays:
             return np.empty((last - first, *self.shape), self._array.dtype)
         return read_block(self._array, self._path, first, last)
 
+    def shorten(self, n_frames: int) -> None:
+        """Keep the first records only."""
+        self._array.resize((n_frames, *self.shape))
+
     def missing(self) -> list[str]:
         """Names of the missing chunks."""
         return [] if self._array.size == 0 else missing_chunks(self._array, self._path)

@@ -18,6 +18,7 @@ import numpy as np
 from scipy import sparse
 
 from idic.correlation.comparison import NodalBasis, NoiseTerms, Reference
+from idic.correlation.field.equations import FieldEquations, KeptProduct
 from idic.correlation.field.point_map import PointMap, build_point_map
 from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
 from idic.fe.mesh.mesh import surface_cells
@@ -82,6 +83,11 @@ class FieldReference(NodalBasis):
         return sparse.csr_array(self.matrix.T @ self.matrix)
 
     @cached_property
+    def kept(self) -> KeptProduct:
+        """What a frame hands on to the next."""
+        return KeptProduct()
+
+    @cached_property
     def rigid(self) -> np.ndarray:
         """B: rows of a shift along the columns, along the rows, and a turn of about the same size  # (n_pixels, 3 | 0) µm"""
         pm = self.pixel_map
@@ -97,25 +103,24 @@ class FieldReference(NodalBasis):
         values = np.asarray(experiment.stack.frame(frame), dtype=float)  # type: ignore[union-attr]
         return values[self.pixel_map.point, self.pixel_map.component]
 
-    def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
+    def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> FieldEquations:
         """Nodal equations of one frame; motion : (n_nodes, 2) in distances of neighbours."""
         return self.equations(self.measured(experiment, frame), motion)
 
-    def equations(self, measured: np.ndarray, motion: np.ndarray) -> NodalEquations:
+    def equations(self, measured: np.ndarray, motion: np.ndarray) -> FieldEquations:
         """The same for a field (n_pixels,) µm, NaN where it is not measured."""
         pm = self.pixel_map
         valid = np.isfinite(measured)
         r = np.where(valid, measured - self.matrix @ motion.ravel(), 0.0)
-        hessian = self.hessian
-        if not valid.all():
-            seen = self.matrix[np.flatnonzero(valid)]
-            hessian = sparse.csr_array(seen.T @ seen)
+        missing = self.matrix[np.flatnonzero(~valid)]
+        hessian = self.hessian if valid.all() else sparse.csr_array(self.hessian - missing.T @ missing)
         lost = np.add.reduceat((~valid).astype(np.int64), pm.start[:-1])
         squares = np.add.reduceat(r**2, pm.start[:-1])
         n_lost = int(lost.sum())
         rigid = np.where(valid[:, None], self.rigid, 0.0)
-        return NodalEquations(self.matrix.T @ r, hessian, sparse.csr_array(self.matrix.T @ rigid), rigid.T @ rigid, rigid.T @ r,
-                              float(r @ r), pm.n_pixels - n_lost, n_lost, lost, np.flatnonzero(~valid), squares, 1.0)
+        return FieldEquations(self.matrix.T @ r, hessian, sparse.csr_array(self.matrix.T @ rigid), rigid.T @ rigid, rigid.T @ r,
+                              float(r @ r), pm.n_pixels - n_lost, n_lost, lost, np.flatnonzero(~valid), squares, 1.0,
+                              self.hessian, missing, self.kept)
 
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
@@ -137,6 +142,11 @@ class FieldReference(NodalBasis):
     def pull_back(self, motion: np.ndarray) -> np.ndarray:
         """Nothing: points are material  # (n_nodes, 2, 2)"""
         return np.tile(np.eye(2), (self.pixel_map.n_nodes, 1, 1))
+
+    def shared_columns(self, motion: np.ndarray, columns: np.ndarray, n_brightness: int) -> np.ndarray:
+        """The columns as they are, then the rigid motion  # (2 n_nodes + nb, m + nb)"""
+        return np.block([[columns, np.zeros((len(columns), n_brightness))],
+                         [np.zeros((n_brightness, columns.shape[1])), np.eye(n_brightness)]])
 
     def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, Reference]:
         """A frame with the residual r (n_pixels,) at rest  # (n_points, 2) µm, and this reference"""
