@@ -17,6 +17,7 @@ from idic.correlation.comparison import Reference
 from idic.correlation.context import CorrelationContext, FrameResponse
 from idic.correlation.equations import FrameEquations
 from idic.correlation.experiment_reference import build_reference, camera_at
+from idic.correlation.field.equations import FieldEquations
 from idic.correlation.frame import NodalEquations
 from idic.correlation.system import CorrelationSystem, eliminate
 from idic.correlation.view import view_of
@@ -73,7 +74,8 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
     return nodal, FrameEquations(
         gram=projected.matrix, rhs=projected.rhs, rr=nodal.rr, shared=noise.shared, kappa=nodal.kappa,
         channels=channel_equations(context, response), local_precision=context.local_precision, local_gap=-local,
-        noise_gram=noise.gram, basis=noise.basis, scatter=context.local_scatter)
+        noise_gram=noise.gram, basis=noise.basis, scatter=context.local_scatter,
+        few=isinstance(nodal, FieldEquations))
 
 
 def _turned(experiment: Experiment, response: FrameResponse) -> FrameResponse:

@@ -96,6 +96,7 @@ class FrameRecord:
     brightness: np.ndarray  # (nb,) gain and offset per patch, camera after camera
     cameras: np.ndarray  # (n_cameras, 4) of each: pixels, lost ones, squared residuals in its own GV², len(brightness)
     channel_columns: np.ndarray  # (n_channels, n) derivative of the simulated values, local unknowns eliminated
+    n_fitted: float = 0.0  # rows that the unknowns of the frame fit, of measured fields: they leave no residual
 
     def brightness_of(self, number: int) -> np.ndarray:
         """Gain and offset per patch of one camera  # (nb,)"""
@@ -197,7 +198,8 @@ def eliminate(frame: int, names: Sequence[str], equations: FrameEquations, weigh
     rr = float(max(rr, 0.0))
     record = FrameRecord(frame, n_pixels, n_lost, rr, equations.channels.residual - columns @ full_step,
                          step[:m].copy(), -slope[:m].copy(), step[m:].copy(),
-                         np.array([[n_pixels, n_lost, rr, size - n - m]]), columns @ project)
+                         np.array([[n_pixels, n_lost, rr, size - n - m]]), columns @ project,
+                         float(np.trace(solve_positive(whole[n:, n:], image[n:, n:]))) if equations.few and size > n else 0.0)
     sums = None
     if equations.basis is not None and weights.generalised:
         sums = _open_sums(equations, weights.image, whole, rhs, noise, full_step, n)

@@ -28,10 +28,11 @@ class FrameFit:
     chi2_dof: float
 
     @classmethod
-    def of(cls, frame: int, found: ResidualMap, sigma: float) -> FrameFit:
-        """The fit of a frame with this residual; sigma : noise of one image (GV)."""
+    def of(cls, frame: int, found: ResidualMap, sigma: float, n_fitted: float = 0.0) -> FrameFit:
+        """The fit of a frame with this residual; sigma : noise of one image (GV); n_fitted : `FrameRecord.n_fitted`."""
         r = found.r[found.valid].astype(float)
-        return cls(frame, len(r), float(np.sqrt(np.mean(r**2))) if len(r) else float("nan"), found.chi2_dof(sigma))
+        chi2 = found.chi2_dof(sigma) * (len(r) / max(len(r) - n_fitted, 1.0) if n_fitted else 1.0)
+        return cls(frame, len(r), float(np.sqrt(np.mean(r**2))) if len(r) else float("nan"), chi2)
 
 
 def frame_entries(experiment: Experiment, fits: Mapping[int, FrameFit], excluded_by_user: Collection[int],

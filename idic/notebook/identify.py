@@ -119,7 +119,8 @@ def _fits(found: Identification, fields: FieldsInMemory, number: int) -> dict[in
     experiment, fits = found.experiment, {}
     sigma = fields.context.cameras[number].experiment.noise.std_gv
     lost = {record.frame for record in found.point.system.frames if record.cameras[number, 0] == 0}
+    fitted = {record.frame: record.n_fitted for record in found.point.system.frames}
     for frame in range(experiment.reference + 1, experiment.n_frames):
-        fit = FrameFit.of(frame, fields.pixels(frame, number), sigma)
+        fit = FrameFit.of(frame, fields.pixels(frame, number), sigma, fitted.get(frame, 0.0))
         fits[frame] = replace(fit, n_pixels=0) if frame in lost else fit
     return fits

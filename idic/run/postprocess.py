@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +56,7 @@ class FitJob:
     camera: int
     target: str
     shown: tuple[int, ...]
+    fitted: Mapping[int, float] = field(default_factory=dict)  # frame -> `FrameRecord.n_fitted`
 
 
 def fit_frames(job: FitJob) -> tuple[list[FrameFit], ElementSums | None]:
@@ -68,7 +69,7 @@ def fit_frames(job: FitJob) -> tuple[list[FrameFit], ElementSums | None]:
     correlated = set(correlated_frames(at.experiment, job.frames))
     for frame in job.frames:
         found = at.compare(frame)
-        fits.append(FrameFit.of(frame, found, sigma))
+        fits.append(FrameFit.of(frame, found, sigma, job.fitted.get(frame, 0.0)))
         if maps is not None and frame in job.shown:
             maps.write(job.shown.index(frame), at.as_image(found)[None])
         if kind == GREY and frame in correlated and sigma and fits[-1].n_pixels:
@@ -163,13 +164,15 @@ def _fits_of(session: Session, state: LoopState, point: Evaluation,
     if not frames:
         return {}, []
     brightness = {record.frame: tuple(record.brightness_of(number).tolist()) for record in point.system.frames}
+    fitted = {record.frame: record.n_fitted for record in point.system.frames if record.n_fitted}
     shown, view = shown_frames(experiment), experiment.views[number]
     with session.context.store.building(group_of(experiment, number, MAPS), {"evaluation": state.accepted.number}) as folder:
         write_array(folder, "frames", np.array(shown, dtype=np.int64))
         dtype = "f2" if np.asarray(view.stack.frame(view.reference)).dtype == np.uint8 else "f4"  # three digits are enough to look at
         FrameArrays.create(folder, "residual", len(shown), view.image_shape, 1, dtype)
         jobs = [FitJob(session.run, state.accepted.number, chunk, state.accepted.values,
-                       {k: brightness[k] for k in chunk if k in brightness}, number, str(folder / "residual"), shown)
+                       {k: brightness[k] for k in chunk if k in brightness}, number, str(folder / "residual"), shown,
+                       {k: fitted[k] for k in chunk if k in fitted})
                 for chunk in (frames[i:i + size] for i in range(0, len(frames), size))]
         labels = [f"residual-{view.camera_name}-frames{job.frames[0]}-{job.frames[-1]}" for job in jobs]
         parts = session.runner.map(fit_frames, jobs, labels, retries=1)

@@ -7,6 +7,8 @@ columns run along x and rows against y. [camera] places a mesh that has axes of 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +18,7 @@ from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_experiment import StagesTable
 from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera
-from idic.images.quality.field_noise import field_noise
+from idic.images.quality.field_noise import FieldNoise, field_noise
 from idic.model.experiment import CorrelatedNoise, FieldPoints, Noise
 from idic.readers.fields.chosen_stages import StageRule, chosen_stages
 from idic.readers.fields.outline import outline_of, sides
@@ -155,7 +157,9 @@ def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoin
         The noise is neither given nor visible in the stages.
     """
     given = config.experiment.fields_noise_um
-    found = field_noise(stack, points.positions_px, frames, reference, n_references)
+    files = tuple((entry.path, entry.number, entry.path.stat().st_mtime_ns) for entry in stack.entries)
+    found = _seen_noise(_Recording((files, stack.series.mm_per_unit, tuple(frames), reference, n_references, len(stack.points)),
+                                   stack, points.positions_px))
     if found is None:
         if given is None:
             raise InputError("the noise of the fields is not known", file=file, key="experiment.fields_noise_um",
@@ -166,6 +170,21 @@ def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoin
     rows = tuple(tuple(float(value) for value in row) for row in found.correlation)
     return Noise(std, "stage_differences" if given is None else "given",
                  correlated=CorrelatedNoise(std, std * found.sum_std / found.std, rows, std))
+
+
+@dataclass(frozen=True)
+class _Recording:
+    """Stages, and all that tells them from others: files, their age, unit, frames, references."""
+
+    key: tuple
+    stack: FieldStack = field(compare=False)
+    positions_px: np.ndarray = field(compare=False)
+
+
+@lru_cache(maxsize=2)  # one command opens an experiment several times
+def _seen_noise(recording: _Recording) -> FieldNoise | None:
+    _, _, frames, reference, n_references, _ = recording.key
+    return field_noise(recording.stack, recording.positions_px, frames, reference, n_references)
 
 
 def field_notes(stack: FieldStack, grid: FieldPoints, last: int,

@@ -26,7 +26,8 @@ MAX_STAGES = 24  # looked at, spread over the test
 MAX_LAG = 6  # distances of neighbours
 MIN_CORRELATION = 0.05  # mean of a ring of neighbours, as seen; one ring more than those above it is fitted
 MIN_POINTS = 40
-SWEEPS = 30  # of the fit of C; each takes a part of the polynomial's share back
+SWEEPS = 30  # of the fit of C at most; each takes a part of the polynomial's share back
+MIN_CHANGE = 1e-3  # of a sweep, in variances: below, the fit has ended; the scatter of the estimate is larger
 MAX_VARIANCE_RATIO = 2.0  # of what is left of a stage to the median of the stages: more is motion
 
 
@@ -101,13 +102,13 @@ def _left(stack: Stack, positions, before: int, now: int, after: int, reference:
     shares = factors[12:]
     gain = 1.0 + float(shares @ shares) + (1.0 - float(shares.sum())) ** 2 / n_references
     whole = np.full((len(positions), 2), np.nan)
-    whole[known] = left.reshape(2, n).T / np.sqrt(gain)
+    whole[known] = left.reshape(2, n).T / np.sqrt(gain * (1.0 - len(shares) / (2 * n)))
     return whole
 
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """Points and their neighbours, themselves included.
+    """Points and their neighbours, themselves included; each pair once.
 
     first, second : (m,) numbers of the points; place : (m,) of their distance in rows and columns, in a square of
     2 MAX_LAG + 1; Q : (n, 6) orthonormal polynomials
@@ -122,12 +123,12 @@ class _Pairs:
     def of(cls, positions: np.ndarray) -> _Pairs:
         n, size = len(positions), 2 * MAX_LAG + 1
         pairs = cKDTree(positions).query_pairs(MAX_LAG * 1.5, output_type="ndarray")
-        both = np.concatenate([pairs, pairs[:, ::-1], np.repeat(np.arange(n)[:, None], 2, axis=1)])
+        both = np.concatenate([np.repeat(np.arange(n)[:, None], 2, axis=1), pairs])
         lag = np.rint(positions[both[:, 1]] - positions[both[:, 0]]).astype(int)
         near = (np.abs(lag) <= MAX_LAG).all(axis=1) & ((lag != 0).any(axis=1) | (both[:, 0] == both[:, 1]))
         both, lag = both[near], lag[near]
-        return cls(both[:, 0], both[:, 1], (lag[:, 1] + MAX_LAG) * size + lag[:, 0] + MAX_LAG,
-                   np.linalg.qr(_smooth(positions))[0])
+        place = (lag[:, 1] + MAX_LAG) * size + lag[:, 0] + MAX_LAG
+        return cls(both[:, 0], both[:, 1], place, np.linalg.qr(_smooth(positions))[0])
 
     def covariance(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
         """C by distance, zero beyond the rings that are fitted  # (2 L + 1, 2 L + 1)"""
@@ -135,7 +136,10 @@ class _Pairs:
         support = _support(seen.reshape(2 * MAX_LAG + 1, -1) / seen.max()).ravel()
         fitted = np.where(support, seen, 0.0)
         for _ in range(SWEEPS):
-            fitted = np.where(support, fitted + seen - self._means([self._projected(fitted)[:, None]]), 0.0)
+            change = np.where(support, seen - self._means([self._projected(fitted)[:, None]]), 0.0)
+            fitted = fitted + change
+            if np.abs(change).max() < MIN_CHANGE * fitted.max():
+                break
         return fitted.reshape(2 * MAX_LAG + 1, -1)
 
     def _means(self, products: Sequence[np.ndarray]) -> np.ndarray:
@@ -147,16 +151,18 @@ class _Pairs:
                 known = np.isfinite(column)
                 total += np.bincount(self.place[known], column[known], size)
                 count += np.bincount(self.place[known], minlength=size)
+        total, count = total + total[::-1], count + count[::-1]
         return total / np.maximum(count, 1.0)
 
     def _projected(self, covariance: np.ndarray) -> np.ndarray:
         """(P C P) of every pair, P = 1 - Q Qᵀ  # (m,)"""
-        values, n = covariance[self.place], len(self.Q)
-        CQ = sparse.csr_array((values, (self.first, self.second)), shape=(n, n)) @ self.Q
-        crossed = self.Q @ (self.Q.T @ CQ)
+        values, n, Q = covariance[self.place], len(self.Q), self.Q
+        half = sparse.csr_array((values, (self.first, self.second)), shape=(n, n))
+        CQ = half @ Q + half.T @ Q - values[:n, None] * Q  # the first n pairs are the points themselves
+        crossed = CQ - 0.5 * Q @ (Q.T @ CQ)  # P C P = C - Q Rᵀ - R Qᵀ with R = C Q - Q (Qᵀ C Q) / 2
         i, j = self.first, self.second
-        return values - np.einsum("mk,mk->m", self.Q[i], CQ[j]) - np.einsum("mk,mk->m", CQ[i], self.Q[j]) + np.einsum(
-            "mk,mk->m", crossed[i], self.Q[j])
+        taken = np.einsum("mk,mk->m", Q[i], crossed[j])
+        return values - taken - np.einsum("mk,mk->m", crossed[i], Q[j])
 
 
 def _support(correlation: np.ndarray) -> np.ndarray:
