@@ -11,7 +11,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.composed_law import smoothness_priors
-from idic.experiment_file.tables.measured_fields import field_camera, noise_of_fields
+from idic.experiment_file.tables.measured_fields import field_camera, laid_on_outline, noise_of_fields
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
                                                check_visible)
 from idic.experiment_file.recording import Frames, RecordedFolder
@@ -106,6 +106,7 @@ class ExperimentFolder(RecordedFolder):
         if table.surface is not None:
             mesh = with_edge_set(mesh, table.surface, self.file, "experiment.surface")
         mesh = with_surfaces(mesh, self.config, self.file)
+        scale = self._placed(scale, frames, mesh)
         thickness = self.thickness(scale, motion)
         check_surface(mesh, table.kind, table.surface, self.file)
         if solver is None:  # else the deck holds the body
@@ -158,6 +159,17 @@ class ExperimentFolder(RecordedFolder):
         moved = [moving_camera(seen, rigid if lens.cameras[i] is not None else tables[i], context, times)
                  for i, seen in enumerate([camera, *(other.camera for other in cameras)])]
         return moved[0], tuple(replace(other, camera=own) for other, own in zip(cameras, moved[1:], strict=True))
+
+    def _placed(self, scale: Lengths, frames: Frames, mesh: Mesh) -> Lengths:
+        """With the camera of a mesh that is laid onto measured points by its outline."""
+        if self.config.camera is None or self.config.camera.placement == "given":
+            return scale
+        if not isinstance(frames.stack, FieldStack) or self.config.experiment.mesh.file is None:
+            raise InputError("a placement by the outline of points", file=self.file, key="camera.placement",
+                             expected="measured fields and a mesh file", found="images" if frames.points is None else
+                             "a mesh that is made of the points", remedy="leave placement out")
+        camera, note = laid_on_outline(self.config, frames.stack.points, mesh, scale.camera, self.file)
+        return replace(scale, camera=camera, notes=(*scale.notes, note))
 
     def noise(self, frames: Frames, mesh: Mesh, scale: Lengths) -> tuple[Noise, tuple[str, ...]]:
         """Noise of the main camera, or of the measured fields, and notes."""

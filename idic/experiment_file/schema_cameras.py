@@ -114,6 +114,7 @@ class CameraTable(LensTable):
     pixel_size_mm: Positive | None = None
     origin_px: Pair | None = None
     origin_mm: Pair | None = None  # of the mesh in the axes of measured fields
+    placement: Literal["given", "outline"] = "given"  # of the mesh in the axes of measured fields
     axes: Annotated[list[Literal["+col", "-col", "+row", "-row", "+x", "-x", "+y", "-y"]],
                     Field(min_length=2, max_length=2)] | None = None  # +x … of measured fields
     rotation_deg: float = 0.0

@@ -394,3 +394,43 @@ def test_a_real_laminate(shared_data, tmp_path):
     assert 54e3 < E1["value"] < 61e3 and 0.03 < nu["value"] < 0.07
     assert E1["std"] > 1e3  # the law is linear, the laminate is not: the noise alone (50 MPa) is not the uncertainty
     assert E1["ci95"][0] < 57.5e3 < E1["ci95"][1]
+
+
+def test_a_mesh_file_with_axes_of_its_own_is_laid_onto_the_points(strip, initialised, tmp_path):
+    """Shifted and turned by 20 degrees, with bars of quadrangles; its sets come with it."""
+    (tmp_path / "stages").symlink_to(strip / "stages")
+    turn = np.radians(-20.0)
+    x, y = np.meshgrid(np.linspace(0.0, WIDTH, 7), np.linspace(0.0, HEIGHT, 19))
+    flat = np.column_stack([x.ravel(), y.ravel()])
+    nodes = (flat - [40.0, 5.0]) @ np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]).T
+    number = np.arange(1, len(flat) + 1).reshape(19, 7)
+    cells = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=-1).reshape(-1, 4)
+    lines = ["*NODE", *(f"{k}, {a}, {b}" for k, (a, b) in enumerate(nodes, 1)), "*ELEMENT, TYPE=CPS4, ELSET=ALL",
+             *(f"{k}, " + ", ".join(map(str, row)) for k, row in enumerate(cells, 1)),
+             "*NSET, NSET=TOP", ", ".join(map(str, number[-1])), "*NSET, NSET=BOTTOM", ", ".join(map(str, number[0]))]
+    (tmp_path / "strip.inp").write_text("\n".join(lines) + "\n")
+    ends = "\n".join(f'[[boundary]]\nnodes = "{name}"\nu = "measured"' for name in ("TOP", "BOTTOM"))
+    (tmp_path / "experiment.toml").write_text(f"""
+[experiment]
+fields = "stages/*.csv"
+mesh = "strip.inp"
+kind = "plane_stress"
+thickness_mm = 2.0
+[camera]
+placement = "outline"
+[material.ALL]
+law = "elastic"
+E = {{ value = 60e3, unit = "MPa", identify = true }}
+nu = {{ value = 0.35, identify = true }}
+{ends}
+[[channel]]
+column = "force"
+simulated = {{ reaction = "TOP", component = "y", factor = 0.93969 }}
+""")
+    there = load_experiment(tmp_path)
+    place = there.camera.project(nodes)
+    grid = (flat - [0.6, HEIGHT - 0.6]) / 1.2 * [1.0, -1.0]  # of the points; the first one is 0.6 mm from the left edge
+    np.testing.assert_allclose(place, grid, atol=0.3)  # distances of neighbours
+    assert "turned by 180°" in next(note for note in there.notes if "outline" in note)
+    with pytest.raises(InputError, match="placement by the outline"):
+        load_experiment(initialised, {"camera.placement": "outline"})  # its mesh is made of the points

@@ -131,6 +131,7 @@ def _camera(in_px: bool) -> str:
     if in_px:
         return "[camera]\n" + _line("pixel_size_mm = 1.0", "FILL IN: the fields are in px") + "\n"
     return "\n".join([_line("# [camera]", "only for a mesh file with axes of its own"),
+                      _line('# placement = "outline"', "idic lays it along the outline of the points; or say where it is:"),
                       _line("# origin_mm = [0.0, 0.0]", "where its origin lies in the axes of the points"),
                       _line('# axes = ["+x", "+y"]', "where its axes point"), ""])
 

@@ -16,12 +16,13 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_experiment import StagesTable
-from idic.fe.mesh.mesh import Mesh
+from idic.fe.mesh.mesh import Mesh, surface_cells
 from idic.images.camera import Camera
 from idic.images.quality.field_noise import FieldNoise, field_noise
 from idic.model.experiment import CorrelatedNoise, FieldPoints, Noise
 from idic.readers.fields.chosen_stages import StageRule, chosen_stages
-from idic.readers.fields.outline import outline_of, sides
+from idic.readers.fields.outline import MIN_HOLE, loops_of, outline_of, sides
+from idic.readers.fields.placement import Edges, Placement, fitted_placement
 from idic.readers.fields.plane import out_of_plane
 from idic.readers.fields.series import FieldSeries, FieldStack, MeasuredPoints, measured_points, open_fields
 from idic.readers.outline_mesh import Drawing
@@ -84,14 +85,51 @@ def field_camera(config: ExperimentFile, points: MeasuredPoints, file: Path) -> 
             raise InputError("a key of images next to fields", file=file, key=f"camera.{key}",
                              expected="origin_mm, axes, rotation_deg, and pixel_size_mm for fields in px", found=key,
                              remedy="leave it out; fields_noise_um gives the noise of fields")
-    axes = {"+x": "+col", "-x": "-col", "+y": "-row", "-y": "+row"}
-    wanted = [axes.get(axis, axis) for axis in table.axes or ("+x", "+y")]
+    wanted = _field_axes(config)
     if wanted[0][1:] == wanted[1][1:]:
         raise InputError("both axes point along the same direction", file=file, key="camera.axes",
                          expected='one along x, one along y, e.g. ["+x", "+y"]', found=str(table.axes),
                          remedy="correct one of them")
-    origin = (np.array(table.origin_mm or (0.0, 0.0)) - corner) / points.pitch * [1.0, -1.0]
-    return Camera.from_table(points.pitch, origin, wanted, table.rotation_deg)
+    return _camera_at(points, np.array(table.origin_mm or (0.0, 0.0)), wanted, table.rotation_deg)
+
+
+def _camera_at(points: MeasuredPoints, origin_mm: np.ndarray, axes: Sequence[str], rotation_deg: float) -> Camera:
+    return Camera.from_table(points.pitch, (origin_mm - _corner(points)) / points.pitch * [1.0, -1.0], axes, rotation_deg)
+
+
+def laid_on_outline(config: ExperimentFile, points: MeasuredPoints, mesh: Mesh, camera: Camera, file: Path) -> tuple[Camera, str]:
+    """The camera of a mesh that is laid along the outline of the points, ``[camera] placement = "outline"``, and a note.
+
+    camera : as the table gives it: axes of the mesh, and its turn, or its place too, where several placements fit
+    """
+    table = config.camera
+    assert table is not None
+    base = Camera.from_table(points.pitch, (0.0, 0.0), _field_axes(config)).matrix * points.pitch * [[1.0], [-1.0]]
+    edges = Edges.of(mesh.nodes[:, :2] @ base.T, surface_cells(mesh, config.experiment.surface))
+    origin = np.full(2, np.nan) if table.origin_mm is None else np.array(table.origin_mm)
+    near = Placement(origin, float(np.radians(table.rotation_deg)), 0.0)
+    loops = sorted(loops_of(points.positions, points.pitch), key=lambda loop: -float(np.prod(np.ptp(loop, axis=0))))
+    loops = [loop for k, loop in enumerate(loops) if k == 0 or len(loop) >= MIN_HOLE]
+    try:
+        found, others = fitted_placement(edges, points.positions, loops, points.pitch, near)
+    except InputError as error:
+        raise InputError(error.what, file=file, key=error.key, expected=error.expected, found=error.found,
+                         remedy=error.remedy) from None
+    degrees = float(np.degrees((found.angle + np.pi) % (2.0 * np.pi) - np.pi))
+    note = (f"the mesh is laid along the outline of the points: origin_mm = [{found.origin[0]:.3f}, {found.origin[1]:.3f}], "
+            f"rotation_deg = {degrees:.3f}; the points end {found.margin:.2g} mm before its edges, {np.sqrt(found.cost):.2g} mm rms "
+            f"beside that; {100 * found.on_edges:.0f} % of the outline are along edges")
+    if others:
+        turns = ", ".join(f"{np.degrees(one.angle - found.angle) % 360.0:.0f}°" for one in others)
+        note += (f". The mesh is symmetric: turned by {turns} it fits alike, with the same shape. Taken is the smallest turn from "
+                 "rotation_deg; another matters only for sets, loads and material directions that are not as symmetric")
+    return _camera_at(points, found.origin, _field_axes(config), degrees), note
+
+
+def _field_axes(config: ExperimentFile) -> list[str]:
+    """Where the axes of the mesh point, in columns and rows of the grid of the points."""
+    names = {"+x": "+col", "-x": "-col", "+y": "-row", "-y": "+row"}
+    return [names.get(axis, axis) for axis in (config.camera and config.camera.axes) or ("+x", "+y")]
 
 
 def mesh_around(config: ExperimentFile, points: MeasuredPoints, camera: Camera, file: Path) -> Mesh:

@@ -44,7 +44,7 @@ def outline_of(points: np.ndarray, pitch: float, margin: float) -> PointOutline:
     InputError
         The points hang together nowhere.
     """
-    loops = sorted(_loops(points, pitch), key=lambda loop: -abs(_area(loop)))
+    loops = sorted(loops_of(points, pitch), key=lambda loop: -abs(_area(loop)))
     if not loops:
         raise InputError("the points have no outline", expected="points next to each other",
                          found=f"{len(points)} points, none with two neighbours within {MAX_CIRCUMRADIUS:g} distances",
@@ -79,7 +79,7 @@ def _turned(loop: np.ndarray, counter_clockwise: bool) -> np.ndarray:
     return loop if (_area(loop) > 0) == counter_clockwise else loop[::-1]
 
 
-def _loops(points: np.ndarray, pitch: float) -> list[np.ndarray]:
+def loops_of(points: np.ndarray, pitch: float) -> list[np.ndarray]:
     """Boundary loops of the largest group of neighbouring points, in walking order."""
     mesh = Delaunay(points)
     corners = mesh.simplices
