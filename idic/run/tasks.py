@@ -136,7 +136,8 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
                   folder: Path) -> np.ndarray:
     """March and store frame by frame; memory does not grow with the number of frames."""
     steps = None if job.steps is None else np.array(job.steps)
-    writers, state = None, None
+    writers: dict[str, _Writer | RepeatedWriter] | None = None
+    state = None
     influence = job.influence and context.forward.drives.n_local > 0 and not context.external
     forward = context.forward
     if context.external:

@@ -50,7 +50,8 @@ def load_evaluation(store: RunStore, number: int, names: tuple[str, ...]) -> Eva
     fitted = read_array(folder, _FITTED) if (folder / _FITTED).exists() else np.zeros(len(columns["frame"]))
     records = tuple(
         FrameRecord(int(columns["frame"][i]), int(columns["n_pixels"][i]), int(columns["n_lost"][i]),
-                    float(columns["rr"][i]), *(columns[name][i] for name in _PER_FRAME[4:]), float(fitted[i]))
+                    float(columns["rr"][i]), n_fitted=float(fitted[i]),
+                    **{name: columns[name][i] for name in _PER_FRAME[4:]})
         for i in range(len(columns["frame"])))
     system = CorrelationSystem(names, read_array(folder, "M"), read_array(folder, "b"), float(phi[0]), float(phi[1]),
                                read_array(folder, "spread"), np.zeros((0, len(names))), records,

@@ -35,7 +35,7 @@ LAWS = ("idic.materials.core", "idic.materials")  # what the finite elements see
 
 SCIENCE = {"numpy", "scipy", "numba", "llvmlite"}  # llvmlite: the intrinsics of numba
 THIRD_PARTIES = {
-    "idic.readers": {"gmsh", "meshio", "tifffile", "imagecodecs", "cv2", "PIL"},
+    "idic.readers": {"gmsh", "h5py", "meshio", "tifffile", "imagecodecs", "cv2", "PIL"},
     "idic.experiment_file": {"pydantic", "pydantic_core", "tomli_w"},
     "idic.store": {"zarr", "numcodecs", "psutil"},
     "idic.report": {"matplotlib", "PIL", "plotly", "jinja2"},

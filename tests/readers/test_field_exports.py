@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import meshio
+import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -146,11 +147,63 @@ def test_ncorr_gives_the_grid_of_its_points_upwards_with_the_reference_image(tmp
     np.testing.assert_allclose(moved_in_um(stack, 2), 0.05 * np.column_stack([u[kept], -v[kept]]), atol=1e-7)
 
 
+def ncorr_hdf5(path, n: int = 2, formatted: bool = True, kind: str = "regular", steps: int = 1) -> None:
+    """As Ncorr saves it: MATLAB 7.3, arrays transposed, arrays of structures as references; plot_u_dic is in px."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        refs, info = file.create_group("#refs#"), file.create_group("data_dic_save/dispinfo")
+        shown = file.create_group("data_dic_save/displacements")
+
+        def stored(group, name, value, **attributes):
+            group.create_dataset(name, data=value)
+            group[name].attrs.update(attributes)
+            return group[name].ref
+
+        empty = np.zeros(2, dtype=np.uint64)
+        stored(info, "spacing", np.array([[3.0]]))
+        text = {"type": kind, "units": "mm"} if formatted else {"type": kind}
+        for name, word in text.items():
+            stored(info, name, np.array([[ord(letter)] for letter in word], dtype=np.uint16), MATLAB_class=np.bytes_("char"))
+        stored(info, "pixtounits", *([np.array([[0.05]])] if formatted else [empty]), **({} if formatted else {"MATLAB_empty": 1}))
+        info.create_dataset("imgcorr/idx_ref", data=np.array([[stored(refs, f"s{k}", np.array([[0.0]]))] for k in range(steps)],
+                                                             dtype=h5py.ref_dtype))
+        for component, letter in enumerate("uv"):
+            for field, factor in (("dic", 1.0), ("ref_formatted", 0.05)):
+                made = []
+                for k in range(n):
+                    part = on_image(k + 1)[component].copy()
+                    part[0, :2] = 0.0
+                    if field == "dic" and steps == 1 and kind == "regular":
+                        made.append(stored(refs, f"{letter}{field}{k}", part.T))
+                    elif field == "ref_formatted" and formatted:
+                        made.append(stored(refs, f"{letter}{field}{k}", factor * part.T))
+                    else:
+                        made.append(stored(refs, f"{letter}{field}{k}", empty, MATLAB_empty=1))
+                shown.create_dataset(f"plot_{letter}_{field}", data=np.array([made], dtype=h5py.ref_dtype).T)
+    with path.open("r+b") as stream:
+        stream.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64")
+
+
+@pytest.mark.parametrize("formatted", [True, False])
+def test_ncorr_files_of_version_7_3_give_the_same_points(tmp_path, formatted):
+    ncorr_hdf5(tmp_path / "run.mat", formatted=formatted)
+    stack = opened(tmp_path, pixel_size_mm=0.05)
+    assert stack.labels == ("run.mat[0]", "run.mat[1]", "run.mat[2]")
+    kept = np.ones((6, 5), bool)
+    kept[0, :2] = False
+    row, column = np.nonzero(kept)
+    np.testing.assert_allclose(stack.points.positions, 0.2 * np.column_stack([column, -row]), atol=1e-9)
+    u, v = on_image(2)
+    np.testing.assert_allclose(moved_in_um(stack, 2), 0.05 * np.column_stack([u[kept], -v[kept]]), rtol=1e-6)
+
+
 def test_ncorr_files_that_cannot_be_read_say_what_to_do(tmp_path):
     (tmp_path / "new.mat").write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64" + bytes(600))
-    with pytest.raises(InputError, match="version 7.3") as refused:
+    with pytest.raises(InputError, match="not a readable file of Ncorr"):
         open_fields([tmp_path / "new.mat"])
-    assert "-v7" in str(refused.value)
+    for what in ({"kind": "backward"}, {"steps": 2}):  # against the present shape, or the reference of a step
+        ncorr_hdf5(tmp_path / "open.mat", formatted=False, **what)
+        with pytest.raises(InputError, match="not against the reference image"):
+            open_fields([tmp_path / "open.mat"])
     savemat(tmp_path / "other.mat", {"data_dic_save": {"displacements": 1.0}})
     with pytest.raises(InputError, match="not a readable file of Ncorr"):
         open_fields([tmp_path / "other.mat"])

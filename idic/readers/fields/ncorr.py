@@ -1,17 +1,21 @@
 """Stages as Ncorr saves them: a MATLAB file whose structure `data_dic_save` holds the displacements of every image.
 
-    data_dic_save.dispinfo          spacing (px left out between points), pixtounits, units
-    data_dic_save.displacements(k)  plot_u_dic, plot_v_dic (px on the grid of points, 0 or NaN outside the region)
+    data_dic_save.dispinfo          type, spacing (px left out between points), pixtounits, units, imgcorr (steps)
+    data_dic_save.displacements(k)  plot_u_ref_formatted, …  against the reference image, in `units`: after Format Displacements
+                                    plot_u_dic, …            px, against the reference of its step; 0 outside the region
 
 Rows and v count downwards; a stage has them upwards. The first stage, the reference image, moves nowhere; Ncorr does not
-save it.
+save it. Ncorr writes version 7.3 (HDF5), where arrays are transposed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 from scipy.io import loadmat
 
@@ -22,6 +26,17 @@ SUFFIXES = (".mat",)
 _HDF5 = b"MATLAB 7.3"
 _EXPECTED = "a structure data_dic_save with displacements and dispinfo"
 _PIXELS = ("", "pixel", "pixels", "px")
+_REGULAR = "regular"
+
+
+@dataclass(frozen=True, eq=False)
+class _Saved:
+    """What is read of a file. fields : (u, v) of every image in `unit`; scale : unit per px"""
+
+    step_px: float
+    scale: float
+    unit: str
+    fields: list[tuple[np.ndarray, np.ndarray]]
 
 
 def read_ncorr(path: Path) -> dict[float | None, Stage]:
@@ -30,43 +45,86 @@ def read_ncorr(path: Path) -> dict[float | None, Stage]:
     Raises
     ------
     InputError
-        The file is of MATLAB's version 7.3, damaged, or not one of Ncorr.
+        The file is damaged, not one of Ncorr, or its displacements are not against the reference image.
     """
     saved = _content(path)
-    info = saved.dispinfo
-    step, factor = float(info.spacing) + 1.0, float(info.pixtounits)
-    unit = str(info.units).strip().lower()
-    fields = [(np.asarray(one.plot_u_dic, float), np.asarray(one.plot_v_dic, float))
-              for one in np.atleast_1d(saved.displacements)]
-    shape = fields[0][0].shape
+    fields, shape = saved.fields, saved.fields[0][0].shape
     if any(part.shape != shape or part.ndim != 2 for pair in fields for part in pair):
         raise _foreign(path, "displacements of one grid", ", ".join(str(u.shape) for u, _ in fields[:4]))
     seen = [np.isfinite(u) & np.isfinite(v) & ((u != 0.0) | (v != 0.0)) for u, v in fields]
     rows, columns = np.nonzero(np.logical_or.reduce(seen))
-    points = factor * step * np.column_stack([columns, -rows]).astype(float)
+    points = saved.scale * saved.step_px * np.column_stack([columns, -rows]).astype(float)
     ids = (rows * shape[1] + columns).astype(np.int64)
-    name = "px" if unit in _PIXELS else unit
-    stages: dict[float | None, Stage] = {0.0: Stage(points, np.zeros_like(points), name, ids)}
+    stages: dict[float | None, Stage] = {0.0: Stage(points, np.zeros_like(points), saved.unit, ids)}
     for k, ((u, v), there) in enumerate(zip(fields, seen, strict=True), 1):
-        moved = factor * np.column_stack([u[rows, columns], -v[rows, columns]])
-        stages[float(k)] = Stage(points, np.where(there[rows, columns][:, None], moved, np.nan), name, ids)
+        moved = np.column_stack([u[rows, columns], -v[rows, columns]])
+        stages[float(k)] = Stage(points, np.where(there[rows, columns][:, None], moved, np.nan), saved.unit, ids)
     return stages
 
 
-def _content(path: Path) -> Any:
-    if path.read_bytes()[:len(_HDF5)] == _HDF5:
-        raise InputError("a MATLAB file of version 7.3", file=path, key=KEY, expected="a file of version 7 or 5",
-                         found="version 7.3 (HDF5)",
-                         remedy="in MATLAB: load it, then save('fields.mat', 'data_dic_save', '-v7')")
+def _content(path: Path) -> _Saved:
+    with path.open("rb") as stream:
+        is_hdf5 = stream.read(len(_HDF5)) == _HDF5
     try:
-        saved = loadmat(path, squeeze_me=True, struct_as_record=False, variable_names=["data_dic_save"])["data_dic_save"]
-        complete = all(hasattr(saved.dispinfo, name) for name in ("spacing", "pixtounits", "units")) and all(
-            hasattr(one, name) for one in np.atleast_1d(saved.displacements) for name in ("plot_u_dic", "plot_v_dic"))
-    except Exception as problem:  # noqa: BLE001  (a damaged file makes SciPy raise all kinds)
+        info, displacements = _of_hdf5(path) if is_hdf5 else _of_mat(path)
+        formatted = [_pair(one, "ref_formatted") for one in displacements]
+        raw = [_pair(one, "dic") for one in displacements]
+        step, scale = float(np.ravel(info["spacing"])[0]) + 1.0, info.get("pixtounits")
+        scale = np.ravel([] if scale is None else scale)
+    except Exception as problem:  # noqa: BLE001  (a damaged file makes SciPy and h5py raise all kinds)
         raise _foreign(path, _EXPECTED, str(problem) or type(problem).__name__) from None
-    if not complete or not len(np.atleast_1d(saved.displacements)):
-        raise _foreign(path, _EXPECTED, "a part of it is missing")
-    return saved
+    if not displacements:
+        raise _foreign(path, _EXPECTED, "no image")
+    unit = str(info.get("units") or "").strip().lower()
+    factor, name = (float(scale[0]), "px" if unit in _PIXELS else unit) if len(scale) else (1.0, "px")
+    if all(pair is not None for pair in formatted):
+        return _Saved(step, factor, name, formatted)  # type: ignore[arg-type]
+    steps = np.size(info.get("imgcorr", 0))
+    if str(info.get("type") or _REGULAR) != _REGULAR or steps > 1 or any(pair is None for pair in raw):
+        raise InputError("displacements that are not against the reference image", file=path, key=KEY,
+                         expected="formatted displacements", found=f"{info.get('type')} analysis in {steps} steps, not formatted",
+                         remedy="in Ncorr: Analysis > Format Displacements, then save again")
+    return _Saved(step, factor, name, [(factor * u, factor * v) for u, v in raw])  # type: ignore[misc]
+
+
+def _pair(one: dict[str, Any], kind: str) -> tuple[np.ndarray, np.ndarray] | None:
+    """u and v of an image; None where they are missing or empty."""
+    found = [np.asarray(one[name], float) for name in (f"plot_u_{kind}", f"plot_v_{kind}") if one.get(name) is not None]
+    return (found[0], found[1]) if len(found) == 2 and all(part.size for part in found) else None
+
+
+def _of_mat(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """dispinfo and displacements of a file of version 5 or 7."""
+    saved = loadmat(path, squeeze_me=True, struct_as_record=False, variable_names=["data_dic_save"])["data_dic_save"]
+    return vars(saved.dispinfo), [vars(one) for one in np.atleast_1d(saved.displacements)]
+
+
+def _of_hdf5(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """The same of version 7.3: a structure is a group, an array of structures a group of arrays of references."""
+    with h5py.File(path, "r") as file:
+        saved = file["data_dic_save"]
+        info = {name: _value(saved["dispinfo"][name]) for name in ("type", "spacing", "pixtounits", "units")
+                if name in saved["dispinfo"]}
+        if "imgcorr" in saved["dispinfo"]:
+            info["imgcorr"] = np.zeros(max((len(_parts(file, node)) for node in saved["dispinfo"]["imgcorr"].values()), default=1))
+        columns = {name: [_value(part) for part in _parts(file, node)] for name, node in saved["displacements"].items()
+                   if name in ("plot_u_dic", "plot_v_dic", "plot_u_ref_formatted", "plot_v_ref_formatted")}
+    n = max((len(column) for column in columns.values()), default=0)
+    return info, [{name: column[k] for name, column in columns.items()} for k in range(n)]
+
+
+def _parts(file: h5py.File, node: h5py.Dataset) -> Sequence[h5py.Dataset]:
+    """The values of a field of an array of structures; of one structure it is the value itself."""
+    return [file[reference] for reference in np.ravel(node[()])] if node.dtype == h5py.ref_dtype else [node]
+
+
+def _value(node: h5py.Dataset) -> Any:
+    """A matrix, a text, or None for an empty one."""
+    if node.attrs.get("MATLAB_empty", 0):
+        return None
+    values = np.asarray(node[()])
+    text = node.attrs.get("MATLAB_class", b"") == b"char"
+    return "".join(map(chr, values.ravel())) if text else values.T
 
 
 def _foreign(path: Path, expected: str, found: str) -> InputError:
