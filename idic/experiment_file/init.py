@@ -49,7 +49,7 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
     files = files_in(folder)
     stages = [] if any(path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES for path in files) else find_stages(files)
     found = None if stages else look_around(folder, files, area)
-    text = fields_document(folder, stages) if found is None else _document(found)
+    text = fields_document(folder, stages, files) if found is None else _document(found)
     with target.open("x", encoding="utf-8") as stream:
         stream.write(text)
     return target, [] if found is None else lines_of(found, text)

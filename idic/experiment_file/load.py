@@ -98,7 +98,7 @@ class ExperimentFolder(RecordedFolder):
         materials, parameters, mesh, law_notes = self.materials(mesh)
         solver = external_solver(self.config, self.folder, self.file)
         log = self.log(frames)
-        known_times = self.image_times(frames.stack.n_frames) if log is None else log.times
+        known_times = self.frame_times(frames) if log is None else log.times
         check_times(materials, known_times, self.file)
         context = boundary_tables.Context(log, frames.reference, frames.stack.n_frames, scale.unit, self.file)
         motion = boundary_tables.motion(self.config, mesh, context)

@@ -210,14 +210,28 @@ class RecordedFolder:
             return None
         if frames.recorded is not None:
             labels = frames.recorded.stack.labels
-            whole = match(self.recorded_log(name), len(labels), frame_numbers(labels), None)
+            log = self.recorded_log(name)
+            times = self.image_times(len(labels))
+            if times is None and len(log.rows) != len(labels):
+                times = stage_times(frames.recorded.stack)
+            whole = match(log, len(labels), frame_numbers(labels), times)
             return whole.of_frames(frames.recorded.kept)
-        return match(self.recorded_log(name), frames.stack.n_frames, frames.numbers, self.image_times(frames.stack.n_frames))
+        log, times = self.recorded_log(name), self.image_times(frames.stack.n_frames)
+        if times is None and isinstance(frames.stack, FieldStack) and len(log.rows) != frames.stack.n_frames:
+            times = stage_times(frames.stack)
+        return match(log, frames.stack.n_frames, frames.numbers, times)
 
     def recorded_log(self, name: str) -> Log:
         """The log with the rows of the file."""
         return read_log(existing_file(self.folder, name, file=self.file, key="experiment.loads"),
                         self.config.experiment.decimal)
+
+    def frame_times(self, frames: Frames) -> np.ndarray | None:
+        """Times of the frames that are compared in s, where [experiment] gives them  # (n_frames,)"""
+        if frames.recorded is None:
+            return self.image_times(frames.stack.n_frames)
+        times = self.image_times(frames.recorded.stack.n_frames)
+        return None if times is None else times[list(frames.recorded.kept)]
 
     def image_times(self, n_frames: int) -> np.ndarray | None:
         """Times of the images in s, where [experiment] gives them  # (n_frames,)"""
@@ -253,6 +267,12 @@ class RecordedFolder:
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
         infrared = temperature_images(self.config, self.folder, self.file)
         return fingerprints(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared])
+
+
+def stage_times(stack: FieldStack) -> np.ndarray | None:
+    """Times of the stages as their system has recorded them; None where one has none  # (n_stages,) s"""
+    times = [entry.time_s for entry in stack.entries]
+    return None if any(time is None for time in times) else np.array(times, float)
 
 
 def fingerprints(raw: Mapping, files: Iterable[Path], images: Iterable[Path]) -> tuple[str, str]:

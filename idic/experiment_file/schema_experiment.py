@@ -167,9 +167,9 @@ class ExperimentTable(Strict):
             raise refuse("fields are displacements", 'no quantity, or "displacement"', "leave out quantity", self.quantity)
         if not self.fields and self.quantity == "displacement":
             raise refuse("displacements without fields", 'fields = "stages/*.csv"', "name the exported stages", "no fields")
-        extra = [name for name in ("mask", "symmetry", "image_times", "frame_interval_s") if getattr(self, name) is not None]
+        extra = [name for name in ("mask", "symmetry") if getattr(self, name) is not None]
         if self.fields and extra:
-            raise refuse("a key of images next to fields", "none of mask, symmetry, image_times, frame_interval_s",
+            raise refuse("a key of images next to fields", "neither mask nor symmetry",
                          f"leave out {', '.join(extra)}", ", ".join(extra))
         if self.fields and self.kind == "solid" and self.surface is None:
             raise refuse("fields on a solid without the surface they show", 'surface = "FRONT"',

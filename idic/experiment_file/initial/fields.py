@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +16,10 @@ from idic.errors import InputError
 from idic.readers.fields.chosen_stages import StageRule, mean_strain, strain_path
 from idic.readers.fields.outline import outline_of
 from idic.readers.fields.series import SUFFIXES, FieldSeries, MeasuredPoints, detected, measured_points, open_fields
-from idic.readers.logs import Log
+from idic.readers.logs import Log, read_log
 from idic.readers.units import parse_unit
 
+_MESH_SUFFIXES = (".inp", ".msh", ".bdf", ".med")  # .vtu and .vtk may hold fields
 _ELEMENTS_ACROSS = 6  # of the shorter side; three points or more each
 _MIN_FILLED = 0.97  # of the rectangle around the points, by their outline: less is no rectangle
 _MANY_STAGES = 200  # a longer series is thinned
@@ -26,11 +29,11 @@ _MAX_BROKEN_SHARE = 0.1  # of the largest force; the stages from the first one b
 
 
 def find_stages(files: Sequence[Path]) -> list[Path]:
-    """The largest group of files in one folder that hold measured fields; [] where there is none."""
+    """The largest group of files in one folder, alike but for numbers, that hold measured fields; [] where there is none."""
     groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
     for path in files:
         if path.suffix.lower() in SUFFIXES:
-            groups[path.parent, path.suffix].append(path)
+            groups[path.parent, re.sub(r"\d+", "#", path.name)].append(path)
     for _, paths in sorted(groups.items(), key=lambda item: -len(item[1])):
         try:
             detected(paths[0])
@@ -40,8 +43,8 @@ def find_stages(files: Sequence[Path]) -> list[Path]:
     return []
 
 
-def fields_document(folder: Path, paths: Sequence[Path]) -> str:
-    """The text of experiment.toml for the stages in `paths`.
+def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) -> str:
+    """The text of experiment.toml for the stages in `paths`; files : all of the folder, among them a log and a mesh.
 
     Raises
     ------
@@ -56,25 +59,62 @@ def fields_document(folder: Path, paths: Sequence[Path]) -> str:
             raise
         in_px, series = True, open_fields(paths, unit="mm")  # the size of a pixel is to be filled in
     points = measured_points(series, [0])
-    pattern = paths[0].relative_to(folder).as_posix() if len(paths) == 1 else (
-        paths[0].parent.relative_to(folder) / f"*{paths[0].suffix}").as_posix()
     extent = np.ptp(points.positions, axis=0)
     upright = extent[1] >= extent[0]
-    log = series.log()
+    log, own = series.log(), True
+    others = [path for path in files if path not in set(paths)]
+    mesh = next((path.relative_to(folder).as_posix() for path in others if path.suffix.lower() in _MESH_SUFFIXES), None)
+    found = None if _force(log) is not None else _log_beside(others)
+    if found is not None:
+        log, own = found[1], False
     column = _force(log)
-    loaded = _loading(series, points, log, column, upright)
-    parts = [_experiment(folder, pattern, series, points, log, column), _camera(in_px), _MATERIAL,
+    whole = log if log is not None and len(log.rows) == len(series.entries) else None
+    loaded = _loading(series, points, whole, column, upright)
+    parts = [_experiment(folder, _pattern(folder, paths), series, points, mesh),
+             *_log_lines(series, log, None if own else found[0].relative_to(folder).as_posix(), column), "",  # type: ignore[index]
+             _camera(in_px, mesh is not None), _MATERIAL,
              _boundary("TOP" if upright else "RIGHT", "BOTTOM" if upright else "LEFT"),
              _channel(column, "TOP" if upright else "RIGHT", loaded), _TAIL]
     return "\n".join(parts)
+
+
+def _pattern(folder: Path, paths: Sequence[Path]) -> str:
+    """A glob of these files alone."""
+    if len(paths) == 1:
+        return paths[0].relative_to(folder).as_posix()
+    parent, names = paths[0].parent, [path.name for path in paths]
+    start = _shared_start(names).rstrip("0123456789")
+    end = _shared_start([name[::-1] for name in names])[::-1].lstrip("0123456789")
+    for name in (f"*{paths[0].suffix}", f"{start}*{end}"):
+        if len(list(parent.glob(name))) == len(paths):
+            return (parent.relative_to(folder) / name).as_posix()
+    return (parent.relative_to(folder) / f"{start}[0-9]*{end}").as_posix()
+
+
+def _shared_start(names: Sequence[str]) -> str:
+    """The letters that all names begin with."""
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    return "".join(letters[0] for letters in alike)
+
+
+def _log_beside(files: Sequence[Path]) -> tuple[Path, Log] | None:
+    """The first table with a force among these files."""
+    for path in files:
+        if path.suffix.lower() in (".csv", ".txt", ".dat"):
+            try:
+                log = read_log(path)
+            except InputError:
+                continue
+            if _force(log) is not None:
+                return path, log
+    return None
 
 
 def _line(text: str, comment: str) -> str:
     return f"{text:<32} # {comment}"
 
 
-def _experiment(folder: Path, pattern: str, series: FieldSeries, points: MeasuredPoints, log: Log | None,
-                column: str | None) -> str:
+def _experiment(folder: Path, pattern: str, series: FieldSeries, points: MeasuredPoints, mesh: str | None) -> str:
     extent = np.ptp(points.positions, axis=0)
     margin = 0.5 * points.pitch
     size = max(min(extent) / _ELEMENTS_ACROSS, 3.0 * points.pitch)
@@ -84,18 +124,29 @@ def _experiment(folder: Path, pattern: str, series: FieldSeries, points: Measure
              _line(f"fields = {json.dumps(pattern)}", "measured displacements in the place of images; the first is the "
                                                       "reference"),
              _line(f"# fields_format = {json.dumps(series.format)}", "as found in the files"),
-             *_mesh(points, margin, size),
+             *(_mesh(points, margin, size) if mesh is None else [_line(f"mesh = {json.dumps(mesh)}", "and mesh_unit, if not mm")]),
              _line('kind = "plane_stress"', "plane_stress | plane_strain | solid (with surface)"),
              _line("# thickness_mm = 1.0", "FILL IN if a force is compared")]
+    return "\n".join([*lines, *_stages(series, points)])
+
+
+def _log_lines(series: FieldSeries, log: Log | None, file: str | None, column: str | None) -> list[str]:
+    """Where forces come from, and the stages after a break. file : of the log, None: the stages hold it"""
+    n, lines = len(series.entries), []
     if log is None:
         lines.append(_line('# loads = "loads.csv"', "one row per stage, e.g. frame,time_s,force_N"))
-    else:
+    elif file is None:
         lines.append(f"# the stages hold {', '.join(log.names)}; a file would take their place: loads = \"loads.csv\"")
-    lines += _stages(series, points)
-    broken = _after_the_break(series, log, column)
-    lines.append(f"exclude_frames = {json.dumps(broken, ensure_ascii=False)}   # the force has dropped: after the break"
-                 if broken else _line("# exclude_frames = [12]", "numbers in the file names, or indices from 0"))
-    return "\n".join(lines) + "\n"
+    else:
+        lines.append(_line(f"loads = {json.dumps(file)}", f"columns: {', '.join(log.names)}"))
+    timed = all(entry.time_s is not None for entry in series.entries)
+    if file is not None and log is not None and len(log.rows) != n:
+        lines += [f"# {len(log.rows)} rows for {n} stages: they are matched by the times of the stages"] if timed else [
+            f"# FILL IN: {len(log.rows)} rows for {n} stages; give the times of the stages:",
+            _line("# frame_interval_s = 1.0", 'with first_frame_s; or image_times = "times.csv" (column time_s)')]
+    broken = _after_the_break(series, log if log is not None and len(log.rows) == n else None, column)
+    return [*lines, f"exclude_frames = {json.dumps(broken, ensure_ascii=False)}   # the force has dropped: after the break"
+            if broken else _line("# exclude_frames = [12]", "numbers in the file names, or indices from 0")]
 
 
 def _mesh(points: MeasuredPoints, margin: float, size: float) -> list[str]:
@@ -127,9 +178,12 @@ def _stages(series: FieldSeries, points: MeasuredPoints) -> list[str]:
             _line(f"stages = {text}", "leave it out to compare all")]
 
 
-def _camera(in_px: bool) -> str:
-    if in_px:
-        return "[camera]\n" + _line("pixel_size_mm = 1.0", "FILL IN: the fields are in px") + "\n"
+def _camera(in_px: bool, mesh_file: bool) -> str:
+    if in_px or mesh_file:
+        lines = ["[camera]", *([_line("pixel_size_mm = 1.0", "FILL IN: the fields are in px; multiply the lengths of mesh by it")]
+                               if in_px else []),
+                 *([_line('placement = "outline"', "the mesh is laid along the outline of the points")] if mesh_file else [])]
+        return "\n".join([*lines, ""])
     return "\n".join([_line("# [camera]", "only for a mesh file with axes of its own"),
                       _line('# placement = "outline"', "idic lays it along the outline of the points; or say where it is:"),
                       _line("# origin_mm = [0.0, 0.0]", "where its origin lies in the axes of the points"),

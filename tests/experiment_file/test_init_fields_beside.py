@@ -1,0 +1,59 @@
+"""`idic init` where the stages lie beside the log of the machine and a mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.experiment_file.init import write_initial_experiment
+from idic.experiment_file.load import load_experiment
+
+
+def write_folder(folder, rows: int) -> None:
+    """Six VIC tables, whose names hold two numbers, and a log at its own rate."""
+    x, y = np.meshgrid(np.arange(0.5, 12.0), np.arange(0.5, 36.0))
+    at = np.column_stack([x.ravel(), y.ravel()])
+    for k in range(6):
+        lines = [f"{a},{b},{-3e-4 * k * a},{1e-3 * k * b}" for a, b in at]
+        (folder / f"test-{k:02d}_0.csv").write_text("\n".join(['"X", "Y", "U", "V"', *lines]))
+    times = np.linspace(0.0, 5.0, rows)
+    (folder / "machine.csv").write_text("\n".join(["time_s,force_N", *(f"{t},{100 * t}" for t in times)]))
+
+
+def test_the_log_of_the_machine_is_no_stage(tmp_path):
+    write_folder(tmp_path, 6)
+    text = write_initial_experiment(tmp_path)[0].read_text()
+    assert 'fields = "test-*_0.csv"' in text and 'loads = "machine.csv"' in text and 'column = "force_N"' in text
+    given = {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5}
+    np.testing.assert_allclose(load_experiment(tmp_path, given).channels[0].values, 100.0 * np.arange(6))
+
+
+def test_a_log_at_its_own_rate_needs_the_times_of_the_stages(tmp_path):
+    write_folder(tmp_path, 51)
+    assert "# FILL IN: 51 rows for 6 stages" in write_initial_experiment(tmp_path)[0].read_text()
+    given = {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5, "experiment.frame_interval_s": 1.0}
+    np.testing.assert_allclose(load_experiment(tmp_path, given).channels[0].values, 100.0 * np.arange(6))
+
+
+def test_a_table_with_times_takes_them(tmp_path):
+    write_folder(tmp_path, 51)
+    lines = [f"{k},{k}.0,{a},{b},0.0,{1e-3 * k * b}" for k in range(3) for a in np.arange(0.5, 8.0) for b in np.arange(0.5, 12.0)]
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "machine.csv").rename(tmp_path / "sub" / "machine.csv")
+    (tmp_path / "sub" / "all.csv").write_text("\n".join(["stage,time_s,x_mm,y_mm,ux_mm,uy_mm", *lines]))
+    assert "matched by the times of the stages" in write_initial_experiment(tmp_path / "sub")[0].read_text()
+    given = {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5}
+    np.testing.assert_allclose(load_experiment(tmp_path / "sub", given).channels[0].values, [0.0, 100.0, 200.0])
+
+
+def test_a_mesh_beside_the_stages_is_laid_onto_them(tmp_path):
+    write_folder(tmp_path, 6)
+    number = np.arange(1, 9).reshape(4, 2)
+    nodes = [f"{number[j, i]}, {100 + 12 * i}, {12 * j}" for j in range(4) for i in range(2)]
+    cells = [f"{j + 1}, {number[j, 0]}, {number[j, 1]}, {number[j + 1, 1]}, {number[j + 1, 0]}" for j in range(3)]
+    (tmp_path / "strip.inp").write_text("\n".join(["*NODE", *nodes, "*ELEMENT, TYPE=CPS4, ELSET=ALL", *cells, "*NSET, NSET=TOP", "7, 8",
+                                                   "*NSET, NSET=BOTTOM", "1, 2"]))
+    text = write_initial_experiment(tmp_path)[0].read_text()
+    assert 'mesh = "strip.inp"' in text and '\nplacement = "outline"' in text
+    there = load_experiment(tmp_path, {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5})
+    corner = there.camera.inverse(there.points.positions_px).min(axis=0)
+    np.testing.assert_allclose(corner, [100.5, 0.5], atol=0.5)
