@@ -21,7 +21,7 @@ def write_folder(folder, rows: int) -> None:
 
 def test_the_log_of_the_machine_is_no_stage(tmp_path):
     write_folder(tmp_path, 6)
-    text = write_initial_experiment(tmp_path)[0].read_text()
+    text = write_initial_experiment(tmp_path).read_text()
     assert 'fields = "test-*_0.csv"' in text and 'loads = "machine.csv"' in text and 'column = "force_N"' in text
     given = {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5}
     np.testing.assert_allclose(load_experiment(tmp_path, given).channels[0].values, 100.0 * np.arange(6))
@@ -29,7 +29,7 @@ def test_the_log_of_the_machine_is_no_stage(tmp_path):
 
 def test_a_log_at_its_own_rate_needs_the_times_of_the_stages(tmp_path):
     write_folder(tmp_path, 51)
-    assert "# FILL IN: 51 rows for 6 stages" in write_initial_experiment(tmp_path)[0].read_text()
+    assert "# FILL IN: 51 rows for 6 stages" in write_initial_experiment(tmp_path).read_text()
     given = {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5, "experiment.frame_interval_s": 1.0}
     np.testing.assert_allclose(load_experiment(tmp_path, given).channels[0].values, 100.0 * np.arange(6))
 
@@ -40,7 +40,7 @@ def test_a_table_with_times_takes_them(tmp_path):
     (tmp_path / "sub").mkdir()
     (tmp_path / "machine.csv").rename(tmp_path / "sub" / "machine.csv")
     (tmp_path / "sub" / "all.csv").write_text("\n".join(["stage,time_s,x_mm,y_mm,ux_mm,uy_mm", *lines]))
-    assert "matched by the times of the stages" in write_initial_experiment(tmp_path / "sub")[0].read_text()
+    assert "matched by the times of the stages" in write_initial_experiment(tmp_path / "sub").read_text()
     given = {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5}
     np.testing.assert_allclose(load_experiment(tmp_path / "sub", given).channels[0].values, [0.0, 100.0, 200.0])
 
@@ -52,7 +52,7 @@ def test_a_mesh_beside_the_stages_is_laid_onto_them(tmp_path):
     cells = [f"{j + 1}, {number[j, 0]}, {number[j, 1]}, {number[j + 1, 1]}, {number[j + 1, 0]}" for j in range(3)]
     (tmp_path / "strip.inp").write_text("\n".join(["*NODE", *nodes, "*ELEMENT, TYPE=CPS4, ELSET=ALL", *cells, "*NSET, NSET=TOP", "7, 8",
                                                    "*NSET, NSET=BOTTOM", "1, 2"]))
-    text = write_initial_experiment(tmp_path)[0].read_text()
+    text = write_initial_experiment(tmp_path).read_text()
     assert 'mesh = "strip.inp"' in text and '\nplacement = "outline"' in text
     there = load_experiment(tmp_path, {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5})
     corner = there.camera.inverse(there.points.positions_px).min(axis=0)
