@@ -29,6 +29,7 @@ from idic.readers.units import factor_between
 
 START_SLOPE = 1000.0  # MPa, of a free hardening curve
 LAST_KNOT = 0.2  # plastic strain
+TURNED_SHARE = 0.02  # of the range of a course: less is noise of the log
 
 
 def with_flat_terms(raw: Mapping, file: str) -> dict:
@@ -118,6 +119,34 @@ def smoothness_priors(materials: Sequence[Material], parameters: Sequence[Parame
             rows = bends(values[f"{material.element_set}.hardening_1_range"], np.array([values[name] for name in names]))
             made.append(SmoothnessPrior(names, tuple(tuple(row) for row in rows.tolist())))
     return tuple(made)
+
+
+def course_notes(materials: Sequence[Material], parameters: Sequence[Parameter],
+                 courses: Sequence[np.ndarray]) -> list[str]:
+    """What the course of a test cannot tell apart in composed laws; courses : logged motions and loads, per frame."""
+    if any(_turns_back(np.asarray(course, dtype=float)) for course in courses) or not courses:
+        return []
+    free, notes = [p.name for p in parameters if p.free], []
+    for material in materials:
+        if not material.law.startswith(COMPOSED):
+            continue
+        own = [name.removeprefix(f"{material.element_set}.") for name in free if name.startswith(f"{material.element_set}.")]
+        groups = {group for group in ("hardening", "backstress", "damage") for name in own if name.startswith(f"{group}_")}
+        if groups >= {"hardening", "backstress"}:
+            notes.append(f"material.{material.element_set}: the load never turns back, so isotropic hardening and back stress "
+                         "cannot be told apart; lock one of them, or reverse the load")
+        if groups >= {"hardening", "damage"}:
+            notes.append(f"material.{material.element_set}: the load never turns back, so damage and softening of the flow "
+                         "stress cannot be told apart; lock one of them, or unload once")
+    return notes
+
+
+def _turns_back(course: np.ndarray) -> bool:
+    """Whether a course goes back by more than a small part of its range."""
+    course = course[np.isfinite(course)]
+    size = np.ptp(course) if course.size else 0.0
+    down, up = (np.maximum.accumulate(c) - c for c in (course, -course))
+    return bool(size > 0.0 and min(down.max(), up.max()) > TURNED_SHARE * size)
 
 
 def _parameters(kind: str, entry: Mapping, number: int, file: str, key: str) -> dict:

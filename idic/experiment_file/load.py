@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.composed_law import smoothness_priors
+from idic.experiment_file.composed_law import course_notes, smoothness_priors
 from idic.experiment_file.tables.measured_fields import field_camera, laid_on_outline, noise_of_fields
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
                                                check_visible)
@@ -36,7 +36,7 @@ from idic.images.camera import Camera
 from idic.images.placed_camera import AnyCamera
 from idic.images.quality.lowpass import mirrored_rim_px
 from idic.images.stack import Stack
-from idic.model.experiment import Experiment, FurtherCamera, Material, Noise, Options, Prescribed, Stage
+from idic.model.experiment import Column, Experiment, FurtherCamera, Material, Noise, Options, Prescribed, Stage
 from idic.parameters import Parameter, ParameterSet
 from idic.readers.fields.series import FieldStack
 from idic.readers.meshes import read_mesh_file
@@ -145,7 +145,7 @@ class ExperimentFolder(RecordedFolder):
             heterogeneities=varied, morphs=holes.morphs, temperatures=warmth, solver=solver,
             notes=(*scale.notes, *lens.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()), *notes, *law_notes, *motion.notes, *order_notes,
                    *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
-                   *self.force_notes(parameters, motion)),
+                   *self.force_notes(parameters, motion), *course_notes(materials, parameters, _courses(motion))),
             extras=self._extras(frames, scale, log, known_times), averaged=frames.averaged, points=frames.points,
             gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file)))
 
@@ -338,6 +338,12 @@ class ExperimentFolder(RecordedFolder):
             return [f"no force is compared: of {moduli} only ratios can be identified"]
         return [f"no force is compared: the stresses follow from the fixed values of {fixed}; they are "
                 "not measured, as images determine only ratios of stresses"] if stresses else []
+
+
+def _courses(motion: boundary_tables.Motion) -> list[np.ndarray]:
+    """Logged motions and loads, one value per frame."""
+    drives = [*(entry.drive for entry in motion.prescribed), *(entry.drive for entry in motion.loads)]
+    return [drive.values for drive in drives if isinstance(drive, Column)]
 
 
 @dataclass(frozen=True)

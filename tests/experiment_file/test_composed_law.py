@@ -1,8 +1,12 @@
 """``law = "elastoplastic"``: tables and lists of terms become the parameters of one law."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from idic.errors import InputError
+from idic.experiment_file.composed_law import course_notes
 from idic.experiment_file.tables.dofs import material
 from idic.experiment_file.toml_file import to_toml, validated, with_overrides
 
@@ -111,3 +115,13 @@ def test_an_exported_composed_law_is_read_as_the_same_law_with_the_same_values()
     again, kept, _ = material("SPECIMEN", validated(raw, "e").material["SPECIMEN"], "e")
     assert again.law == record.law
     assert {p.name.removeprefix("SPECIMEN."): p.value for p in kept} == pytest.approx(values)
+
+
+def test_a_load_that_never_turns_back_is_told_where_two_mechanisms_look_alike():
+    record, found = read(damage={"kind": "lemaitre", "S": {"value": 0.5, "identify": True}, "s": 1})
+    parameters = [replace(p, name=f"SPECIMEN.{name}") for name, p in found.items()]
+    there, back = np.linspace(0.0, 0.3, 8), np.array([0.0, 0.1, 0.2, 0.1, 0.0])
+    notes = course_notes([record], parameters, [there])
+    assert ["back stress" in note for note in notes] == [True, False] and "damage" in notes[1]
+    assert course_notes([record], parameters, [there, back]) == course_notes([record], parameters, []) == []
+    assert course_notes([record], [replace(p, free=False) for p in parameters], [there]) == []

@@ -11,10 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import chi2
 
 SMOOTHNESS = 1.0  # prior std of the change of slope from interval to interval, over the mean slope of the starting curve
 TERM = re.compile(r"[(+]free(\d+)[)+]")
 WHITENING_RANK = 1e-10  # variances below this share of the largest are rounding
+NOISE_PROBABILITY = 0.95  # of a loss that noise explains
 STARTS = 6  # of the exponents of a classical form
 
 
@@ -69,7 +71,7 @@ class ClassicalFit:
     freedom : int
         Points of the curve minus parameters of the form: the loss that noise alone explains.
     inside : bool
-        Within the 95 % band over the whole range.
+        The loss is at most what noise alone exceeds in 5 % of all tests.
     stress : (m,) MPa, at the points of the curve
     """
 
@@ -106,7 +108,7 @@ def classical_fits(p: np.ndarray, stress: np.ndarray, covariance: np.ndarray,
     covariance : (m, m) MPa^2
     at : places of the points that are compared, at most as many as the curve has parameters
     """
-    at, std = np.asarray(at), np.sqrt(np.diag(covariance))
+    at = np.asarray(at)
     values, vectors = np.linalg.eigh(covariance[np.ix_(at, at)])
     kept = values > WHITENING_RANK * values[-1]
     white = vectors[:, kept].T / np.sqrt(values[kept])[:, None]
@@ -122,7 +124,8 @@ def classical_fits(p: np.ndarray, stress: np.ndarray, covariance: np.ndarray,
             if best is None or found.cost < best[0]:
                 best = (found.cost, found.x * scale)
         assert best is not None  # every form has a start
-        fitted = curve(p, *best[1])
-        fits.append(ClassicalFit(form, dict(zip(names, map(float, best[1]), strict=True)), 2.0 * float(best[0]),
-                                 int(kept.sum()) - len(names), bool(np.all(np.abs(fitted - stress) <= 1.96 * std)), fitted))
+        loss, freedom = 2.0 * float(best[0]), int(kept.sum()) - len(names)
+        inside = freedom > 0 and loss <= chi2.ppf(NOISE_PROBABILITY, freedom)
+        fits.append(ClassicalFit(form, dict(zip(names, map(float, best[1]), strict=True)), loss, freedom, bool(inside),
+                                 curve(p, *best[1])))
     return tuple(sorted(fits, key=lambda fit: fit.chi2))

@@ -29,9 +29,11 @@ def hardening_curve(record: RunRecord, curve: HardeningCurve) -> Picture:
         top.set(ylabel=f"flow stress [{unit}]")
         top.legend()
         bottom.fill_between(p, -half, half, color=BLUE, alpha=0.3, lw=0)
+        at = np.append(curve.knots[inside], curve.reached)  # between them the curve is a chord
         for i, fit in enumerate(curve.fits):
-            bottom.plot(p, (fit.stress - curve.stress) / size, "-" if fit.inside else ":", color=CYCLE[i % len(CYCLE)],
-                        lw=1.2, label=fit.form + ("" if fit.inside else " (outside)"))
+            difference = np.interp(at, curve.plastic_strain, (fit.stress - curve.stress) / size)
+            bottom.plot(100.0 * at, difference, "-o" if fit.inside else ":.", color=CYCLE[i % len(CYCLE)], lw=1.2, ms=3,
+                        label=fit.form + (" (as near as noise)" if fit.inside else ""))
         largest = 3.0 * float(np.max(half[len(half) // 4:]))
         bottom.set(xlabel="plastic strain [%]", ylabel=f"form - curve [{unit}]", ylim=(-largest, largest),
                    xlim=(0.0, 100.0 * curve.reached))
@@ -45,9 +47,9 @@ def _caption(curve: HardeningCurve, unit: str, size: float) -> str:
     forms = "; ".join(_form(fit, unit, size) for fit in curve.fits)
     return (f"Flow stress up to the plastic strain that 99 % of the seen nodes stay within ({100 * curve.reached:.3g} %); beyond it "
             "the curve is not measured. The band follows from the covariance of the parameters; the smoothness prior "
-            f"(changes of slope from interval to interval: std {SMOOTHNESS:g} of the mean starting slope) is part of it. Below: classical forms fitted in that "
-            "covariance, solid where they stay inside the band, with their loss in chi2 (noise alone: about the number "
-            f"in brackets). {forms}.")
+            f"(changes of slope from interval to interval: std {SMOOTHNESS:g} of the mean starting slope) is part of it. Below: classical forms at the knots, "
+            "fitted in that covariance, solid where their loss in chi2 is no more than noise explains (about the number in "
+            f"brackets). {forms}.")
 
 
 def _form(fit: ClassicalFit, unit: str, size: float) -> str:
