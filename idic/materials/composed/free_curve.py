@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 SMOOTHNESS = 1.0  # prior std of the change of slope from interval to interval, over the mean slope of the starting curve
 TERM = re.compile(r"[(+]free(\d+)[)+]")
@@ -125,7 +125,7 @@ def classical_fits(p: np.ndarray, stress: np.ndarray, covariance: np.ndarray,
                 best = (found.cost, found.x * scale)
         assert best is not None  # every form has a start
         loss, freedom = 2.0 * float(best[0]), int(kept.sum()) - len(names)
-        inside = freedom > 0 and loss <= chi2.ppf(NOISE_PROBABILITY, freedom)
+        inside = freedom > 0 and loss <= chdtri(freedom, 1.0 - NOISE_PROBABILITY)
         fits.append(ClassicalFit(form, dict(zip(names, map(float, best[1]), strict=True)), loss, freedom, bool(inside),
                                  curve(p, *best[1])))
     return tuple(sorted(fits, key=lambda fit: fit.chi2))
