@@ -27,6 +27,7 @@ from idic.model.experiment import Column, Experiment, Measured
 # memory, bytes
 _PROCESS = 0.35e9  # libraries and compiled kernels
 _PER_ENTRY = 50.0  # of one triangular factor: two factors, one while the other is made, matrix and fronts at work
+_PER_ENTRY_KEPT = 32.0  # where Newton's method keeps a factor for an increment: one at a time
 _PER_ELEMENT_ENTRY = 40.0  # places of the element matrices in the stiffness, and their values
 _PER_PIXEL = 120.0  # of one camera: spline, pixel map, gradients, residual
 _POINT_VALUES = 60  # numbers per integration point: strain, stress, tangent, state; the last again per parameter
@@ -128,7 +129,8 @@ def _factorisation(mesh: Mesh) -> tuple[float, float, float]:
     fill = dissected(mesh)
     factorisation, solution = _PER_ENTRY_S * fill.entries + _PER_OPERATION_S * fill.operations, _SOLVE_S * fill.entries
     if fill.operations > MIN_OPERATIONS_PER_ENTRY * fill.entries:  # one factorisation per increment
-        factorisation = factorisation / _NEWTON_ITERATIONS + _SOLUTIONS_PER_CORRECTION * solution
+        return (_PER_ENTRY_KEPT * fill.entries,
+                factorisation / _NEWTON_ITERATIONS + _SOLUTIONS_PER_CORRECTION * solution, solution)
     return _PER_ENTRY * fill.entries, factorisation, solution
 
 
