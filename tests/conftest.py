@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import os
 import signal
+import time
+from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
 import pytest
 from threadpoolctl import threadpool_limits
 
@@ -24,12 +27,13 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # The files of the longest tests, in the order of their start, so that none of them is left to one process at the end.
 # The first process begins with what needs no kernel (types, servers), while the second compiles those of most runs.
+# One file of laws only: it compiles them all, and those that come in the middle of the session find them on the disk.
 FIRST = ("quality/test_lint.py", "faults/test_resume.py", "workers/test_prefect_server.py", "faults/test_damage.py",
-         "workers/test_dask_executor.py", "laws/test_expansion_contract.py", "laws/test_glassy_modes.py",
-         "laws/test_law_contract.py", "identify/test_imperfect_records.py", "diagnose/test_diagnosis_runs.py",
-         "laws/test_user_laws.py", "studies/test_study_flow.py", "front_door/test_story.py", "external/test_faults.py",
-         "twins/test_joint_experiments.py", "identify/test_loop.py", "front_door/test_commands.py",
-         "experiment_file/test_init_and_check.py", "identify/test_parallel_steps.py", "diagnose/test_refits.py")
+         "workers/test_dask_executor.py", "laws/test_law_contract.py", "identify/test_imperfect_records.py",
+         "diagnose/test_diagnosis_runs.py", "laws/test_user_laws.py", "studies/test_study_flow.py",
+         "front_door/test_story.py", "external/test_faults.py", "twins/test_joint_experiments.py",
+         "identify/test_loop.py", "front_door/test_commands.py", "experiment_file/test_init_and_check.py",
+         "identify/test_parallel_steps.py", "diagnose/test_refits.py")
 ROOT = Path(__file__).parent
 
 
@@ -72,22 +76,59 @@ def _no_wait_for_the_disk(request):
 
 @pytest.fixture(scope="session")
 def _session_server(tmp_path_factory):
-    """What a Prefect server of this process sets in the environment of those that use it."""
+    """What a Prefect server sets in the environment of those that use it; the processes of pytest-xdist share one."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "prefect"
+    (folder / "users").mkdir(parents=True, exist_ok=True)
+    settings, own, server = folder / "settings.json", folder / "users" / str(os.getpid()), None
+    own.touch()
+    with _held(folder):
+        if not settings.exists():
+            server = _start_session_server(folder, settings)
+    yield json.loads(settings.read_text())
+    own.unlink()
+    if server is not None:
+        while any(psutil.pid_exists(int(user.name)) for user in (folder / "users").iterdir()):
+            time.sleep(0.1)
+        server.close()
+
+
+@contextmanager
+def _held(folder):
+    """The lock of a folder, as soon as it is free."""
+    from idic.errors import InputError
+    from idic.store.run_lock import run_lock
+
+    while True:
+        lock = run_lock(folder)
+        try:
+            lock.__enter__()
+            break
+        except InputError:
+            time.sleep(0.1)
+    try:
+        yield
+    finally:
+        lock.__exit__(None, None, None)
+
+
+def _start_session_server(folder, settings):
+    """A server whose home is the folder; what it sets is written as JSON."""
     from idic.workers.prefect_server import start_server
 
     before = dict(os.environ)
     try:
         for variable in [variable for variable in before if variable.startswith("PREFECT_")]:
             del os.environ[variable]
-        os.environ["PREFECT_HOME"] = str(tmp_path_factory.mktemp("prefect"))
+        os.environ["PREFECT_HOME"] = str(folder / "home")
         server = start_server()
         server.wait()
-        settings = {variable: value for variable, value in os.environ.items() if variable.startswith("PREFECT_")}
+        set_by_it = {name: value for name, value in os.environ.items() if name.startswith("PREFECT_")}
+        settings.write_text(json.dumps(set_by_it))
     finally:
         os.environ.clear()
         os.environ.update(before)
-    with server:
-        yield settings
+    return server
 
 
 @pytest.fixture(scope="module")

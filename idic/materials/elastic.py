@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from numba import njit
 
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 
 
-@njit
+@inner
 def lame(E, nu):
     """Lamé's constants of E and nu."""
     return E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), 0.5 * E / (1.0 + nu)
 
 
-@njit
+@inner
 def lame_change(E, nu, dE, dnu):
     """Change of Lamé's constants with E and nu."""
     lam, mu = lame(E, nu)
@@ -58,7 +58,7 @@ def linearise_small(F, state, params, dt, dF, dstate, dparams, P, state_new, dP,
     return 0
 
 
-@njit
+@inner
 def second_piola(F, lam, mu, S):
     """S = lam tr(E) I + 2 mu E with Green's strain E = (F^T F - I)/2; returns tr(E)."""
     trace = -1.5 + 0.0 * F[0, 0]
@@ -71,7 +71,7 @@ def second_piola(F, lam, mu, S):
     return trace
 
 
-@njit
+@inner
 def multiply(A, B, out):
     """out = A B for 3 x 3 matrices."""
     for i in range(3):

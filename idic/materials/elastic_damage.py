@@ -14,16 +14,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from idic.materials.core import symmetric, tensors
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS, lame, lame_change
 
 THRESHOLD, SOFTENING = 2, 3
 
 
-@njit
+@inner
 def strain_change(finite, f, d):
     """Change of the strain along a 9-tuple d; of Green's strain at f."""
     if finite:
@@ -31,7 +31,7 @@ def strain_change(finite, f, d):
     return d[0], d[4], d[8], 0.5 * (d[1] + d[3]), 0.5 * (d[2] + d[6]), 0.5 * (d[5] + d[7])
 
 
-@njit
+@inner
 def strain(finite, f):
     """Green's or the small strain of a 9-tuple, as a 6-tuple."""
     if finite:
@@ -39,7 +39,7 @@ def strain(finite, f):
     return tensors.scaled(1.0, strain_change(finite, f, f), -1.0)
 
 
-@njit
+@inner
 def store(finite, f, s, P):
     """The first Piola-Kirchhoff stress of s into P."""
     if finite:
@@ -49,7 +49,7 @@ def store(finite, f, s, P):
         P[1, 0], P[2, 0], P[2, 1] = s[3], s[4], s[5]
 
 
-@njit
+@inner
 def update(finite, F, state, params, P, state_new):
     """One point, real or complex."""
     lam, mu = lame(params[0], params[1])
@@ -68,7 +68,7 @@ def update(finite, F, state, params, P, state_new):
     return 0
 
 
-@njit
+@inner
 def linearise(finite, F, state, params, dF, dstate, dparams, P, state_new, dP, dstate_new):
     """`update` and its derivative."""
     lam, mu = lame(params[0], params[1])

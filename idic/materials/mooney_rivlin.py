@@ -6,19 +6,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 
 
-@njit
+@inner
 def full(s):
     """9-tuple of a symmetric 6-tuple."""
     return s[0], s[3], s[4], s[3], s[1], s[5], s[4], s[5], s[2]
 
 
-@njit
+@inner
 def kinematics(F):
     """(J, F^-1, b, tr b, b b) with b the isochoric left Cauchy-Green tensor."""
     f = tensors.load(F)
@@ -30,7 +30,7 @@ def kinematics(F):
     return J, fi, b, b[0] + b[1] + b[2], square
 
 
-@njit
+@inner
 def kirchhoff(J, b, I1, square, C10, C01, kappa):
     """tau as a 6-tuple."""
     _, deviator = tensors.deviator(tensors.combine(2.0 * (C10 + C01 * I1), b, -2.0 * C01, square, 0.0))

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 
 
-@njit
+@inner
 def inverse(F, out):
     """out = F^-1; returns det F."""
     a = F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1]

@@ -13,9 +13,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from idic.materials.core import symmetric, tensors
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS, lame, lame_change
 from idic.materials.elastic_damage import store, strain, strain_change
@@ -23,7 +23,7 @@ from idic.materials.elastic_damage import store, strain, strain_change
 NONLINEARITY = 2
 
 
-@njit
+@inner
 def update(finite, F, state, params, P, state_new):
     """One point, real or complex."""
     lam, mu = lame(params[0], params[1])
@@ -38,7 +38,7 @@ def update(finite, F, state, params, P, state_new):
     return 0
 
 
-@njit
+@inner
 def linearise(finite, F, state, params, dF, dstate, dparams, P, state_new, dP, dstate_new):
     """`update` and its derivative."""
     lam, mu = lame(params[0], params[1])

@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.elastic import multiply
 
 
-@njit
+@inner
 def stiffness(params):
     """C11, C12 (= C13), C22 (= C33), C23, G12 (= G13), G23, cos(angle), sin(angle); real or complex."""
     E1, E2, nu12, G12 = params[0], params[1], params[2], params[3]
@@ -31,7 +31,7 @@ def stiffness(params):
     return C11, C12, mean + shear, mean - shear, G12, shear, np.cos(angle), np.sin(angle)
 
 
-@njit
+@inner
 def stress_of_strain(C, e, out):
     """Stress of a symmetric strain ``e`` (3, 3): into material axes, times the stiffness, and back."""
     C11, C12, C22, C23, G12, G23, c, s = C
@@ -54,7 +54,7 @@ def stress_of_strain(C, e, out):
     out[1, 0], out[2, 0], out[2, 1] = out[0, 1], out[0, 2], out[1, 2]
 
 
-@njit
+@inner
 def small_strain(F, e):
     """e = sym(F) - I."""
     for i in range(3):
@@ -63,7 +63,7 @@ def small_strain(F, e):
         e[i, i] -= 1.0
 
 
-@njit
+@inner
 def green_strain(F, e):
     """e = (F^T F - I)/2."""
     for i in range(3):
@@ -72,7 +72,7 @@ def green_strain(F, e):
         e[i, i] -= 0.5
 
 
-@njit
+@inner
 def stiffness_change(params, dparams):
     """Complex stiffness whose imaginary part is 1e-30 times its change along ``dparams``."""
     p = np.empty(5, np.complex128)

@@ -11,7 +11,9 @@ import time
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from idic.cli.app import app
 from idic.errors import InputError
 from idic.run.batch.runs import BatchJob, BatchOutcome, identify_whole
 from idic.store.run_lock import run_lock
@@ -46,8 +48,9 @@ def test_one_that_fails_does_not_stop_the_rest_and_the_command_says_3(strips, tm
 
 
 def test_nothing_is_written_for_a_list_that_is_not_usable(strips, tmp_path):
-    code, said = finish(idic("batch", strips / "nowhere", "--out", tmp_path / "out"))
-    assert code == 2 and "no such experiment" in said and not (tmp_path / "out").exists(), said
+    answer = CliRunner().invoke(app, ["batch", str(strips / "nowhere"), "--out", str(tmp_path / "out")])
+    assert answer.exit_code == 2 and "no such experiment" in answer.stderr, answer.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_run_that_another_process_works_on_is_said_after_some_patience(strips, tmp_path, monkeypatch):

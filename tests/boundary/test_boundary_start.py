@@ -11,7 +11,7 @@ sys.path.append(str(Path(__file__).parents[1] / "identify"))
 
 from twin_bodies import CAMERA, SHAPE, TIMES, held_left, plate  # noqa: E402
 from twin_bodies import experiment as body  # noqa: E402
-from twin_runs import ELASTIC, FORCE, TRUTH, Twin, clean_images, identify, write_folder  # noqa: E402
+from twin_runs import ELASTIC, FORCE, TRUTH, Twin, clean_images, identify, solved, write_folder  # noqa: E402
 
 from idic.dic.boundary import boundary_start, with_boundary_start  # noqa: E402
 from idic.errors import InputError  # noqa: E402
@@ -131,7 +131,7 @@ def test_modes_keep_the_order_of_the_file_in_every_process(tmp_path, clean):
 def test_more_modes_than_the_images_separate_do_not_change_the_material_and_are_reported(tmp_path, clean):
     many = '{ virtual = "bspline", modes = 14, time_modes = 2 }'  # 9 nodes along each edge
     toml = ELASTIC + CUTS.replace("u = DRIVE", f"ux = {many}\nuy = 0.0") + FORCE
-    _, result = identify(write_folder(tmp_path / "test", Twin(), toml, clean), tmp_path / "run")
+    _, result = solved(write_folder(tmp_path / "test", Twin(), toml, clean))
     opened = [entry["name"] for entry in result["not_identifiable"]]
     assert len(opened) >= 2 * 2 * (14 - 9) and not any(name.startswith("BODY") for name in opened)
     for name, true in TRUTH.items():
@@ -160,7 +160,7 @@ def test_modes_that_lack_some_of_the_motion_mislead_generalised_least_squares_so
     path = write_folder(tmp_path / "test", twin, ELASTIC + cuts + FORCE)
     off = {}
     for name in ("auto", "generalised"):
-        _, result = identify(path, tmp_path / name, options__estimator=name)
+        _, result = solved(path, options__estimator=name)
         p = result["parameters"]["BODY.E"]
         off[name] = abs(p["value"] - TRUTH["E"]) / p["std_noise"]
         assert result["estimator"] == {"auto": "ordinary"}.get(name, name)

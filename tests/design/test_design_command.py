@@ -4,14 +4,14 @@ import csv
 import json
 import pickle
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 import tifffile
 from planned_tests import ELASTIC, FORCE, GRIPS, PLAN, PROGRAM, plan_folder, recorded_folder
+from typer.testing import CliRunner
 
+from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.report.design.words import best_plan, direction, fixed_product, headline, open_parameters, weakest
@@ -207,10 +207,9 @@ def test_plans_are_named_by_their_folders_and_by_more_where_those_are_equal(tmp_
 
 def test_the_command_prints_a_table_and_ends_with_zero_and_bad_input_with_two(tmp_path):
     folder, out = plan_folder(tmp_path / "plan"), tmp_path / "out"
-    command = [sys.executable, "-m", "idic", "design", str(folder), "--out"]
-    answer = subprocess.run([*command, str(out), "--noise-gv", "3"], capture_output=True, text=True, timeout=120)
-    assert answer.returncode == 0, answer.stderr
+    command = ["design", str(folder), "--out"]
+    answer = CliRunner(env={"COLUMNS": "140"}).invoke(app, [*command, str(out), "--noise-gv", "3"])
+    assert answer.exit_code == 0, answer.stderr
     assert "BODY.nu" in answer.stdout and "image noise: 3 grey values" in answer.stdout and str(out) in answer.stdout
-    bad = subprocess.run([*command, str(tmp_path / "bad"), "--confusable", "2"], capture_output=True, text=True,
-                         timeout=120)
-    assert bad.returncode == 2 and "--confusable" in bad.stderr and not (tmp_path / "bad").exists()
+    bad = CliRunner().invoke(app, [*command, str(tmp_path / "bad"), "--confusable", "2"])
+    assert bad.exit_code == 2 and "--confusable" in bad.stderr and not (tmp_path / "bad").exists()

@@ -1,11 +1,8 @@
 """`idic diagnose` on whole runs: what is concealed is named and proven, a sound model is left in peace."""
 
 import json
-import os
 import re
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -107,20 +104,25 @@ def test_every_finding_is_written_into_the_enriched_experiment(sound, tmp_path):
     assert {name: again.parameters[name].value for name in again.parameters.free} == pytest.approx(free)
 
 
-def test_a_page_that_cannot_be_written_does_not_cost_the_verdict(yielding, tmp_path):
-    """A file stands where the folder of the figures belongs."""
-    run = shutil.copytree(yielding[0], tmp_path / "run", ignore=shutil.ignore_patterns("figures", "diagnosis.*"))
+@pytest.fixture(scope="module")
+def quick(yielding, tmp_path_factory):
+    """A quick diagnosis where a file stands in the place of the folder of the figures  # RUN, diagnosis.json"""
+    run = tmp_path_factory.mktemp("quick") / "run"
+    shutil.copytree(yielding[0], run, ignore=shutil.ignore_patterns("diagnosis*", "enriched", "figures"))
     (run / "figures").write_text("in the way")
-    content = diagnose_run(run, library=tuple(c for c in LIBRARY if c.name == "plasticity"), resume=True)
+    return run, diagnose_run(run, library=LIBRARY, quick=True)
+
+
+def test_a_page_that_cannot_be_written_does_not_cost_the_verdict(yielding, quick):
+    run, content = quick
     assert content["named"] == ["plasticity"] and json.loads((run / "diagnosis.json").read_text()) == content
     (note,) = content["notes"]
     assert note.startswith("Without the page: FileExistsError") and "The verdict does not depend on it" in note
     assert content["cautions"][-1] == note and yielding[2]["notes"] == []
 
 
-def test_a_quick_diagnosis_refits_one_candidate_and_says_so(yielding, tmp_path):
-    run = shutil.copytree(yielding[0], tmp_path / "run", ignore=shutil.ignore_patterns("diagnosis*", "enriched"))
-    content = diagnose_run(run, library=LIBRARY, quick=True)
+def test_a_quick_diagnosis_refits_one_candidate_and_says_so(yielding, quick):
+    content = quick[1]
     assert content["named"] == ["plasticity"] and [c["name"] for c in content["candidates"] if c["refitted"]] == ["plasticity"]
     assert content["cautions"][0].startswith("This was a quick diagnosis") and len(content["rounds"]) == 1
     after, whole = content["model"]["parameters_after"]["BODY.E"], yielding[2]["model"]["parameters_after"]["BODY.E"]
@@ -169,9 +171,8 @@ def test_the_inner_keys_of_the_json_are_those_of_the_contract(yielding):
 def test_the_command_prints_its_verdict_and_writes_the_files_that_it_names(sound, tmp_path):
     """The whole library, on workers of its own."""
     run = shutil.copytree(sound[0], tmp_path / "run", ignore=shutil.ignore_patterns("diagnosis*", "enriched"))
-    answer = subprocess.run([sys.executable, "-m", "idic", "diagnose", run, "--workers", "1"], capture_output=True,
-                            text=True, timeout=300, env={**os.environ, "COLUMNS": "140"})
-    assert answer.returncode == 0, answer.stderr
+    answer = CliRunner(env={"COLUMNS": "140"}).invoke(app, ["diagnose", str(run), "--workers", "1"])
+    assert answer.exit_code == 0, answer.stderr
     content = json.loads((run / "diagnosis.json").read_text())
     assert content["verdict"] == "none"
     assert answer.stdout.startswith(content["headline"]) and "Traceback" not in answer.stderr

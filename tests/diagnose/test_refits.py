@@ -268,13 +268,19 @@ def test_a_refit_to_the_second_copy_starts_at_its_probe_and_where_the_first_one_
     assert asked[1].values[0] == a.refitted.values and asked[1].borrowed == asked[1].labels[0] != asked[1].labels[1]
 
 
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory):
+    """A test that the model explains, and its identification."""
+    experiment = load_experiment(write_folder(tmp_path_factory.mktemp("clean") / "test", Side()))
+    return experiment, identify(experiment)
+
+
 @pytest.mark.parametrize(("status", "steps", "counts"), [("converged", 0, True), ("stalled", 0, False),
                                                          ("max_iterations", 1, False), ("max_iterations", 2, True)])
-def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(status, steps, counts, tmp_path,
+def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(status, steps, counts, clean,
                                                                                 monkeypatch):
     """A search that stalls where it starts would be judged on the copy that it was fitted to."""
-    experiment = load_experiment(write_folder(tmp_path / "clean", Side()))
-    found = identify(experiment)
+    experiment, found = clean
 
     def search(*given, progress, estimator):
         for k in range(steps + 1):

@@ -143,7 +143,7 @@ def test_a_name_that_does_not_fit_the_drawing_is_told_at_the_button(tmp_path):
         assert page.value('document.getElementById("pixel").classList.contains("wanted")')
 
 
-@pytest.mark.parametrize("width, height", [(1440, 900), (390, 844)])
+@pytest.mark.parametrize("width, height", [pytest.param(1440, 900, marks=pytest.mark.slow), (390, 844)])
 def test_nothing_is_wider_than_the_screen(width, height, tmp_path):
     with opened(make_folder(tmp_path / "test"), width, height) as page:
         page.click_image(120, 30)  # a line: its name is asked

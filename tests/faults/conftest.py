@@ -8,11 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 from fault_runs import finish, outcome, plain_run, stored_system
+from virtual_tests.small_strip import write_small_strip
 
 from idic.virtual_tests import examples as example
-from idic.virtual_tests.demo import Size, strip
-
-SMALL = Size(0.2, (60, 110), (3, 3, 4), (2, 2, 1), (3, 4, 2), 1)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -37,15 +35,7 @@ def undisturbed(tmp_path_factory, script_folder):
 def small(tmp_path_factory, script_folder):
     """Of 11 small frames that start near the truth: experiment, run, result, M and b, seconds."""
     folder = tmp_path_factory.mktemp("small")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(example.EXAMPLES, "small", lambda reduced, foreign: strip(SMALL))
-        example.write_example("small", folder / "experiment")
-    file = folder / "experiment" / "experiment.toml"
-    text = file.read_text()
-    for far, near in (("55e3", "68e3"), ("0.38", "0.31"), ("260", "203"), ("800", "1450")):
-        assert f"value = {far}" in text
-        text = text.replace(f"value = {far}", f"value = {near}")
-    file.write_text(text)
+    write_small_strip(folder / "experiment")
     began = time.monotonic()
     code, said = finish(plain_run(folder / "experiment", folder / "run", 0))
     assert code == 0, said

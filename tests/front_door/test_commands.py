@@ -71,7 +71,8 @@ def test_bad_input_ends_with_code_2_and_writes_nothing(arguments, tmp_path, monk
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("arguments", [["identify", "missing", "--out", "RUN"], ["laws", "no_such_law"]], ids=" ".join)
+@pytest.mark.parametrize("arguments", [["identify", "missing", "--out", "RUN", "--no-prefect"],
+                                       ["laws", "no_such_law"]], ids=" ".join)
 def test_a_process_ends_with_code_2_on_bad_input_and_writes_nothing(arguments, tmp_path):
     answer = idic(*arguments, cwd=tmp_path)
     assert answer.returncode == 2, answer.stderr

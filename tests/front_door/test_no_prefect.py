@@ -9,27 +9,28 @@ import numpy as np
 import pytest
 import zarr
 from typer.testing import CliRunner
+from virtual_tests.small_strip import write_small_strip
 
 from idic.cli.app import app
 from idic.store.layout import DESCRIPTION
-from idic.virtual_tests.examples import write_example
 
 pytestmark = pytest.mark.usefixtures("shared_server")
 WITHOUT = """
     import sys
     from idic.cli import main
-    sys.argv = ["idic", *sys.argv[1:]]
-    try:
-        main()
-    finally:
+
+    def command(*words):
+        sys.argv = ["idic", *words, "--no-prefect"]
+        try:
+            main()
+        except SystemExit as end:
+            print("code:", end.code)
         print("loaded:", sorted(name for name in ("prefect", "distributed", "fastapi") if name in sys.modules))
+
+    test, run = sys.argv[1:]
+    command("identify", test, "--out", run)
+    command("diagnose", run, "--workers", "0")
 """
-
-
-def started(*arguments):
-    """The command in a process of its own; what it prints ends with the servers' libraries that it has loaded."""
-    return subprocess.run([sys.executable, "-c", textwrap.dedent(WITHOUT), *map(str, arguments)], capture_output=True,
-                          text=True, timeout=300)
 
 
 def numbers(result):
@@ -40,27 +41,34 @@ def numbers(result):
 @pytest.fixture(scope="module")
 def strip(tmp_path_factory):
     folder = tmp_path_factory.mktemp("no_prefect")
-    write_example("demo", folder / "test", reduced=True, seed=3)
+    write_small_strip(folder / "test")
     return folder
 
 
 @pytest.fixture(scope="module")
 def plain(strip):
-    answer = started("identify", strip / "test", "--out", strip / "plain", "--no-prefect")
+    """Identification and diagnosis in one other process: the RUN, what they printed and what they said meanwhile."""
+    arguments = [textwrap.dedent(WITHOUT), str(strip / "test"), str(strip / "plain")]
+    answer = subprocess.run([sys.executable, "-c", *arguments], capture_output=True, text=True, timeout=900)
     assert answer.returncode == 0, answer.stderr
-    return strip / "plain", answer
+    return strip / "plain", answer.stdout.splitlines(), answer.stderr
 
 
-def test_a_small_identification_loads_no_server_and_no_cluster(plain):
-    run, answer = plain
-    assert answer.stdout.splitlines()[-1] == "loaded: []"
+def here(*arguments):
+    return CliRunner().invoke(app, list(map(str, arguments)))
+
+
+def test_a_small_identification_and_its_diagnosis_load_no_server_and_no_cluster(plain):
+    run, printed, said = plain
+    assert [line for line in printed if line.startswith(("code: ", "loaded: "))] == ["code: 0", "loaded: []"] * 2, said
     assert (run / "report.html").exists()
-    assert "dashboard" not in answer.stderr
+    assert "dashboard" not in said
+    assert json.loads((run / "diagnosis.json").read_text())["verdict"] == "none"
 
 
 def test_it_gives_the_bits_of_the_flow(strip, plain):
-    run, _ = plain
-    answer = CliRunner().invoke(app, ["identify", str(strip / "test"), "--out", str(strip / "flow"), "--workers", "0"])
+    run, *_ = plain
+    answer = here("identify", strip / "test", "--out", strip / "flow", "--workers", "0")
     assert answer.exit_code == 0, answer.stderr
     without, with_flow = (json.loads((folder / "result.json").read_text()) for folder in (run, strip / "flow"))
     assert numbers(without) == numbers(with_flow)
@@ -72,17 +80,10 @@ def test_it_gives_the_bits_of_the_flow(strip, plain):
             assert np.array_equal(array[...], other[name][...], equal_nan=array.dtype.kind == "f"), name
 
 
-def test_it_resumes_a_run_of_the_flow_and_refuses_an_earlier_run(strip, plain):
-    run, _ = plain
-    refused = started("identify", strip / "test", "--out", run, "--no-prefect")
-    assert refused.returncode == 2 and "--resume" in refused.stderr
-    again = started("identify", strip / "test", "--out", run, "--no-prefect", "--resume")
-    assert again.returncode == 0 and (run / DESCRIPTION).exists()
-
-
-def test_a_diagnosis_without_prefect_loads_no_server(plain):
-    run, _ = plain
-    answer = started("diagnose", run, "--no-prefect", "--workers", "0")
-    assert answer.returncode == 0, answer.stderr
-    assert answer.stdout.splitlines()[-1] == "loaded: []"
-    assert json.loads((run / "diagnosis.json").read_text())["verdict"] == "none"
+def test_it_refuses_an_earlier_run_and_resumes_it_where_that_is_asked(strip, plain):
+    run, *_ = plain
+    refused = here("identify", strip / "test", "--out", run, "--no-prefect")
+    assert refused.exit_code == 2 and "--resume" in refused.stderr
+    (run / "report.html").unlink()
+    again = here("identify", strip / "test", "--out", run, "--no-prefect", "--resume")
+    assert again.exit_code == 0 and (run / DESCRIPTION).exists() and (run / "report.html").exists()

@@ -3,13 +3,15 @@
 import pydoc
 from pathlib import Path
 
+from virtual_tests.small_strip import write_small_strip
+
 import idic
 
 ROOT = Path(__file__).parents[2]
 
 
 def test_an_example_is_identified_and_reported_without_prefect(tmp_path):
-    idic.write_example("demo", tmp_path / "exp", reduced=True)
+    write_small_strip(tmp_path / "exp")
     result = idic.identify_experiment(tmp_path / "exp", tmp_path / "run")
     assert result["status"] == "converged"
     report = idic.write_report(tmp_path / "run")

@@ -19,7 +19,7 @@ TRUTH = {"sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus"}
 def idic(*arguments, cwd=None):
     """A command as a user starts it, its output taken by a file."""
     command = [sys.executable, "-m", "idic", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, env={**os.environ, "COLUMNS": "140"}, cwd=cwd)
+    return subprocess.run(command, capture_output=True, text=True, timeout=900, env={**os.environ, "COLUMNS": "140"}, cwd=cwd)
 
 
 def here(*arguments):
@@ -53,7 +53,7 @@ def identified(day, experiment, hostile_folder):
 @pytest.fixture(scope="module")
 def stopped(day, experiment):
     """The same from another start and without the time to get anywhere."""
-    answer = idic("identify", experiment, "--out", day / "stopped", "--workers", "0",
+    answer = here("identify", experiment, "--out", day / "stopped", "--no-prefect",
                   "--set", "options.max_iterations=1", "--set", "material.sheet.E.value=50e3")
     return day / "stopped", answer
 
@@ -106,7 +106,7 @@ def test_a_search_that_did_not_converge_ends_with_code_3_and_results_that_say_so
 def test_a_finished_run_is_not_overwritten(identified, experiment):
     run, _ = identified
     before = (run / "result.json").read_bytes()
-    answer = idic("identify", experiment, "--out", run, "--workers", "0")
+    answer = here("identify", experiment, "--out", run, "--no-prefect")
     assert answer.returncode == 2 and (run / "result.json").read_bytes() == before
 
 
@@ -140,7 +140,7 @@ def test_a_simulation_writes_an_experiment_that_can_be_checked(experiment, day):
 
 
 def test_a_design_promises_standard_deviations_before_the_test(experiment, identified, day):
-    answer = idic("design", experiment, "--out", day / "design", "--workers", "0")
+    answer = here("design", experiment, "--out", day / "design", "--workers", "0")
     assert answer.returncode == 0, answer.stderr
     assert all(name in answer.stdout for name in TRUTH)
     assert json.loads((day / "design" / "design.json").read_text()) and (day / "design" / "design.html").is_file()

@@ -33,7 +33,7 @@ def spoilt_text(base, spoilt):
 
 
 test_changed_tables, test_many_changed_tables = campaign(
-    100, changed_tables, changed=changed_experiments(), picture=st.just(False)
+    60, changed_tables, changed=changed_experiments(), picture=st.just(False)
 )
 test_a_drawn_one, test_many_drawn_ones = campaign(
     5, changed_tables, share=0.2, changed=changed_experiments(), picture=st.just(True)

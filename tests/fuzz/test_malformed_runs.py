@@ -129,7 +129,7 @@ def test_a_digit_that_somebody_changed_in_a_result_is_refused(reader):
 
 
 test_a_spoilt_run, test_many_spoilt_runs = campaign(
-    30,
+    16,
     a_spoilt_run,
     base=st.sampled_from(BASES),
     spoilt=spoilt_runs,

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from twin_runs import FORCE, GRIPS, TRUTH, Twin, identify, write_folder
+from twin_runs import FORCE, GRIPS, TRUTH, Twin, solved, write_folder
 
 from idic.identify.covariance import Scaled
 from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, active_parameters, activation_step
@@ -63,7 +63,7 @@ def test_a_test_that_never_yields_says_so_after_a_few_attempts(tmp_path):
     """The truth yields far beyond: the yield stress goes down until it does harm; E and nu are found, it is not."""
     truth = TRUTH | {"yield_stress": 1e5, "hardening_modulus": 100.0}
     path = write_folder(tmp_path / "test", Twin(law="j2_linear", truth=truth), PLASTIC + GRIPS + FORCE)
-    state, result = identify(path, tmp_path / "run")
+    state, result = solved(path)
     assert result["status"] == "converged" and state.activation.active == ()
     lowest = min(entry["values"]["BODY.yield_stress"] for entry in state.history)
     assert lowest < 100.0 and 0 < state.activation.rejections <= MAX_REJECTED_ACTIVATIONS  # stresses: 40 MPa

@@ -1,7 +1,7 @@
 """Twins of an older law are identified with the composed law, declared as a list of terms in experiment.toml."""
 
 import pytest
-from twin_runs import FORCE, GRIPS, Twin, identify, write_folder
+from twin_runs import FORCE, GRIPS, Twin, solved, write_folder
 
 pytestmark = pytest.mark.slow
 
@@ -23,7 +23,7 @@ THERE_AND_BACK = (0.0, 0.03, 0.06, 0.09, 0.12, 0.09, 0.05, 0.01, -0.03, -0.06)
 def identified(tmp_path, law, truth, terms, grip):
     twin = Twin(law=law, truth=PLASTIC | truth, grip=grip, times=tuple(float(k) for k in range(len(grip))), noise=1.0)
     path = write_folder(tmp_path / "twin", twin, STEEL + terms + GRIPS + FORCE)
-    _, result = identify(path, tmp_path / "run")
+    _, result = solved(path)
     assert result["status"] == "converged"
     return result["parameters"]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
+from twin_runs import ELASTIC, FORCE, GRIPS, Twin, solved, write_folder
 
 from idic.correlation.experiment_reference import build_reference
 from idic.correlation.reference import MAX_GRADIENT_NOISE
@@ -81,8 +81,8 @@ def test_an_image_without_the_noise_that_is_stated_keeps_its_gradient():
 
 
 def test_much_of_it_is_noted_in_the_result_and_little_is_not(tmp_path):
-    _, result = identify(write_folder(tmp_path / "noisy", Twin(noise=20.0), noisy(0.0)), tmp_path / "noisy_run")
+    _, result = solved(write_folder(tmp_path / "noisy", Twin(noise=20.0), noisy(0.0)))
     (note,) = [note for note in result["notes"] if "gradient" in note]
     assert "Wiener" in note
-    _, result = identify(write_folder(tmp_path / "usual", Twin(), ELASTIC + GRIPS + FORCE), tmp_path / "usual_run")
+    _, result = solved(write_folder(tmp_path / "usual", Twin(), ELASTIC + GRIPS + FORCE))
     assert not any("gradient" in note for note in result["notes"])

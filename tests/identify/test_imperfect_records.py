@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import tifffile
 from twin_bodies import PIXEL
-from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, identify, write_folder
+from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, identify, solved, write_folder
 
 from idic.images.camera import Camera
 from idic.report.words import left_out, not_explained
@@ -26,7 +26,7 @@ BODY = {f"BODY.{name}": value for name, value in TRUTH.items()}
 
 # force ------------------------------------------------------------------------------------------------
 def test_without_a_force_the_modulus_is_open_and_keeps_its_start_but_poissons_ratio_is_found(clean, tmp_path):
-    state, result = identify(write_folder(tmp_path / "test", Twin(), ELASTIC + GRIPS, clean), tmp_path / "run")
+    state, result = solved(write_folder(tmp_path / "test", Twin(), ELASTIC + GRIPS, clean))
     assert state.status == "converged"
     modulus = result["parameters"]["BODY.E"]
     assert modulus["std"] is None and modulus["value"] == 1200.0
@@ -47,7 +47,7 @@ nu12 = { value = 0.25, identify = true }
 G12 = { value = 700, identify = true }
 angle = 0.0
 """
-    state, result = identify(write_folder(tmp_path / "test", twin, toml + GRIPS), tmp_path / "run")
+    state, result = solved(write_folder(tmp_path / "test", twin, toml + GRIPS))
     assert state.status == "converged"
     assert {entry["name"] for entry in result["not_identifiable"]} == {"BODY.E1", "BODY.E2", "BODY.G12"}
     for label, true in (("BODY.E1/E2", 2000 / 1200), ("BODY.E1/G12", 4.0), ("BODY.E2/G12", 2.4)):
@@ -78,7 +78,7 @@ def spoil(path, number, image=None):
 
 def test_an_excluded_frame_plays_no_part_and_is_listed_as_excluded(clean, tmp_path):
     path = write_folder(tmp_path / "test", Twin(), WHOLE, clean, experiment="exclude_frames = [3]\n")
-    _, good = identify(path, tmp_path / "good")
+    _, good = solved(path)
     spoil(path, 3)
     state, result = identify(path, tmp_path / "run")
     assert state.status == "converged"
@@ -161,7 +161,7 @@ def test_a_camera_that_is_turned_and_shifted_is_found_together_with_the_modulus(
     twin = Twin(camera=Camera.from_table(PIXEL, ORIGIN, rotation_deg=0.8))
     dofs = "".join(f'[[dof]]\nname = "camera.{name}"\nvalue = 0.0\n'
                    for name in ("rotation_deg", "shift_col", "shift_row"))
-    state, result = identify(write_folder(tmp_path / "test", twin, WHOLE + dofs), tmp_path / "run")
+    state, result = solved(write_folder(tmp_path / "test", twin, WHOLE + dofs))
     assert state.status == "converged"
     assert_true(result, {"BODY.E": TRUTH["E"], "camera.rotation_deg": 0.8, "camera.shift_col": 0.0,
                          "camera.shift_row": 0.0})
@@ -174,8 +174,7 @@ def test_the_offset_of_a_late_log_is_found(tmp_path):
     grip = 0.12 * np.sin(0.5 * np.pi * (times / 11)) ** 2  # starts and ends at rest: interpolation is no issue
     twin = Twin(grip=tuple(grip), times=tuple(times), log_late=0.2)
     toml = WHOLE + '[[dof]]\nname = "time.offset"\nvalue = 0.0\n'
-    path = write_folder(tmp_path / "test", twin, toml)
-    state, result = identify(path, tmp_path / "run")
+    state, result = solved(write_folder(tmp_path / "test", twin, toml))
     assert state.status == "converged"
     found = result["parameters"]["time.offset"]
     assert abs(found["value"] - 0.2) < 0.03, found  # rates are central differences over 2 s of a motion that curves
@@ -205,6 +204,6 @@ def test_a_logged_motion_with_an_offset_from_play_in_the_grips_is_corrected(clea
     table["grip_mm"][1:] += 0.015  # the machine moved before the specimen did
     names = ",".join(table.dtype.names)
     np.savetxt(path.parent / "loads.csv", table, delimiter=",", header=names, comments="", fmt="%.8g")
-    state, result = identify(path, tmp_path / "run")
+    state, result = solved(path)
     assert state.status == "converged"
     assert_true(result, BODY | {"boundary.RIGHT.x.offset": -0.015})

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, identify, write_folder
+from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, identify, solved, write_folder
 
 from idic.errors import NotConverged
 from idic.identify.step.next_step import MAX_REJECTIONS
@@ -48,9 +48,9 @@ def test_perturbed_runs_and_direct_differentiation_find_the_same(plain, tmp_path
 
 
 @pytest.mark.parametrize("factor", [0.3, 3.0])
-def test_starts_three_times_off_still_converge(plain, tmp_path, factor):
+def test_starts_three_times_off_still_converge(plain, factor):
     path, _, reference = plain
-    state, result = identify(path, tmp_path / "run", BODY__E=factor * TRUTH["E"], BODY__nu=0.05)
+    state, result = solved(path, BODY__E=factor * TRUTH["E"], BODY__nu=0.05)
     assert state.status == "converged"
     for name, entry in reference["parameters"].items():
         # two ends of one search: each stops when its next step is below 2 % of a standard deviation
@@ -59,7 +59,7 @@ def test_starts_three_times_off_still_converge(plain, tmp_path, factor):
 
 def test_a_parameter_at_its_bound_is_said_and_the_others_are_still_found(clean, tmp_path):
     toml = WHOLE.replace("E = { value = 1200", "E = { bounds = [500, 1500], value = 1200")
-    state, result = identify(write_folder(tmp_path / "test", Twin(), toml, clean), tmp_path / "run")
+    state, result = solved(write_folder(tmp_path / "test", Twin(), toml, clean))
     assert state.status == "at_bound" and result["status"] == "at_bound"
     assert result["parameters"]["BODY.E"]["value"] == pytest.approx(1500.0) and result["at_bound"] == {"BODY.E": 1500.0}
     assert "E (1500 MPa) at its bound" in convergence(result)
@@ -79,7 +79,7 @@ def fail_where(monkeypatch, condition):
     monkeypatch.setattr(ForwardModel, "march", failing)
 
 
-def test_a_trial_that_cannot_be_simulated_is_a_rejected_step(plain, tmp_path, monkeypatch):
+def test_a_trial_that_cannot_be_simulated_is_a_rejected_step(plain, monkeypatch):
     path, _, reference = plain
     seen = []
 
@@ -88,7 +88,7 @@ def test_a_trial_that_cannot_be_simulated_is_a_rejected_step(plain, tmp_path, mo
         return len(set(seen)) == 2 and seen[-1] != seen[0]
 
     fail_where(monkeypatch, once_too_large)
-    state, result = identify(path, tmp_path / "run")
+    state, result = solved(path)
     assert [entry["accepted"] for entry in state.history][:3] == [True, False, True]
     assert "no equilibrium" in state.history[1]["message"]
     begin, far, near = (np.log(entry["values"]["BODY.E"]) for entry in state.history[:3])
@@ -109,25 +109,25 @@ def test_a_start_that_cannot_be_simulated_ends_the_run_with_a_result_that_says_s
     assert "no equilibrium" in stored["history"][0]["message"]
 
 
-def test_a_search_that_ends_at_a_failed_simulation_reports_it_and_keeps_the_best_point(plain, tmp_path, monkeypatch):
+def test_a_search_that_ends_at_a_failed_simulation_reports_it_and_keeps_the_best_point(plain, monkeypatch):
     path, *_ = plain
     fail_where(monkeypatch, lambda parameters: parameters["BODY.E"].value > 1500.0)
-    state, result = identify(path, tmp_path / "run")
+    state, result = solved(path)
     assert result["status"] == "forward_failed"
     assert 1200.0 < result["parameters"]["BODY.E"]["value"] <= 1500.0
     assert state.evaluations < 40
 
 
-def test_the_limit_of_iterations_is_kept_and_the_best_point_written(plain, tmp_path):
+def test_the_limit_of_iterations_is_kept_and_the_best_point_written(plain):
     path, *_ = plain
-    state, result = identify(path, tmp_path / "run", options__max_iterations=2)
+    state, result = solved(path, options__max_iterations=2)
     assert state.status == "max_iterations" and state.evaluations == 2
     assert result["parameters"]["BODY.E"]["value"] != 1200.0
 
 
 def test_stages_free_their_parameters_one_after_the_other(clean, plain, tmp_path):
     toml = WHOLE + '[[stage]]\nfree = ["BODY.E"]\nmax_iterations = 3\n[[stage]]\nfree = "all"\n'
-    state, result = identify(write_folder(tmp_path / "test", Twin(), toml, clean), tmp_path / "run")
+    state, result = solved(write_folder(tmp_path / "test", Twin(), toml, clean))
     first = [entry["values"] for entry in state.history if entry["stage"] == 0]
     assert len(first) > 1 and all(values["BODY.nu"] == 0.25 for values in first[:4])
     assert state.status == "converged" and result["stages"] == 2
@@ -139,7 +139,7 @@ def test_a_stage_that_cannot_move_leaves_the_search_to_the_next(clean, plain, tm
     toml = WHOLE + '[[stage]]\nfree = ["BODY.E"]\n[[stage]]\nfree = "all"\n'
     path = write_folder(tmp_path / "test", Twin(), toml, clean)
     fail_where(monkeypatch, lambda p: p["BODY.nu"].value == 0.25 and p["BODY.E"].value != 1200.0)
-    state, result = identify(path, tmp_path / "run")
+    state, result = solved(path)
     assert [entry["stage"] for entry in state.history if not entry["accepted"]] == [0] * MAX_REJECTIONS
     assert result["status"] == "converged" and result["stages"] == 2
     for name, entry in plain[2]["parameters"].items():
@@ -158,11 +158,11 @@ def test_the_result_has_every_key_of_the_contract(plain):
 
 
 def test_a_prior_pulls_by_its_weight(clean, plain, tmp_path):
-    _, ordinary = identify(plain[0], tmp_path / "ordinary", options__estimator="ordinary")
+    _, ordinary = solved(plain[0], options__estimator="ordinary")
     entry = ordinary["parameters"]["BODY.nu"]
     mean, std = entry["value"] + 2.0 * entry["std"], entry["std"]
     toml = WHOLE.replace("nu = { value = 0.25", f"nu = {{ prior = {{ mean = {mean}, std = {std} }}, value = 0.25")
-    _, result = identify(write_folder(tmp_path / "test", Twin(), toml, clean), tmp_path / "run")
+    _, result = solved(write_folder(tmp_path / "test", Twin(), toml, clean))
     pulled = (result["parameters"]["BODY.nu"]["value"] - entry["value"]) / entry["std"]
     # equal weights by the standard deviation would give 1.0; the image sum is not a minimum-variance estimate (shared
     # noise of the reference), so its weight in the sum is larger than its standard deviation tells
@@ -185,7 +185,7 @@ def test_the_weighting_of_the_paper_ends_at_the_same_answer(plain, tmp_path):
 
 
 def test_the_weighting_of_the_paper_leaves_priors_their_weight_against_the_images(clean, plain, tmp_path):
-    _, ordinary = identify(plain[0], tmp_path / "ordinary", options__estimator="ordinary")
+    _, ordinary = solved(plain[0], options__estimator="ordinary")
     entry = ordinary["parameters"]["BODY.nu"]
     mean, std = entry["value"] + 2.0 * entry["std"], 100.0 * entry["std"]
     toml = WHOLE.replace("nu = { value = 0.25", f"nu = {{ prior = {{ mean = {mean}, std = {std} }}, value = 0.25")

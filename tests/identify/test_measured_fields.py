@@ -163,7 +163,7 @@ def test_of_a_long_series_init_keeps_stages_by_strain_and_the_log_follows(tmp_pa
 
 def test_a_run_from_files_ends_with_parameters_and_a_report(initialised, tmp_path):
     out = tmp_path / "run"
-    ended = run("identify", initialised, "--out", out, "--workers", "0")
+    ended = run("identify", initialised, "--out", out, "--no-prefect")
     assert ended.exit_code == 0, ended.output
     found = json.loads((out / "result.json").read_text())
     for name, truth in (("ALL.E", E_TRUE), ("ALL.nu", NU_TRUE)):
@@ -335,7 +335,7 @@ def test_a_bad_stage_ends_with_code_2_one_message_and_nothing_written(initialise
     shutil.copytree(initialised, folder)
     spoil(folder / "stages")
     before = sorted(path.relative_to(folder) for path in folder.rglob("*"))
-    ended = run("identify", folder, "--out", tmp_path / "run", "--workers", "0")
+    ended = run("identify", folder, "--out", tmp_path / "run", "--no-prefect")
     assert ended.exit_code == 2 and not (tmp_path / "run").exists()
     assert "stage_004.csv" in ended.output and ended.output.count("what to do:") == 1
     assert sorted(path.relative_to(folder) for path in folder.rglob("*")) == before

@@ -6,7 +6,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from twin_runs import TRUTH, identify
+from twin_runs import TRUTH, identify, solved
 
 from idic.errors import NotConverged
 from idic.experiment_file.load import load_experiment
@@ -25,20 +25,21 @@ from idic.workers.runner import SerialRunner
 FAR = {"BODY.E": 0.3 * TRUTH["E"], "BODY.nu": 0.05}  # more than two steps of 35 % away
 
 
-def far(path, run, trial_steps, **more):
-    return identify(path, run, BODY__E=FAR["BODY.E"], BODY__nu=FAR["BODY.nu"], options__trial_steps=trial_steps,
-                    options__estimator="ordinary", **more)
+def far(trial_steps, **more):
+    """The options of a search from far."""
+    return {"BODY__E": FAR["BODY.E"], "BODY__nu": FAR["BODY.nu"], "options__trial_steps": trial_steps,
+            "options__estimator": "ordinary"} | more
 
 
 @pytest.fixture(scope="module")
-def alone(plain, tmp_path_factory):
-    return far(plain[0], tmp_path_factory.mktemp("alone") / "run", 1)
+def alone(plain):
+    return solved(plain[0], **far(1))
 
 
 @pytest.fixture(scope="module")
 def three(plain, tmp_path_factory):
     run = tmp_path_factory.mktemp("three") / "run"
-    return run, *far(plain[0], run, 3)
+    return run, *identify(plain[0], run, **far(3))
 
 
 def test_parallel_steps_give_the_same_answer_in_fewer_rounds(alone, three):
@@ -85,7 +86,7 @@ def test_in_memory_and_on_files_the_same_trials_are_made(plain, three):
 def test_the_checkpoint_of_an_open_round_comes_back_to_the_last_bit(plain, three, tmp_path):
     """It holds all trials of the round; missing simulations are made."""
     run, state, _ = three
-    stopped, result = far(plain[0], tmp_path / "run", 3, options__max_iterations=1)
+    stopped, result = identify(plain[0], tmp_path / "run", **far(3, options__max_iterations=1))
     assert stopped.status == "max_iterations" and stopped.rounds == 1
     assert load_state(run) == state
     parallel = (ParallelTrial({"BODY.E": 1 / 3, "BODY.nu": 0.1}, 1e-3, 1),)
@@ -94,7 +95,7 @@ def test_the_checkpoint_of_an_open_round_comes_back_to_the_last_bit(plain, three
     assert load_state(tmp_path / "run") == open_round
 
 
-def test_a_version_that_cannot_be_simulated_leaves_the_others_in_the_race(plain, tmp_path, monkeypatch):
+def test_a_version_that_cannot_be_simulated_leaves_the_others_in_the_race(plain, monkeypatch):
     march = ForwardModel.march
 
     def failing(self, parameters, *args, **more):
@@ -103,7 +104,7 @@ def test_a_version_that_cannot_be_simulated_leaves_the_others_in_the_race(plain,
         yield from march(self, parameters, *args, **more)
 
     monkeypatch.setattr(ForwardModel, "march", failing)
-    state, result = far(plain[0], tmp_path / "run", 3)
+    state, result = solved(plain[0], **far(3))
     first = state.history[1]
     assert not first["accepted"] and first["phi"] is None and "for the test" in first["message"]
     assert any(entry["accepted"] for entry in state.history[2:4]) and result["status"] == "converged"
@@ -142,7 +143,7 @@ def test_the_damping_after_several_halvings_is_that_of_as_many_rejections():
 
 def test_a_round_without_an_accepted_step_counts_as_the_rejections_that_it_saves(plain, tmp_path):
     """Four rounds with two shorter versions each use up what eight rejections one by one do."""
-    state, _ = far(plain[0], tmp_path / "run", 1, options__max_iterations=2)
+    state, _ = identify(plain[0], tmp_path / "run", **far(1, options__max_iterations=2))
     session = open_session(tmp_path / "run", SerialRunner(), "direct")
     open_again = replace(state, status="running")
     here = replace(open_again, trial=Trial(state.accepted.values), evaluations=state.accepted.number)

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from law_paths import follow, random_path
+from numba import njit
 
 from idic.materials import LawParameter, LawSpec, all_laws, compile, get_law, register
 from idic.materials.core import law, points
+from idic.materials.neo_hookean import inverse
 
 
 def update_maxwell(F, state, params, dt, P, state_new):
@@ -93,6 +95,15 @@ def test_importing_the_laws_compiles_nothing():
             "sys.exit(sum(len(d.signatures) for d in gc.get_objects() if isinstance(d, Dispatcher) "
             "and d.py_func.__module__.startswith('idic')))")
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_helper_of_laws_is_called_from_compiled_functions_alone():
+    """Called from Python, a function without the code that takes Python's objects apart would end the process."""
+    called = njit(lambda F, out: inverse(F, out))
+    assert called(np.diag([1.0, 2.0, 4.0]), np.empty((3, 3))) == 8.0
+    with pytest.raises(TypeError, match=r"compiled functions only.*\.py_func"):
+        inverse(np.eye(3), np.empty((3, 3)))
+    assert inverse.py_func(np.diag([1.0, 2.0, 4.0]), np.empty((3, 3))) == 8.0
 
 
 def test_a_law_file_with_the_former_names_of_a_parameters_fields_still_reads():

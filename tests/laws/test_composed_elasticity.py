@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numba import njit
 
 from idic.materials import compile, point
 from idic.materials.composed.elasticity import FIBRE, HAHN_TSAI, ORTHOTROPIC, RAMBERG_OSGOOD, elastic_stress
@@ -10,10 +11,15 @@ E1, E2, NU12, G12 = 140e3, 10e3, 0.3, 5e3
 PLY = {"elasticity_E1": E1, "elasticity_E2": E2, "elasticity_nu12": NU12, "elasticity_G12": G12, "elasticity_angle": 0.0}
 
 
+@njit
+def compiled(symmetry, terms, strain, params, t, D):
+    elastic_stress(symmetry, terms, strain, params, t, D)
+
+
 def stress(symmetry, terms, strain, params):
     """(t, D) of a strain (6,), tensor components 11, 22, 33, 12, 13, 23."""
     t, D = np.empty(6), np.empty((6, 6))
-    elastic_stress(symmetry, (*terms, 0, 0), np.asarray(strain, dtype=float), np.asarray(params, dtype=float), t, D)
+    compiled(symmetry, (*terms, 0, 0), np.asarray(strain, dtype=float), np.asarray(params, dtype=float), t, D)
     return t, D
 
 

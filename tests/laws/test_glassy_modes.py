@@ -22,7 +22,10 @@ def with_modes(*modes):
 
 
 def spectrum(n):
-    """Moduli that fall slowly, viscosities that fall by a factor of eleven, as measured on polycarbonate."""
+    """Moduli that fall slowly, viscosities that fall by a factor of eleven, as measured on polycarbonate.
+
+    Every number of modes is compiled for itself, 4 s: the tests share 2, 3 and 17.
+    """
     k = np.arange(1, n)
     return with_modes((350.0, 2e11), *np.stack([56.0 * 0.87**k, 3.5e10 * 11.0**-k], axis=1))
 
@@ -110,7 +113,7 @@ def test_hand_written_derivatives_equal_the_complex_step(n, mode, rng):
 
 @pytest.mark.parametrize("mode", [0, 2])
 def test_the_tangent_is_the_difference_quotient_of_the_stress(mode, rng):
-    law, params = spectrum(5)
+    law, params = spectrum(3)
     F, state = softened(law, params, rng, mode)
     A = points.tangent(law, mode, F, state, params, 1.0)[2]
     d, h = F.shape[1], 1e-6
@@ -123,7 +126,7 @@ def test_the_tangent_is_the_difference_quotient_of_the_stress(mode, rng):
 
 
 def test_a_tension_curves_sensitivities_are_difference_quotients(rng):
-    law, params = spectrum(4)
+    law, params = spectrum(3)
     strain = np.linspace(0, 0.2, 41)
     curve = point.uniaxial(law, params, strain, times=1e3 * strain)
     h = 1e-5
@@ -138,7 +141,7 @@ def test_a_tension_curves_sensitivities_are_difference_quotients(rng):
 
 @pytest.mark.parametrize("mode", [0, 2])
 def test_all_parameters_of_stress_together_scale_the_stress_and_nothing_else(mode, rng):
-    law, params = spectrum(6)
+    law, params = spectrum(3)
     F, state = softened(law, params, rng, mode)
     stresses = [*STRESSES, *range(SHARED, len(params))]
     scaled = params.copy()
@@ -153,7 +156,7 @@ def test_all_parameters_of_stress_together_scale_the_stress_and_nothing_else(mod
     dP, dnew, _ = points.directional(law, mode, F, state, params, 1.0, np.zeros((len(F), 1, *F.shape[1:])), None,
                                      dparams)
     np.testing.assert_allclose(dP[:, 0], P, atol=1e-9 * np.abs(P).max())
-    assert np.abs(dnew[..., :37]).max() < 1e-9
+    assert np.abs(dnew[..., :19]).max() < 1e-9
 
 
 def test_the_equations_of_flow_are_satisfied_by_the_state(rng):

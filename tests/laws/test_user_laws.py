@@ -16,7 +16,6 @@ from twin_runs import GRIPS, Twin, write_folder  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 from idic.materials.core import law, user_laws  # noqa: E402
 
-pytestmark = pytest.mark.usefixtures("shared_server")
 PAGE = Path(__file__).parents[2] / "docs" / "add-a-law.md"
 RUBBER = """
 [material.BODY]
@@ -71,7 +70,7 @@ def test_a_test_is_identified_with_the_law_of_the_page(scratch, monkeypatch):
     truth = {"C1": 2.5, "C2": 0.5, "kappa": 100.0}
     twin = Twin(law="yeoh_2", truth=truth, grip=tuple(np.linspace(0.0, 1.6, 6)), force_noise=0.02)
     write_folder(scratch / "test", twin, RUBBER + GRIPS)
-    done = idic("--laws", "my_law.py", "identify", "test", "--out", "run", "--workers", "0", cwd=scratch)
+    done = idic("--laws", "my_law.py", "identify", "test", "--out", "run", "--no-prefect", cwd=scratch)
     assert done.returncode == 0, done.stderr
     import json
 
@@ -80,7 +79,7 @@ def test_a_test_is_identified_with_the_law_of_the_page(scratch, monkeypatch):
         entry = found[f"BODY.{name}"]
         assert entry["value"] == pytest.approx(truth[name], abs=4 * entry["std"] + 0.02 * truth[name])  # coarse mesh
     (scratch / "my_law.py").write_text((scratch / "my_law.py").read_text() + "\n# another version\n")
-    changed = idic("--laws", "my_law.py", "identify", "test", "--out", "run", "--resume", cwd=scratch)
+    changed = idic("--laws", "my_law.py", "identify", "test", "--out", "run", "--no-prefect", "--resume", cwd=scratch)
     assert changed.returncode == 2 and "another experiment" in changed.stderr
 
 

@@ -12,9 +12,9 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
 
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder  # noqa: E402
 
-import idic  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 from idic.experiment_file.load import load_experiment  # noqa: E402
+from idic.identify.in_memory import identify  # noqa: E402
 from idic.readers.images import open_stack, read_image  # noqa: E402
 
 
@@ -71,6 +71,5 @@ def test_a_test_recorded_as_a_video_gives_the_parameters_of_its_images(tmp_path)
     text = path.read_text().replace('images = "images/*.tif"', 'images = "test.avi"')
     (tmp_path / "video" / "experiment.toml").write_text(text)
     assert load_experiment(tmp_path / "video").times[-1] == 5.0  # from the log, row by row
-    found = [idic.identify_experiment(tmp_path / name, tmp_path / f"run-{name}")["parameters"]
-             for name in ("images", "video")]
+    found = [identify(load_experiment(tmp_path / name)).result["parameters"] for name in ("images", "video")]
     assert found[0] == found[1]

@@ -3,23 +3,20 @@
 import json
 
 import pytest
+from virtual_tests.small_strip import write_small_strip
 
 import idic
 from idic.run.reporting.write import write_report
-from idic.virtual_tests import examples
-from idic.virtual_tests.demo import Size, strip
+from idic.virtual_tests.demo import Size
 
 SMALL = Size(0.2, (60, 110), (3, 3, 4), (2, 2, 1), (2, 2, 1), 1)
 SET, COLUMN = "../../../../../elsewhere/s", "Force/top_N"
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.setitem(examples.EXAMPLES, "small", lambda reduced, foreign: strip(SMALL))
-    folder = tmp_path / "laboratory" / "test"
-    examples.write_example("small", folder)
-    for name, pairs in {"experiment.toml": ((".sheet]", f'."{SET}"]'), ('"sheet.', f'"{SET}.'), ("force_N", COLUMN),
-                                            ("55e3", "68e3"), ("0.38", "0.31"), ("260", "203"), ("800", "1450")),
+def folder(tmp_path):
+    folder = write_small_strip(tmp_path / "laboratory" / "test", SMALL)
+    for name, pairs in {"experiment.toml": ((".sheet]", f'."{SET}"]'), ('"sheet.', f'"{SET}.'), ("force_N", COLUMN)),
                         "mesh.inp": (("sheet", SET),), "loads.csv": (("force_N", COLUMN),)}.items():
         file = folder / name
         text = file.read_text()

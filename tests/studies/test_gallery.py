@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 
 import pytest
+from typer.testing import CliRunner
 
+from idic.cli.app import app
 from idic.errors import InputError
 from idic.validation.pages.gallery_page import render_gallery
 from idic.validation.studies.gallery import make_gallery
@@ -68,9 +68,8 @@ def test_a_folder_with_something_in_it_and_an_unknown_name_are_refused(gallery, 
 
 
 def test_the_command_says_so_with_exit_code_2(tmp_path):
-    done = subprocess.run([sys.executable, "-m", "idic", "gallery", "--out", str(tmp_path / "g"), "--only", "nonsense"],
-                          capture_output=True, text=True)
-    assert done.returncode == 2 and "plate, bulge, polycarbonate, composite, two-speeds, wrong-model" in done.stderr
+    done = CliRunner().invoke(app, ["gallery", "--out", str(tmp_path / "g"), "--only", "nonsense"])
+    assert done.exit_code == 2 and "plate, bulge, polycarbonate, composite, two-speeds, wrong-model" in done.stderr
 
 
 def test_six_examples_of_six_names():

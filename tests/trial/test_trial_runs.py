@@ -60,7 +60,7 @@ def test_finished_trials_are_not_repeated(ended, tmp_path):
     assert folder.unanswered(numbers.values()) == [numbers["clean/1"]]
 
 
-@pytest.mark.parametrize("name", ["orthotropy", "thermal_expansion",
+@pytest.mark.parametrize("name", ["thermal_expansion", pytest.param("orthotropy", marks=pytest.mark.slow),
                                   pytest.param("heterogeneity", marks=pytest.mark.slow),
                                   pytest.param("grip_slip", marks=pytest.mark.slow)])
 def test_calculix_and_the_built_in_solver_agree_on_linear_scenes(name):

@@ -56,8 +56,8 @@ def test_a_flow_runs_against_our_server_and_its_tasks_have_names(unconfigured):
     assert "PREFECT_API_URL" not in os.environ and PASSWORD not in os.environ
 
 
-def test_a_server_answers_its_own_run_only(unconfigured):
-    """Neither other users of the machine, nor other web pages, nor pages whose name leads here."""
+def test_a_server_listens_on_the_loopback_interface_and_answers_its_own_run_only(unconfigured):
+    """Neither other users of the machine, nor other web pages, nor pages whose name leads here; a second start shares it."""
     with start_server() as server:
         server.wait()
         assert server.password == os.environ[PASSWORD] and len(server.password) > 20
@@ -68,6 +68,11 @@ def test_a_server_answers_its_own_run_only(unconfigured):
         strange, own = (_ask(server, Origin=page).getheader("Access-Control-Allow-Origin")
                         for page in ("https://evil.example", server.dashboard))
         assert strange is None and own == server.dashboard
+        with start_server() as late:
+            assert not late.owned and late.wait() == server.url and late.home == server.home
+        assert server.wait() == server.url  # it still answers
+        connections = psutil.Process(server._process.pid).net_connections("tcp")
+        assert {c.laddr.ip for c in connections if c.status == psutil.CONN_LISTEN} == {"127.0.0.1"}
 
 
 def test_every_server_has_a_password_of_its_own(unconfigured):
@@ -177,15 +182,6 @@ def test_a_configured_server_that_is_dead_is_said(unconfigured, monkeypatch):
     monkeypatch.setattr(prefect_server, "_CONFIGURED_SECONDS", 0.1)
     with start_server() as server, pytest.raises(InputError, match="does not answer"):
         server.wait()
-
-
-def test_a_server_started_earlier_is_shared_and_listens_on_the_loopback_interface_only(unconfigured):
-    with start_server() as early:
-        with start_server() as late:
-            assert not late.owned and late.wait() == early.url and late.home == early.home
-        assert early.wait() == early.url  # it still answers
-        connections = psutil.Process(early._process.pid).net_connections("tcp")
-        assert {c.laddr.ip for c in connections if c.status == psutil.CONN_LISTEN} == {"127.0.0.1"}
 
 
 def test_a_server_in_the_active_profile_is_used(tmp_path):

@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from idic.materials.composed.elastic_strain import about_z, first_piola, full, of_strain, strain_of, stretch
 from idic.materials.composed.elastic_strain import inverse as inverse_of
@@ -24,6 +23,7 @@ from idic.materials.composed.flow_stress import flow_stress, most_growth, resist
 from idic.materials.composed.general_return import MOST_DAMAGE, damage_growth_of, hill_coefficients, recovery
 from idic.materials.composed.isotropic_return import IN_PLANE_SHEAR, flows
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.plasticity.elastoplastic import ABSOLUTE_TOLERANCE, MAX_ITERATIONS, RELATIVE_TOLERANCE, ROOT
 from idic.materials.plasticity.j2_kinematic import rotation, transposed
 
@@ -31,7 +31,7 @@ STRAIN_TOLERANCE = 1e-9   # of a pass where the elasticity is nonlinear, over th
 MOST_PASSES = 60
 
 
-@njit
+@inner
 def flow_matrix(surface, first, params, A):
     """A (6, 6) of the yield condition, on components of a tensor; ``first``: place of Hill's r0, r45, r90."""
     A[:, :] = 0.0
@@ -44,7 +44,7 @@ def flow_matrix(surface, first, params, A):
     A[3, 3], A[4, 4], A[5, 5] = n, 1.5, 1.5
 
 
-@njit
+@inner
 def product(s, t):
     """s : t of two 6-vectors."""
     total = 0.0 * (s[0] + t[0])
@@ -53,7 +53,7 @@ def product(s, t):
     return total
 
 
-@njit
+@inner
 def times(A, s, out):
     """out = A s; most entries of A are zero."""
     for i in range(6):
@@ -63,7 +63,7 @@ def times(A, s, out):
                 out[i] += A[i, j] * s[j]
 
 
-@njit
+@inner
 def solve(K, x):
     """x = K^-1 x for the two right-hand sides in the columns of x (6, 2); K is overwritten.
 
@@ -86,7 +86,7 @@ def solve(K, x):
         x[i, 1] /= K[i, i]
 
 
-@njit
+@inner
 def shifted(back, stress, growth, state, params, A, dA):
     """stress - sum 2/3 C w a into A and its slope over growth into dA; returns (sum 2/3 C w, its slope)."""
     total, slope = 0.0 * growth, 0.0 * growth
@@ -102,7 +102,7 @@ def shifted(back, stress, growth, state, params, A, dA):
     return total, slope
 
 
-@njit
+@inner
 def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, own, e, xi, flowing, passes, sloped):
     """The strain e, xi and A xi that belong to a growth: (1 / resistance - 1 / q, its slope over growth if ``sloped``).
 
@@ -151,7 +151,7 @@ def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, para
     return 1.0 / flow - 1.0 / q, dq / (q * q) - dflow / (flow * flow)
 
 
-@njit
+@inner
 def stiffness_times(D, A, total, z, K):
     """K = 1 + z (D + total) A; most entries of both are zero."""
     for i in range(6):
@@ -165,7 +165,7 @@ def stiffness_times(D, A, total, z, K):
                         K[i, j] += stiffness * A[m, j]
 
 
-@njit
+@inner
 def plastic_growth(elastic, back, hardening, rate, A, trial, q, modulus, p, dt, state, params, own):
     """Root of the yield condition, all real; -1 where there is none. Newton inside a bracket, from the middle."""
     e, xi, flowing = np.empty(6), np.empty(6), np.empty(6)
@@ -192,7 +192,7 @@ def plastic_growth(elastic, back, hardening, rate, A, trial, q, modulus, p, dt, 
     return -1.0
 
 
-@njit
+@inner
 def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, F, state, params, dt, P, state_new):
     """One point, real or complex; ``elastic``: symmetry and terms, ``shift``: places of `params` before ``own``'s."""
     f = tensors.load(F)
@@ -251,7 +251,7 @@ def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, 
     return 0
 
 
-@njit
+@inner
 def remember(back, U, e, turn, trial, growth, state, own, state_new):
     """Cp^-1, p and back strains after a plastic step into the state; returns g."""
     after = tensors.congruence(transposed(turn), of_strain((e[0], e[1], e[2], e[3], e[4], e[5])))

@@ -19,40 +19,40 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from idic.materials.core import symmetric, tensors
+from idic.materials.core.inner import inner
 
 MAX_ROOT_ITERATIONS = 40
 ROOT_TOLERANCE = 1e-5  # change of the square root, quadratic: two more iterations end at rounding
 
 
-@njit
+@inner
 def full(s):
     """A 6-tuple as a 9-tuple."""
     return s[0], s[3], s[4], s[3], s[1], s[5], s[4], s[5], s[2]
 
 
-@njit
+@inner
 def inverse(s):
     """s^-1 of a symmetric tensor."""
     a = symmetric.adjugate(s)
     return tensors.scaled(1.0 / (s[0] * a[0] + s[3] * a[3] + s[4] * a[4]), a, 0.0)
 
 
-@njit
+@inner
 def stretch(R, f):
     """U = R^T f of f = R U, its skew rounding dropped."""
     return symmetric.cauchy_green(R, f)
 
 
-@njit
+@inner
 def strain_of(g):
     """e of g."""
     return tensors.combine(0.25, g, -0.25, inverse(g), 0.0)
 
 
-@njit
+@inner
 def squared(s):
     """s s."""
     return (s[0] * s[0] + s[3] * s[3] + s[4] * s[4], s[3] * s[3] + s[1] * s[1] + s[5] * s[5],
@@ -60,7 +60,7 @@ def squared(s):
             s[0] * s[4] + s[3] * s[5] + s[4] * s[2], s[3] * s[4] + s[1] * s[5] + s[5] * s[2])
 
 
-@njit
+@inner
 def of_strain(e):
     """g of e; the square root by the iteration of Denman and Beavers, which keeps symmetric tensors symmetric."""
     y, z = tensors.scaled(4.0, squared(e), 1.0), tensors.scaled(0.0, e, 1.0)
@@ -77,7 +77,7 @@ def of_strain(e):
     return tensors.combine(2.0, e, 1.0, y, 0.0)
 
 
-@njit
+@inner
 def about_z(angle):
     """The rotation Q^T into axes at an angle (deg) about z: Q^T s Q has the components there."""
     c, s = np.cos(angle * (math.pi / 180.0)), np.sin(angle * (math.pi / 180.0))
@@ -85,7 +85,7 @@ def about_z(angle):
     return c, s, zero, -s, c, zero, zero, zero, 1.0 + zero
 
 
-@njit
+@inner
 def first_piola(R, U, inverse_cp, g, t):
     """P of the stress t, which stands in the axes of U."""
     back = full(inverse(g))

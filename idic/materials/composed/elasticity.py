@@ -15,8 +15,8 @@ the tensor e, shear strains not doubled.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from idic.materials.core.inner import inner
 from idic.materials.elastic import lame
 from idic.materials.orthotropic import stiffness
 
@@ -27,7 +27,7 @@ RELATIVE_TOLERANCE = 1e-9
 SMALL = 1e-30  # squared strain that is none
 
 
-@njit
+@inner
 def linear_stiffness(symmetry, params, C):
     """C of isotropic (E, nu) or orthotropic (E1, E2, nu12, G12) elasticity into (6, 6); returns the shear modulus 12."""
     C[:, :] = 0.0
@@ -43,7 +43,7 @@ def linear_stiffness(symmetry, params, C):
     return G12
 
 
-@njit
+@inner
 def compliance(terms, x, G, params):
     """(strain, its slope) over x = stress / modulus of the terms that soften; x >= 0."""
     strain, slope = x, 1.0 + 0.0 * x
@@ -60,7 +60,7 @@ def compliance(terms, x, G, params):
     return strain, slope
 
 
-@njit
+@inner
 def inverted(terms, strain, G, params):
     """(x, its slope) of `compliance` = strain >= 0: Newton from above, where the curve is convex; exact in complex."""
     x, known, shear = strain.real, params.real, G.real
@@ -76,7 +76,7 @@ def inverted(terms, strain, G, params):
     return y, 1.0 / compliance(terms, y, G, params)[1]
 
 
-@njit
+@inner
 def times(D, e, t):
     """t = D e."""
     for i in range(6):
@@ -85,13 +85,13 @@ def times(D, e, t):
             t[i] += D[i, j] * e[j]
 
 
-@njit
+@inner
 def weight(i):
     """How often a component of a 6-vector stands in the tensor."""
     return 1.0 if i < 3 else 2.0
 
 
-@njit
+@inner
 def elastic_stress(symmetry, terms, e, params, t, D):
     """Stress t (6,) and tangent D (6, 6) of the strain e (6,)."""
     G = linear_stiffness(symmetry, params, D)
@@ -126,7 +126,7 @@ def elastic_stress(symmetry, terms, e, params, t, D):
                         D[j, m] += gamma * (k * C[j, m] + linear[j] * linear[m] * weight(m) / (k * params[0]))
 
 
-@njit
+@inner
 def soften_deviator(terms, e, G, params, t, D):
     """The deviator of isotropic elasticity with Ramberg and Osgood's term, into t and D."""
     mean = (e[0] + e[1] + e[2]) / 3.0

@@ -15,14 +15,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from idic.materials.core.inner import inner
 
 NONE, LINEAR, VOCE, POWER, FREE = 0, 1, 2, 3, 16  # a free curve of n knots is FREE + n
 NORTON, PERZYNA, JOHNSON_COOK = 1, 2, 3
 YIELD = 2
 
 
-@njit
+@inner
 def free_curve(n, first, p, params):
     """(s - yield_stress, slope of s) at p of a free curve with n knots; real or complex."""
     low, last, steepness = params[YIELD] + 0.0 * p, 0.0 * params[first], 0.0 * (params[first] + p)
@@ -36,7 +37,7 @@ def free_curve(n, first, p, params):
     return low + steepness * (p - last) - params[YIELD], steepness
 
 
-@njit
+@inner
 def free_curve_change(n, first, p, params, d):
     """Change of s - yield_stress with yield_stress, range, s2 ... sn at fixed p; real."""
     low, dlow, last, dlast, steepness, change = params[YIELD], d[YIELD], 0.0, 0.0, 0.0, 0.0
@@ -52,7 +53,7 @@ def free_curve_change(n, first, p, params, d):
     return dlow + change * (p - last) - steepness * dlast - d[YIELD]
 
 
-@njit
+@inner
 def flow_stress(hardening, p, params):
     """(sigma, d sigma/dp) at p, real or complex; the power law's infinite slope at p = 0 is returned as 0: not used."""
     sigma, slope = params[YIELD] + 0.0 * p, 0.0 * p + 0.0 * params[YIELD]
@@ -76,7 +77,7 @@ def flow_stress(hardening, p, params):
     return sigma, slope
 
 
-@njit
+@inner
 def flow_stress_change(hardening, p, params, d):
     """Change of sigma with the parameters at fixed p; real."""
     change = d[YIELD]
@@ -94,7 +95,7 @@ def flow_stress_change(hardening, p, params, d):
     return change
 
 
-@njit
+@inner
 def resistance(hardening, rate, p, growth, dt, friction_stress, params):
     """(resistance, its slope over the growth of p, its slope over p at fixed growth) at p + growth, growth > 0."""
     sigma, slope = flow_stress(hardening, p + growth, params)
@@ -114,7 +115,7 @@ def resistance(hardening, rate, p, growth, dt, friction_stress, params):
     return sigma * (1.0 + over), slope * (1.0 + over) + sigma * exponent * over / growth, slope * (1.0 + over)
 
 
-@njit
+@inner
 def resistance_change(hardening, rate, p, growth, dt, friction_stress, params, d, dfriction_stress):
     """Change of the resistance with the parameters (and friction_stress) at fixed p (at the end) and growth; real."""
     dsigma = flow_stress_change(hardening, p, params, d) + dfriction_stress
@@ -136,13 +137,13 @@ def resistance_change(hardening, rate, p, growth, dt, friction_stress, params, d
                                                    - math.log(speed) / (m * m) * d[first + 1])
 
 
-@njit
+@inner
 def without_viscosity(rate, params):
     """Whether the rate has no effect: its first parameter is zero."""
     return rate[0] == NONE or params[rate[1]].real == 0.0
 
 
-@njit
+@inner
 def most_growth(rate, trial, sigma, dt, params):
     """The growth at which the rate alone resists a trial stress above sigma, all real: no step grows more."""
     if without_viscosity(rate, params):

@@ -23,11 +23,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from idic.materials.composed.flow_stress import flow_stress, most_growth, resistance
 from idic.materials.composed.isotropic_return import HILL48, flows
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.plasticity.elastoplastic import (
     ABSOLUTE_TOLERANCE,
     MAX_ITERATIONS,
@@ -44,7 +44,7 @@ RATIOS, ANGLE = 3, 6  # places of Hill's r0, r45, r90 and of the angle
 MOST_DAMAGE = 0.99
 
 
-@njit
+@inner
 def hill_coefficients(surface, first, params):
     """(f, g, h, n) of the yield condition as in ``j2_hill.py``, r0, r45, r90 from place `first` on; of Mises too."""
     if surface != HILL48:
@@ -56,14 +56,14 @@ def hill_coefficients(surface, first, params):
     return h / r90, g, h, 0.5 * (r0 + r90) * (1.0 + 2.0 * r45) * g / r90
 
 
-@njit
+@inner
 def back_strain(state, term):
     """The back strain of a term (0, 1, ...), as a 6-tuple."""
     i = 7 + 6 * term
     return state[i], state[i + 1], state[i + 2], state[i + 3], state[i + 4], state[i + 5]
 
 
-@njit
+@inner
 def recovery(back, term, growth, params):
     """(2/3 C, gamma, w) of a term."""
     first = back[2 * term + 1]
@@ -71,7 +71,7 @@ def recovery(back, term, growth, params):
     return 2.0 / 3.0 * params[first], gamma, 1.0 / (1.0 + gamma * growth)
 
 
-@njit
+@inner
 def relative(back, s, growth, state, params):
     """(s - sum 2/3 C w a, its slope over growth, sum 2/3 C w, its slope)."""
     zero = 0.0 * growth
@@ -86,7 +86,7 @@ def relative(back, s, growth, state, params):
     return A, dA, sum_C, dsum_C
 
 
-@njit
+@inner
 def yield_function(surface, hardening, back, rate, s, twice_shear, state, p, growth, dt, hill, params):
     """(value, its slope over growth, strain): the equation at the top, of Hill as 1 / resistance - 1 / q."""
     flow, dflow, _ = resistance(hardening, rate, p, growth, dt, 0.0 * p, params)
@@ -104,7 +104,7 @@ def yield_function(surface, hardening, back, rate, s, twice_shear, state, p, gro
     return 1.0 / flow - 1.0 / q, dq / (q * q) - dflow / (flow * flow), tensors.scaled(z, direction, 0.0)
 
 
-@njit
+@inner
 def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, dt, hill, params):
     """Root of the yield function, all real; -1 where there is none. Newton inside a bracket, from the middle."""
     size = np.sqrt(tensors.contract(s, s)) / ROOT
@@ -134,7 +134,7 @@ def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, 
     return -1.0
 
 
-@njit
+@inner
 def damage_growth(first, s, spherical, p, growth, params):
     """Growth of D over a step that ends with the effective stress s + spherical 1 and p + growth."""
     if not growth.real > 0.0:
@@ -145,7 +145,7 @@ def damage_growth(first, s, spherical, p, growth, params):
     return damage_growth_of(first, energy, ratio, p, growth, params)
 
 
-@njit
+@inner
 def damage_growth_of(first, energy, ratio, p, growth, params):
     """Growth of D of a step that ends with the energy density Y, ``ratio`` = mean stress / q, and p + growth."""
     after = p + growth
@@ -159,14 +159,14 @@ def damage_growth_of(first, energy, ratio, p, growth, params):
     return (energy / params[first]) ** params[first + 1] * counted * weight
 
 
-@njit
+@inner
 def put(s, out, place):
     """A 6-tuple into the state."""
     for m in range(6):
         out[place + m] = s[m]
 
 
-@njit
+@inner
 def update(surface, hardening, back, rate, damage, F, state, params, dt, P, state_new):
     """One point, real or complex."""
     G, kappa = shear_and_bulk(params[0], params[1])

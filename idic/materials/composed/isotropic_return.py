@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
 
 from idic.materials.composed.flow_stress import (
     flow_stress,
@@ -23,6 +22,7 @@ from idic.materials.composed.flow_stress import (
     without_viscosity,
 )
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.plasticity.elastoplastic import (
     ABSOLUTE_TOLERANCE,
     MAX_ITERATIONS,
@@ -38,7 +38,7 @@ from idic.materials.plasticity.elastoplastic import (
 MISES, DRUCKER_PRAGER, HILL48, IN_PLANE_SHEAR = 0, 1, 2, 3
 
 
-@njit
+@inner
 def plastic_growth(hardening, rate, trial, stiffness, p, dt, friction_stress, params):
     """Root of trial - stiffness growth - resistance, all real; -1 without one, -2 where no strength is left.
 
@@ -68,20 +68,20 @@ def plastic_growth(hardening, rate, trial, stiffness, p, dt, friction_stress, pa
     return -1.0
 
 
-@njit
+@inner
 def friction_of(surface, spherical, params):
     """friction * pressure, what Drucker and Prager add to the flow stress."""
     return -params[3] * spherical if surface == DRUCKER_PRAGER else 0.0 * spherical
 
 
-@njit
+@inner
 def flows(hardening, rate, trial, p, dt, friction_stress, params):
     """Whether the trial state is beyond yield, and time, or no viscosity, lets it flow; all real."""
     return trial > flow_stress(hardening, p, params)[0] + friction_stress and (
         dt > 0.0 or without_viscosity(rate, params))
 
 
-@njit
+@inner
 def update(surface, hardening, rate, F, state, params, dt, P, state_new):
     """One point, real or complex."""
     G, kappa = shear_and_bulk(params[0], params[1])
@@ -112,7 +112,7 @@ def update(surface, hardening, rate, F, state, params, dt, P, state_new):
     return 0
 
 
-@njit
+@inner
 def linearise(surface, hardening, rate, F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
     """`update` and its derivative (see `LawSpec.linearise`)."""
     G, kappa = shear_and_bulk(params[0], params[1])
@@ -166,7 +166,7 @@ def linearise(surface, hardening, rate, F, state, params, dt, dF, dstate, dparam
     return 0
 
 
-@njit
+@inner
 def rate_factor(hardening, rate, p, growth, dt, friction_stress, params):
     """Derivative of the resistance by the flow stress: it is linear in it, and 1 MPa more shows the factor."""
     more = resistance(hardening, rate, p, growth, dt, friction_stress + 1.0, params)[0]

@@ -11,11 +11,13 @@ is condensed, dF33 = -dP33/(dP33/dF33), dP += dP_e dF33, dstate += dstate_e dF33
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
-from numba import njit, types
+from numba import types
 
 from idic.materials.core.compilation import LINEARISE, UPDATE, UPDATE_COMPLEX, c_array
+from idic.materials.core.inner import inner
 
 COMPLEX_STEP = 1e-30               # complex step: its square is lost in rounding whatever the parameter's size
 F33_TOLERANCE = 1e-11      # last correction of F33, applied to first order: its square is below rounding
@@ -23,7 +25,7 @@ F33_LAST_STEP_TOLERANCE = 1e-7          # below this the next evaluation is expe
 F33_ITERATIONS = 80        # Newton takes 2 to 4; bisection, where a law is not smooth, up to 50
 
 
-borrowing = njit(_nrt=False)  # makes no arrays: no atomic reference counts, a quarter of the time in plane stress
+borrowing = partial(inner, _nrt=False)  # makes no arrays: no atomic reference counts, a quarter of the time in plane stress
 
 
 @borrowing
@@ -68,7 +70,7 @@ def linearised(by_hand, linearise, update_complex, F, state, params, dt, dF, dst
     return status if finite else 1
 
 
-@njit
+@inner
 def next_stretch(f33, p33, slope, failed, low, high, good):
     """The next F33 to try: Newton's, at most a factor of two away and inside the bracket [low, high] (0: open).
 
@@ -153,7 +155,7 @@ def condense(P, state_new, dP, dstate_new, step, slope):
         dP[k, 2, 2] = dF33  # of no further use as a stress (it is zero): carries the change of F33 to the caller
 
 
-@njit
+@inner
 def embed(F, F33, out):
     """A point's F (2, 2) or (3, 3) as (3, 3)."""
     d = F.shape[0]
@@ -164,7 +166,7 @@ def embed(F, F33, out):
         out[2, 2] = F33
 
 
-@njit
+@inner
 def put(matrix, out):
     """The leading block of a (3, 3) matrix into ``out`` (2, 2) or (3, 3)."""
     for i in range(out.shape[0]):
@@ -172,14 +174,14 @@ def put(matrix, out):
             out[i, j] = matrix[i, j]
 
 
-@njit
+@inner
 def copy(values, out):
     """The leading entries: as many as the shorter of the two has."""
     for m in range(min(values.shape[0], out.shape[0])):
         out[m] = values[m]
 
 
-@njit
+@inner
 def clear(out):
     """Zero a matrix: outputs of a point that did not converge are zero, never NaN."""
     for i in range(out.shape[0]):

@@ -17,9 +17,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter
 from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS
 
@@ -36,13 +36,13 @@ PARAMETERS = (*ELASTIC_PARAMETERS,
 ALTERNATIVES = ELASTIC_ALTERNATIVES
 
 
-@njit
+@inner
 def shear_and_bulk(E, nu):
     """G and kappa of E and nu."""
     return 0.5 * E / (1.0 + nu), E / (3.0 * (1.0 - 2.0 * nu))
 
 
-@njit
+@inner
 def elastic_change(params, d):
     """Change of G and kappa with E and nu."""
     G, kappa = shear_and_bulk(params[0], params[1])
@@ -50,7 +50,7 @@ def elastic_change(params, d):
             kappa / params[0] * d[0] + 2.0 * kappa / (1.0 - 2.0 * params[1]) * d[1])
 
 
-@njit
+@inner
 def trial_state(F, state):
     """(J, F^-1, b, I, dev b, |dev b|, J^(-2/3)) of a point, real or complex."""
     f = tensors.load(F)
@@ -63,7 +63,7 @@ def trial_state(F, state):
     return J, fi, b, mean, dev, np.sqrt(tensors.contract(dev, dev)), scale
 
 
-@njit
+@inner
 def cp_after(fi, keep, mean, dev, scale, state_new):
     """Cp^-1 of the b+ that the return leaves, into the state."""
     c = tensors.congruence(fi, tensors.scaled(keep * scale, dev, mean * scale))
@@ -71,7 +71,7 @@ def cp_after(fi, keep, mean, dev, scale, state_new):
     state_new[3], state_new[4], state_new[5] = c[3], c[4], c[5]
 
 
-@njit
+@inner
 def one_direction(F, trial, solution, explicit, k, dF, dstate, dP, dstate_new):
     """Row k of dP and dstate_new; l = dF F^-1, the return's x by the implicit function theorem."""
     J, fi, b, mean, dev, norm, shrink = trial

@@ -18,9 +18,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.plasticity import elastoplastic
 from idic.materials.plasticity.elastoplastic import ABSOLUTE_TOLERANCE, MAX_ITERATIONS, RELATIVE_TOLERANCE
@@ -30,7 +30,7 @@ from idic.materials.plasticity.j2_kinematic import real_parts, rotation, transpo
 R0, R45, R90, ANGLE = 6, 7, 8, 9
 
 
-@njit
+@inner
 def coefficients(params):
     """(f, g, h, n) of the yield condition; real or complex."""
     g = 1.0 / (1.0 + params[R0])
@@ -38,7 +38,7 @@ def coefficients(params):
     return h / params[R90], g, h, 0.5 * (params[R0] + params[R90]) * (1.0 + 2.0 * params[R45]) * g / params[R90]
 
 
-@njit
+@inner
 def to_axes(R, angle):
     """Rotation from the current frame into the material axes, (R Q)^T, as a 9-tuple."""
     c, s = np.cos(angle * (math.pi / 180.0)), np.sin(angle * (math.pi / 180.0))
@@ -47,7 +47,7 @@ def to_axes(R, angle):
                        c * R[6] + s * R[7], c * R[7] - s * R[6], R[8]))
 
 
-@njit
+@inner
 def returned(s, z, a):
     """s+ of s+ + z A s+ = s, a deviator in material axes; a = (f, g, h, n)."""
     f, g, h, n = a
@@ -59,7 +59,7 @@ def returned(s, z, a):
     return s11, s22, -s11 - s22, s[3] / (1.0 + z * n), s[4] * across, s[5] * across
 
 
-@njit
+@inner
 def flow_direction(s, a):
     """A s of a deviator in material axes."""
     f, g, h, n = a
@@ -67,7 +67,7 @@ def flow_direction(s, a):
             (f + g) * s[2] - g * s[0] - f * s[1], n * s[3], 1.5 * s[4], 1.5 * s[5])
 
 
-@njit
+@inner
 def yield_function(s, w, stiffness, p, a, params):
     """(q(s+), its slope over w, sigma(p+), its slope over w, s+) at w = z stiffness, with stiffness = 2 G I.
 
@@ -81,7 +81,7 @@ def yield_function(s, w, stiffness, p, a, params):
     return q, dq, flow, hardening * (q + w * dq) / stiffness, after
 
 
-@njit
+@inner
 def plastic_multiplier(s, stiffness, p, a, params):
     """Root w > 0 of q(s+) = sigma(p+), all real but params; -1 where there is none.
 

@@ -21,9 +21,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.core.law import DerivedQuantity, LawParameter, LawSpec, register
 from idic.materials.elastic import ELASTIC_PARAMETERS
 from idic.materials.plasticity.elastoplastic import (
@@ -33,7 +33,7 @@ from idic.materials.plasticity.elastoplastic import (
 LINEAR, VOCE, POWER, SWIFT, POWER_REFERENCE = 0, 1, 2, 3, 4  # kinds of hardening: a constant in the code of each law
 
 
-@njit
+@inner
 def flow_stress(kind, p, params):
     """(sigma, d sigma/dp) at p, real or complex; the parameters start at index 2, behind E and nu.
 
@@ -64,7 +64,7 @@ def flow_stress(kind, p, params):
     return sigma, slope
 
 
-@njit
+@inner
 def flow_stress_change(kind, p, params, d):
     """Change of sigma with the parameters at fixed p; real."""
     change = d[2]
@@ -86,7 +86,7 @@ def flow_stress_change(kind, p, params, d):
     return change
 
 
-@njit
+@inner
 def plastic_multiplier(kind, trial, stiffness, p, params):
     """Root x >= 0 of trial - stiffness x - sqrt(2/3) sigma(p + sqrt(2/3) x), all real; -1 where there is none.
 
@@ -112,7 +112,7 @@ def plastic_multiplier(kind, trial, stiffness, p, params):
     return -1.0
 
 
-@njit
+@inner
 def update_by_return(kind, F, state, params, P, state_new):
     """One point of a law with this hardening, real or complex."""
     G, kappa = shear_and_bulk(params[0], params[1])
@@ -140,7 +140,7 @@ def update_by_return(kind, F, state, params, P, state_new):
     return 0
 
 
-@njit
+@inner
 def linearise_by_return(kind, F, state, params, dF, dstate, dparams, P, state_new, dP, dstate_new):
     """`update_by_return` and its derivative along ``len(dF)`` directions, by hand (see `LawSpec.linearise`)."""
     G, kappa = shear_and_bulk(params[0], params[1])

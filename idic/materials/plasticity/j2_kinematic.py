@@ -14,9 +14,9 @@ in tension the back stress saturates at C / gamma.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.plasticity import elastoplastic
 from idic.materials.plasticity.elastoplastic import ABSOLUTE_TOLERANCE, MAX_ITERATIONS, RELATIVE_TOLERANCE, ROOT
@@ -27,7 +27,7 @@ MAX_POLAR_ITERATIONS = 60
 POLAR_TOLERANCE = 1e-4  # change of R, quadratic: 1e-8 and 1e-16 in the next two iterations, which are still made
 
 
-@njit
+@inner
 def rotation(f):
     """R of f = R U, det f > 0, real or complex: Newton's iteration (Higham 1986) of the mean of R and R^-T."""
     det, inv = tensors.inverse(f)
@@ -50,13 +50,13 @@ def rotation(f):
     return r
 
 
-@njit
+@inner
 def transposed(a):
     """a^T of a 9-tuple."""
     return a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]
 
 
-@njit
+@inner
 def yield_function(s, beta, x, stiffness, p, params):
     """(value, slope over x, w, A, |A|) of the equation at the top."""
     dp = ROOT * x
@@ -70,13 +70,13 @@ def yield_function(s, beta, x, stiffness, p, params):
     return value, slope, w, A, norm
 
 
-@njit
+@inner
 def real_parts(s):
     """Real parts of a 6-tuple."""
     return s[0].real, s[1].real, s[2].real, s[3].real, s[4].real, s[5].real
 
 
-@njit
+@inner
 def plastic_multiplier(s, beta, twice_shear, p, params):
     """Root x > 0 of the yield function (all real but params); -1 where there is none. Bracketed Newton."""
     high = (np.sqrt(tensors.contract(s, s)) + np.sqrt(tensors.contract(beta, beta))) / twice_shear

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
 
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.plasticity import elastoplastic
 from idic.materials.plasticity.elastoplastic import ABSOLUTE_TOLERANCE, MAX_ITERATIONS, RELATIVE_TOLERANCE, ROOT
@@ -23,7 +23,7 @@ from idic.materials.plasticity.j2_isotropic import HARDENING_MODULUS, LINEAR, fl
 ETA, M = 4, 5
 
 
-@njit
+@inner
 def overstress(growth, dt, params):
     """(eta (growth/dt)^(1/m), its slope over growth) of a growth > 0 of the plastic strain."""
     if params[ETA].real == 0.0 and not dt > 0.0:
@@ -32,7 +32,7 @@ def overstress(growth, dt, params):
     return power, power / (params[M] * growth)
 
 
-@njit
+@inner
 def growth_of_strain(trial, stiffness, p, dt, params):
     """Root x > 0 of the equation at the top, all real; -1 where there is none. Newton inside a shrinking bracket.
 
@@ -64,7 +64,7 @@ def growth_of_strain(trial, stiffness, p, dt, params):
     return -1.0
 
 
-@njit
+@inner
 def flows(G, norm, p, dt, params):
     """Whether the trial state is beyond yield and time, or no viscosity, lets it flow."""
     beyond = G.real * norm.real > ROOT * flow_stress(LINEAR, p.real, params)[0].real
@@ -136,7 +136,7 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
     return 0
 
 
-@njit
+@inner
 def overstress_change(growth, dt, params, d):
     """Change of the overstress with eta and m at fixed growth; real."""
     if not dt > 0.0:

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
 
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS
 from idic.materials.plasticity import elastoplastic
@@ -27,14 +27,14 @@ RATE, N, STRESS = 2, 3, 4
 MIN_RATE = 1e-200  # in place of a rate of zero, whose derivative is wanted
 
 
-@njit
+@inner
 def creep_of(y, dt, params):
     """(creep strain of the step that a remaining deviator y drives, its slope over y)."""
     power = dt * params[RATE] * (y / (ROOT * params[STRESS])) ** params[N]
     return power, params[N] * power / y
 
 
-@njit
+@inner
 def remaining(trial, stiffness, dt, params):
     """y > 0 of the equation at the top, all real; -1 where Newton does not converge.
 
@@ -117,7 +117,7 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
     return 0
 
 
-@njit
+@inner
 def creep_change(y, dt, params, d):
     """Change of the step's creep strain with rate, n and stress at fixed y; real."""
     ratio = y / (ROOT * params[STRESS])

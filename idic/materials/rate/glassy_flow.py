@@ -16,7 +16,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from idic.materials.core.inner import inner
 
 SA, R0, R1, R2, TAU0, MU, KAPPA, G1, ETA0 = range(1, 10)  # places in the parameters; Gr, 0, does not flow
 
@@ -27,13 +28,13 @@ MAX_Z = 150.0       # of z: x⁴ stays a number; beyond, nothing is left of the 
 MAX_STEP = 8.0            # largest step of z
 
 
-@njit
+@inner
 def sheared(norm, x):
     """Whether tr[(dev T - x dev U)²] is above its floor."""
     return norm > MIN_SHEAR * (1.0 + x * x)
 
 
-@njit
+@inner
 def intensity(x, d0, c1, c2, n0, n1, n2):
     """(D, D^(1/3), D^(-4/3), q, dq/dx), with q not below its floor."""
     D = d0 + x * (c1 + x * (c2 + x))
@@ -46,7 +47,7 @@ def intensity(x, d0, c1, c2, n0, n1, n2):
     return D, root, inverse, q, 0.5 * inverse * norm_x - 4.0 / 3.0 * q * (c1 + x * (2.0 * c2 + 3.0 * x)) / D
 
 
-@njit
+@inner
 def thinning(s):
     """(L, L'/s) of L(s) = ln(s / sinh s); a series below s = 0.1, where the term left out is 3e-17."""
     if s.real < 0.1:
@@ -59,7 +60,7 @@ def thinning(s):
     return np.log(2.0 * s / (1.0 - decay)) - s, (1.0 / s - (1.0 + decay) / (1.0 - decay)) / s
 
 
-@njit
+@inner
 def softplus(u):
     """(ln(1 + e^u), its slope), for any u without overflow."""
     if u.real > 0.0:
@@ -69,7 +70,7 @@ def softplus(u):
     return np.log(1.0 + growth), growth / (1.0 + growth)
 
 
-@njit
+@inner
 def softening(gamma, params):
     """(S, dS/dgamma)."""
     start = params[R1] * np.log(params[R0])
@@ -78,7 +79,7 @@ def softening(gamma, params):
     return S, S * (params[R2] - 1.0) * slope
 
 
-@njit
+@inner
 def softening_change(gamma, S, params):
     """dS/d(Sa, r0, r1, r2) at fixed gamma; real."""
     r0, r1, less = params[R0], params[R1], params[R2] - 1.0
@@ -90,7 +91,7 @@ def softening_change(gamma, S, params):
             S * less / r1 * (slope * (log + gamma) - slope_before * log - grown), S * grown)
 
 
-@njit
+@inner
 def residual(z, x, invariants, gamma_n, constant, params):
     """(r, dr/dz, q, dq/dx, D, D^(1/3), D^(-4/3)); ``constant`` = ln eta0 + mu p/tau0 - ln(G dt)."""
     d0, c1, c2, n0, n1, n2 = invariants
@@ -103,14 +104,14 @@ def residual(z, x, invariants, gamma_n, constant, params):
     return z + constant + L + S, slope, q, q_x, D, root, inverse
 
 
-@njit
+@inner
 def constant_part(J, dt, params):
     """The part of r that does not depend on z."""
     pressure = -params[KAPPA] * (J - 1.0)
     return np.log(params[ETA0] / params[G1]) - math.log(dt) + params[MU] * pressure / params[TAU0]
 
 
-@njit
+@inner
 def real_root(invariants, gamma_n, constant, rate_dt, params):
     """Root z of r, all real; NaN where there is none below `MAX_Z`. ``rate_dt``: x of the last step's rate, or 0.
 
@@ -145,7 +146,7 @@ def real_root(invariants, gamma_n, constant, rate_dt, params):
     return math.nan
 
 
-@njit
+@inner
 def explicit_gradient(x, J, gamma, q, S, params):
     """dr/d(Sa, r0, r1, r2, tau0, mu, kappa, G1, eta0) at fixed z, invariants, J and gamma_n; real."""
     tau0, mu, kappa = params[TAU0], params[MU], params[KAPPA]

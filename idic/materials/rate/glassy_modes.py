@@ -15,9 +15,9 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawSpec
 from idic.materials.core.symmetric import adjugate, cauchy_green, crossed, determinant, times, trace_of_product
 from idic.materials.rate.glassy_flow import KAPPA, MU, TAU0, softening, softening_change, thinning
@@ -44,7 +44,7 @@ X, D, ROOT, Y, Y_ADJ, R_Y, R_X, TRACE, N_I, ROW = 27, 28, 29, 30, 36, 42, 48, 49
 N_SLOPES = 24  # r_C (0), q1_C (6), q1_Y (12); r_Sa, r_r0, r_r1, r_r2, r_tau0, r_mu (18 ...)
 
 
-@njit
+@inner
 def kinematics(f, J):
     """(C, C^-1, J^(1/3), Ct, adj Ct)."""
     C = cauchy_green(f, f)
@@ -54,7 +54,7 @@ def kinematics(f, J):
     return C, tensors.scaled(1.0 / (third * third), Ct_adj, 0.0), third, Ct, Ct_adj
 
 
-@njit
+@inner
 def end_of_step(E, modes, Ct, params, state_new):
     """(sum of G_i M_i, the flow's part of the new state kept); fills X, D, ROOT, Y, Y_ADJ of the modes."""
     zero = 0.0 * E * Ct[0]
@@ -75,7 +75,7 @@ def end_of_step(E, modes, Ct, params, state_new):
     return A
 
 
-@njit
+@inner
 def second_piola(A, C, Ci, third, J, params):
     """(S2, W, h) with S2 = J^(1/3) W + h C^-1, W = Gr 1 + sum G_i M_i."""
     W = tensors.scaled(1.0, A, params[0])
@@ -110,18 +110,18 @@ def update(F, state, params, dt, P, state_new):
     return 0
 
 
-@njit
+@inner
 def symmetric_part(a):
     """6-tuple of a 9-tuple that is symmetric but for rounding."""
     return a[0], a[4], a[8], 0.5 * (a[1] + a[3]), 0.5 * (a[2] + a[6]), 0.5 * (a[5] + a[7])
 
 
-@njit
+@inner
 def transposed(a):
     return a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]
 
 
-@njit
+@inner
 def by_Y(row, B, factor):
     """factor times the derivative by Y of M : B, M = det(Y)^(-2/3) adj Y."""
     det, root = row[D], row[ROOT]
@@ -130,7 +130,7 @@ def by_Y(row, B, factor):
                            -2.0 / 3.0 * factor * root / det / det * tensors.contract(B, end_adj), end_adj, 0.0)
 
 
-@njit
+@inner
 def gradients(A, modes, Ct, J, gamma, params, slopes):
     """Fill R_Y, R_X, TRACE, N_I of the modes and the slopes; (q_1, S', dr/dz)."""
     zero = 0.0
@@ -175,7 +175,7 @@ def gradients(A, modes, Ct, J, gamma, params, slopes):
     return q1, S_slope, r_z
 
 
-@njit
+@inner
 def without_history(modes, params, K):
     """(sum of G x D^(-2/3) Y); K (6, 6) such that the change of sum G_i M_i is crossed(that, V) - K V.
 
@@ -194,7 +194,7 @@ def without_history(modes, params, K):
     return together
 
 
-@njit
+@inner
 def applied(K, V):
     """-K V as a 6-tuple."""
     return (-(K[0, 0] * V[0] + K[0, 1] * V[1] + K[0, 2] * V[2] + K[0, 3] * V[3] + K[0, 4] * V[4] + K[0, 5] * V[5]),
@@ -205,7 +205,7 @@ def applied(K, V):
             -(K[5, 0] * V[0] + K[5, 1] * V[1] + K[5, 2] * V[2] + K[5, 3] * V[3] + K[5, 4] * V[4] + K[5, 5] * V[5]))
 
 
-@njit
+@inner
 def change_of_E(modes, slopes, t, J, E, S_slope, r_z, params, dCt, k, dstate, dparams):
     """dz: that of r at fixed z, over -dr/dz."""
     tau0, n = params[TAU0], modes.shape[0]
@@ -224,14 +224,14 @@ def change_of_E(modes, slopes, t, J, E, S_slope, r_z, params, dCt, k, dstate, dp
     return -dr / r_z
 
 
-@njit
+@inner
 def change_of_x(E, params, dparams, k, i):
     """dx_i at fixed z."""
     G, eta = params[N_SHARED_PARAMETERS + 2 * i], params[N_SHARED_PARAMETERS + 2 * i + 1]
     return E * (dparams[k, N_SHARED_PARAMETERS + 2 * i] - G / eta * dparams[k, N_SHARED_PARAMETERS + 2 * i + 1]) / eta
 
 
-@njit
+@inner
 def with_history(modes, slopes, q1, E, params, Ct, dCt, dz, flowing, k, dstate, dparams, dstate_new, dt):
     """Change of sum G_i M_i, mode by mode, and row k of the new state's where that is wanted."""
     n = modes.shape[0]

@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from idic.materials.core.inner import inner
 from idic.materials.core.symmetric import adjugate, deviatoric_product, trace_of_product
 from idic.materials.rate.glassy_flow import (
     MAX_LAST_STEP,
@@ -36,34 +36,34 @@ N_SHARED_PARAMETERS = 8                    # parameters in front of G1, eta01, G
 D0, T, U = 6, 9, 18  # places in the row of a mode, after Cp
 
 
-@njit
+@inner
 def nine(row, first):
     """Nine entries of a row as a 9-tuple."""
     return (row[first], row[first + 1], row[first + 2], row[first + 3], row[first + 4], row[first + 5], row[first + 6],
             row[first + 7], row[first + 8])
 
 
-@njit
+@inner
 def six(row, first):
     """Six entries of a row as a 6-tuple."""
     return row[first], row[first + 1], row[first + 2], row[first + 3], row[first + 4], row[first + 5]
 
 
-@njit
+@inner
 def put(values, row, first):
     """A tuple into a row."""
     for m in range(len(values)):
         row[first + m] = values[m]
 
 
-@njit
+@inner
 def plus(a, x, b):
     """a + x b of two 9-tuples."""
     return (a[0] + x * b[0], a[1] + x * b[1], a[2] + x * b[2], a[3] + x * b[3], a[4] + x * b[4], a[5] + x * b[5],
             a[6] + x * b[6], a[7] + x * b[7], a[8] + x * b[8])
 
 
-@njit
+@inner
 def load_modes(state, Ct, Ct_adj, modes):
     """Fill the rows of all modes from the state at the beginning of the step."""
     for i in range(modes.shape[0]):
@@ -79,14 +79,14 @@ def load_modes(state, Ct, Ct_adj, modes):
         put(u, row, U)
 
 
-@njit
+@inner
 def pulled(row, x):
     """(dev T - x dev U, D, dD/dln x) of one mode."""
     d0, c1, c2 = row[D0], row[D0 + 1], row[D0 + 2]
     return (plus(nine(row, T), -x, nine(row, U)), d0 + x * (c1 + x * (c2 + x)), x * (c1 + x * (2.0 * c2 + 3.0 * x)))
 
 
-@njit
+@inner
 def first_shear(tensor, x, shrink):
     """q_1, not below its floor, of dev T - x dev U and D^(-2/3); and whether it is above."""
     norm = trace_of_product(tensor, tensor)
@@ -95,7 +95,7 @@ def first_shear(tensor, x, shrink):
     return 0.5 * shrink * shrink * MIN_SHEAR * (1.0 + x * x) + 0.0 * norm, False
 
 
-@njit
+@inner
 def residual(z, E, modes, gamma_n, constant, params):
     """(r, dr/dz); ``constant`` = mu p/tau0 - ln dt."""
     zero = 0.0 * E * modes[0, D0]
@@ -124,13 +124,13 @@ def residual(z, E, modes, gamma_n, constant, params):
     return z + constant + L + S, slope
 
 
-@njit
+@inner
 def constant_part(J, dt, params):
     """The part of r that does not depend on z."""
     return -math.log(dt) - params[MU] * params[KAPPA] * (J - 1.0) / params[TAU0]
 
 
-@njit
+@inner
 def fastest(params):
     """The largest G_i / eta0_i, 1/s; real."""
     rate = 0.0
@@ -139,7 +139,7 @@ def fastest(params):
     return rate
 
 
-@njit
+@inner
 def real_root(modes, gamma_n, constant, E_before, params):
     """Root z of r, all real; NaN where there is none. ``E_before``: E at the rate of the last step, or 0.
 

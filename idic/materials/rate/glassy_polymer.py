@@ -24,6 +24,7 @@ import numpy as np
 from numba import njit
 
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, Modes, register
 from idic.materials.core.symmetric import (
     adjugate,
@@ -53,7 +54,7 @@ from idic.materials.rate.glassy_flow import (
 from idic.materials.rate.glassy_modes import several_modes
 
 
-@njit
+@inner
 def kinematics(f, J, state):
     """(C, C^-1, J^(1/3), Ct, adj Ct, Cp_n, adj Cp_n, invariants of the flow equation)."""
     C = cauchy_green(f, f)
@@ -70,7 +71,7 @@ def kinematics(f, J, state):
     return C, Ci, third, Ct, Ct_adj, Cp, Cp_adj, invariants
 
 
-@njit
+@inner
 def second_piola(x, D, root, C, Ci, third, J, Ct, Cp, params):
     """(S2, W, h, Y, adj Y, M) with S2 = J^(1/3) W + h C^-1."""
     Y = tensors.combine(1.0, Cp, x, Ct, 0.0)
@@ -81,7 +82,7 @@ def second_piola(x, D, root, C, Ci, third, J, Ct, Cp, params):
     return tensors.combine(third, W, h, Ci, 0.0), W, h, Y, Y_adj, M
 
 
-@njit
+@inner
 def keep(Y, root, gamma, rate, state_new):
     """The new state."""
     r = 1.0 / root
@@ -116,7 +117,7 @@ def update(F, state, params, dt, P, state_new):
     return 0
 
 
-@njit
+@inner
 def flow(J, invariants, state, dt, params):
     """(x, gamma, q, dq/dx, 1/(dr/dz), dr/dq, S, slope of S, D, D^(1/3), D^(-4/3), ok) of the step, real."""
     d0, c1, c2, n0, n1, n2 = invariants
@@ -136,7 +137,7 @@ def flow(J, invariants, state, dt, params):
     return x, gamma, q, q_x, 1.0 / slope, r_q, S, S_slope, D, root, inverse, True
 
 
-@njit
+@inner
 def gradients(x, q, r_q, D, inverse, J, third, Ci, Ct_adj, Cp_adj, cross, invariants, params):
     """(dr/dC, dr/dCp_n, dq/dC, dq/dCp_n) at fixed x, symmetric; real."""
     d0, c1, c2, n0, n1, n2 = invariants

@@ -16,9 +16,9 @@ State: C - 1 of the last step and Ci - 1 of every branch (11, 22, 33, 12, 13, 23
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from idic.materials.core import tensors
+from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS
 from idic.materials.plasticity.elastoplastic import shear_and_bulk
@@ -27,7 +27,7 @@ N_BRANCHES = 3
 MAX_SERIES_STEP = 0.02  # of tau: below, a series; its first term left out is 0.02^7 / 40320 = 3e-17
 
 
-@njit
+@inner
 def weights(h):
     """Weights (of the old Ci, the old C, the new C) for a step of h relaxation times; their sum is 1."""
     decay = np.exp(-h)
@@ -38,7 +38,7 @@ def weights(h):
     return decay, 1.0 - rest - decay, rest
 
 
-@njit
+@inner
 def symmetric_inverse(s):
     """(det s, adjugate of s) of a symmetric 6-tuple; s^-1 = adjugate / det."""
     a, b, c = s[1] * s[2] - s[5] * s[5], s[4] * s[5] - s[3] * s[2], s[3] * s[5] - s[4] * s[1]
@@ -46,14 +46,14 @@ def symmetric_inverse(s):
                                             s[3] * s[4] - s[0] * s[5])
 
 
-@njit
+@inner
 def plus_identity(state, first):
     """6-tuple of the tensor whose difference from 1 begins at ``state[first]``."""
     return (1.0 + state[first], 1.0 + state[first + 1], 1.0 + state[first + 2], state[first + 3], state[first + 4],
             state[first + 5])
 
 
-@njit
+@inner
 def keep_tensor(s, state_new, first):
     """The inverse of `plus_identity`."""
     state_new[first], state_new[first + 1], state_new[first + 2] = s[0] - 1.0, s[1] - 1.0, s[2] - 1.0
