@@ -6,6 +6,7 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import camera_key
+from idic.images.camera import Camera
 
 MAX_TESTED_FRAMES = 12  # that are tested; the refit frees all of them
 PROBE_PX = 0.1
@@ -14,6 +15,8 @@ PROBE_PX = 0.1
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
     stem = f"{experiment.camera_name}."
+    if not isinstance(experiment.camera, Camera):
+        return ()
     if any(name.startswith((f"{stem}col_at[", f"{stem}row_at[")) for name in experiment.parameters):
         return ()
     frames = [k for k in range(experiment.reference + 1, experiment.n_frames) if k not in experiment.excluded]

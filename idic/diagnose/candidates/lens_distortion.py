@@ -6,17 +6,23 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
+from idic.images.placed_camera import PlacedCamera
 
 PROBE_PX = 3.0  # in the corner of the image
+
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     name = f"{situation.experiment.camera_name}.k1"
     edits = further_dofs(situation, name)
     if edits is None:
         return ()
-    value, half = situation.experiment.camera.k1, 0.5 * float(np.hypot(*situation.experiment.image_shape))
+    camera, half = situation.experiment.camera, 0.5 * float(np.hypot(*situation.experiment.image_shape))
+    if isinstance(camera, PlacedCamera):  # k1 counts in tangents of the angle of view
+        value, probe = camera.lens.k1, PROBE_PX * camera.lens.fx**2 / half**3
+    else:
+        value, probe = camera.k1, PROBE_PX / half**3
     return (Variant("radial distortion about the centre of the image", edits, (name,), {name: value},
-                    {name: value + PROBE_PX / half**3}, direct=True),)
+                    {name: value + probe}, direct=True),)
 
 
 register(Candidate(

@@ -6,6 +6,7 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import camera_key, further_dofs
+from idic.images.camera import Camera
 from idic.model.experiment import Column
 
 PROBE_MAGNIFICATION = 1e-3  # relative magnification at the end, or at the largest load
@@ -13,6 +14,8 @@ PROBE_MAGNIFICATION = 1e-3  # relative magnification at the end, or at the large
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment, stem = situation.experiment, situation.experiment.camera_name
+    if not isinstance(experiment.camera, Camera):  # before a lens the specimen moves: `specimen_motion`
+        return ()
     if any(name.startswith(f"{stem}.magnification_knot[") for name in experiment.parameters.free):
         return ()
     found, drift = [], f"{stem}.magnification_drift"
@@ -20,7 +23,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         found.append(Variant("the image grows with time", edits, (drift,), {drift: 0.0},
                              {drift: PROBE_MAGNIFICATION / situation.duration}, direct=True))
     load = f"{stem}.magnification_load"
-    for column in _columns(situation):
+    for column in changing_columns(situation):
         if (edits := further_dofs(situation, load)) is not None:
             found.append(Variant(f"the image grows with {column}",
                                  edits | {camera_key(situation, "magnification_column"): column}, (load,), {load: 0.0},
@@ -28,7 +31,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     return tuple(found)
 
 
-def _columns(situation: Situation) -> list[str]:
+def changing_columns(situation: Situation) -> list[str]:
     """The forces and motions of the log that change."""
     experiment = situation.experiment
     logged = [(channel.column, channel.values) for channel in experiment.channels]

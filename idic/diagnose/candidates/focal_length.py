@@ -1,0 +1,29 @@
+"""Focal length of a camera with a lens: another one than the calibration says."""
+
+from __future__ import annotations
+
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.edits import further_dofs
+from idic.images.placed_camera import PlacedCamera
+
+PROBE_SHARE = 0.003  # of the focal length of the file
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    experiment, camera = situation.experiment, situation.experiment.camera
+    names = tuple(f"{experiment.camera_name}.{axis}" for axis in ("fx", "fy"))
+    if not isinstance(camera, PlacedCamera) or (edits := further_dofs(situation, *names)) is None:
+        return ()
+    at = dict(zip(names, (camera.lens.fx, camera.lens.fy), strict=True))
+    return (Variant("another focal length", edits, names, at, {n: (1.0 + PROBE_SHARE) * v for n, v in at.items()},
+                    direct=True),)
+
+
+register(Candidate(
+    "focal_length", "camera", "wrong focal length", "the focal length of the calibration",
+    rivals={"placement": "a distance and a focal length both scale the image",
+            "heterogeneity": "both change strain from place to place: a mesh of another size lies beside the specimen",
+            "specimen_motion": "a scale that changes during the test, not one that is wrong from the start"},
+    separating_tests=("calibrate again, with focus and aperture as in the test", "measure the specimen in the image"),
+    variants=variants,
+    paraphrase="the calibration scales the image wrongly"))

@@ -1,0 +1,82 @@
+"""Candidates of cameras with a lens: every model of the library loads before one, and a concealed fault is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from side_twins import FORCE_NOISE, GRIP, GRIP_NOISE, LENGTH, NOISE, PIXEL, RADIUS, SHAPE, THICKNESS, TIMES, TOML
+from side_twins import TRUTH, WIDTH, Side, refit, screening, truth
+
+from idic.diagnose.screen.candidate import Situation, candidates
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_file import read_toml
+from idic.fe.fields import nodal_deformation
+from idic.images.pinhole import PinholeCamera, rotation_of
+from idic.images.placed_camera import PlacedCamera
+from idic.images.rigid_motion import RigidMotion
+from idic.virtual_tests.experiment_files import write_images, write_loads
+from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.virtual_tests.render import Sensor
+from idic.virtual_tests.stereo.images import common_speckle, traced_images
+from idic.virtual_tests.stereo.rig import FROM_ABOVE, write_calibration
+
+DISTANCE, APPROACH = 300.0, 0.12  # mm; of the specimen at the end
+OF_LENSES = {"specimen_motion", "focal_length", "placement", "lens_distortion"}
+NOT_OF_LENSES = {"magnification", "camera_motion", "camera_rotation", "pixel_size", "origin", "parallax"}
+LENS = PinholeCamera(DISTANCE / PIXEL, DISTANCE / PIXEL, 91.7, 57.4, k1=-0.1, rotation=rotation_of([2.0, -4.0, 0.5]) @
+                     FROM_ABOVE, translation_mm=[0.1, 0.0, DISTANCE])
+TABLE = ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\n'
+         f"rotation = {LENS.rotation.tolist()}\ntranslation_mm = {LENS.translation_mm.tolist()}\nnoise_std_gv")
+
+
+def written(folder, images, force, grip):
+    write_images(folder, images)
+    write_loads(folder, TIMES, {"force_N": force, "grip_mm": grip})
+    write_inp(strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", 3, 4, 3, name="BODY"), folder / "mesh.inp", "twin")
+    write_calibration([LENS], SHAPE, folder / "cal.json")
+    head, _, tail = TOML.partition("[camera]")
+    (folder / "experiment.toml").write_text(head + TABLE + tail.partition("noise_std_gv")[2])
+    return folder / "experiment.toml"
+
+
+def approaching(folder):
+    """The strip of `side_twins`, rendered by ray tracing while it comes nearer."""
+    (folder / "images").mkdir(parents=True)
+    mesh, u, force = truth(Side())
+    F = np.array([nodal_deformation(mesh, now) for now in u])
+    thins = -TRUTH["nu"] / (1.0 - TRUTH["nu"]) * (F[:, :, 0, 0] + F[:, :, 1, 1] - 2.0)  # plane stress, small strains
+    u = np.concatenate([u, 0.5 * THICKNESS * thins[:, :, None]], axis=2)
+    placed = PlacedCamera(LENS, motion=RigidMotion(("t_z",), ("t_z",), (TIMES / TIMES[-1])[None], np.array([APPROACH])))
+    rng = np.random.default_rng(3)
+    images = traced_images(mesh, None, placed, u, Sensor(SHAPE, noise_std=NOISE, background=30.0),
+                           common_speckle([placed], rng, 256.0), rng)
+    return written(folder, images, force + FORCE_NOISE * rng.standard_normal(len(TIMES)),
+                   GRIP + GRIP_NOISE * rng.standard_normal(len(TIMES)) * (TIMES > 0))
+
+
+def test_every_candidate_loads_before_a_lens(tmp_path):
+    (tmp_path / "images").mkdir()
+    blank = (np.zeros(SHAPE, np.uint8) for _ in TIMES)
+    path = written(tmp_path, blank, 10.0 * TIMES, GRIP)
+    experiment = load_experiment(path)
+    where = Situation(read_toml(path), experiment, experiment.parameters.as_values(), {"BODY": np.linspace(3, 9, 7)},
+                      {"BODY": 0.01}, np.zeros((len(TIMES), experiment.mesh.n_nodes, 3)), 10.0 * TIMES[:, None])
+    found = {candidate.name: candidate.variants(where) for candidate in candidates()}
+    assert all(found[name] for name in OF_LENSES) and not any(found[name] for name in NOT_OF_LENSES)
+    for name in OF_LENSES:
+        for variant in found[name]:
+            enriched = load_experiment(path, variant.edits).parameters
+            assert set(variant.new) <= set(enriched.free), variant.label
+            assert {n: enriched[n].value for n in variant.new} == pytest.approx(dict(variant.null))
+
+
+@pytest.mark.slow
+def test_an_approach_before_a_lens_is_named_and_its_refit_finds_it(tmp_path):
+    path = approaching(tmp_path / "near")
+    _, result = screening(path, None)
+    best = result.ranked[0]
+    assert best.candidate.name == "specimen_motion" and best.standing == "significant"
+    again = refit(path, best.variant).result["parameters"]
+    for name, true in (("placement.t_z_drift", APPROACH / TIMES[-1]), ("placement.rotation_x_drift", 0.0),
+                       ("placement.rotation_y_drift", 0.0), ("BODY.E", TRUTH["E"]), ("BODY.nu", TRUTH["nu"])):
+        assert abs(again[name]["value"] - true) < 3.0 * again[name]["std"], name
