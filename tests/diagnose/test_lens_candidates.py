@@ -11,6 +11,7 @@ from idic.diagnose.screen.candidate import Situation, candidates
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
 from idic.fe.fields import nodal_deformation
+from idic.identify.systematic.treatments import treatments
 from idic.images.pinhole import PinholeCamera, rotation_of
 from idic.images.placed_camera import PlacedCamera
 from idic.images.rigid_motion import RigidMotion
@@ -54,11 +55,15 @@ def approaching(folder):
                    GRIP + GRIP_NOISE * rng.standard_normal(len(TIMES)) * (TIMES > 0))
 
 
-def test_every_candidate_loads_before_a_lens(tmp_path):
-    (tmp_path / "images").mkdir()
-    blank = (np.zeros(SHAPE, np.uint8) for _ in TIMES)
-    path = written(tmp_path, blank, 10.0 * TIMES, GRIP)
-    experiment = load_experiment(path)
+@pytest.fixture(scope="module")
+def blank(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("blank")
+    (folder / "images").mkdir()
+    return written(folder, (np.zeros(SHAPE, np.uint8) for _ in TIMES), 10.0 * TIMES, GRIP)
+
+
+def test_every_candidate_loads_before_a_lens(blank):
+    path, experiment = blank, load_experiment(blank)
     where = Situation(read_toml(path), experiment, experiment.parameters.as_values(), {"BODY": np.linspace(3, 9, 7)},
                       {"BODY": 0.01}, np.zeros((len(TIMES), experiment.mesh.n_nodes, 3)), 10.0 * TIMES[:, None])
     found = {candidate.name: candidate.variants(where) for candidate in candidates()}
@@ -68,6 +73,13 @@ def test_every_candidate_loads_before_a_lens(tmp_path):
             enriched = load_experiment(path, variant.edits).parameters
             assert set(variant.new) <= set(enriched.free), variant.label
             assert {n: enriched[n].value for n in variant.new} == pytest.approx(dict(variant.null))
+
+
+def test_systematic_treatments_before_a_lens_load(blank):
+    found = treatments(load_experiment(blank), read_toml(blank))
+    assert {treatment.camera for treatment in found} == {"as given", "the specimen may approach and tilt"}
+    for treatment in found:
+        load_experiment(blank, treatment.overrides)
 
 
 @pytest.mark.slow

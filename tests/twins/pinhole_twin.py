@@ -19,6 +19,7 @@ from idic.virtual_tests.stereo.rig import write_calibration
 LENGTH, WIDTH, RADIUS = 28.0, 16.0, 3.0
 TRUTH = {"sheet.E": 70e3, "sheet.nu": 0.3, "sheet.yield_stress": 200.0, "sheet.hardening_modulus": 1500.0}
 GRIP = np.concatenate([np.linspace(0.0, 0.04, 3)[:-1], np.linspace(0.04, 0.1, 4)[:-1], np.linspace(0.1, 0.9, 4)])
+INCREMENTS = 8  # of the truth per frame; of the user 4: a frame at a time is wrong by 1e-3 mm once the sheet yields
 SHAPE, PIXEL = (130, 200), 0.15
 FROM_ABOVE = np.diag([1.0, -1.0, -1.0])
 
@@ -53,6 +54,9 @@ uy = 0.0
 column = "force_N"
 simulated = {{ reaction = "RIGHT", component = "x" }}
 noise_std = 10.0
+
+[options]
+substeps = 4
 {more}
 """
 
@@ -71,12 +75,14 @@ def true_motion(thickness, grip=GRIP, mesh=None):
     dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
     basis = np.zeros((len(dofs), 1))
     basis[:len(right)] = 1.0
+    times = np.arange(len(grip), dtype=float)
+    fine = np.linspace(0.0, times[-1], INCREMENTS * (len(grip) - 1) + 1)
     law = compile_law("j2_linear", "finite")
     model = Model(mesh=mesh, kind="plane_stress", sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
-                  thickness=thickness, constraints=Constraints(dofs, basis, grip[:, None]),
+                  thickness=thickness, constraints=Constraints(dofs, basis, np.interp(fine, times, grip)[:, None]),
                   channels=(Reaction(2 * right),), surface_side=1)
     values = np.array([TRUTH[f"sheet.{name}"] for name in law.spec.parameter_names])
-    states = [(s.seen_u.copy(), s.channels[0]) for s in march(model, {"sheet": values}, np.arange(float(len(grip))))]
+    states = [(s.seen_u.copy(), s.channels[0]) for s in march(model, {"sheet": values}, fine) if s.frame % INCREMENTS == 0]
     return mesh, np.array([u for u, _ in states]), np.array([f for _, f in states])
 
 

@@ -10,11 +10,13 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
+from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
 from idic.model.experiment import Column, Experiment, Measured, Parametrised
 
 AS_GIVEN = "as given"
 COMPONENTS = {"ux": "x", "uy": "y", "uz": "z"}
 MORE_SMOOTHING, MORE_MODES, MORE_TIMES = 10.0, 2, 1
+SPECIMEN_MOTION = tuple(f"{PLACEMENT_STEM}.{name}_drift" for name in ("t_z", "rotation_x", "rotation_y"))  # before a lens
 OF_FREE_DIC = {"virtual": "dic", "modes": 4, "time_modes": 3}  # courses of the measured motion, which may stop and turn
 
 
@@ -59,7 +61,8 @@ def _boundaries(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, lis
         yield "virtual boundaries", _each(raw, lambda entry: _changed(entry, "measured", dict(OF_FREE_DIC)))
     if Parametrised in drives:
         yield "virtual boundaries with more modes", _each(raw, _with_more_modes)
-    if experiment.quantity == "grey" and experiment.solver is None and Measured not in drives:
+    stereo = experiment.n_dim == 3 and isinstance(experiment.camera, PlacedCamera)  # no edge of it is measured
+    if experiment.quantity == "grey" and experiment.solver is None and Measured not in drives and not stereo:
         yield "measured edges", _each(raw, _measured)
 
 
@@ -69,6 +72,10 @@ def _cameras(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, tuple[
     if experiment.quantity != "grey" or experiment.solver is not None:
         return
     stem, taken = experiment.camera_name, set(experiment.parameters)
+    if isinstance(experiment.camera, PlacedCamera):
+        if experiment.extras.get("has_times") and not taken & set(SPECIMEN_MOTION):
+            yield "the specimen may approach and tilt", SPECIMEN_MOTION
+        return
     drift, load, lens = ((f"{stem}.{name}",) for name in ("magnification_drift", "magnification_load", "k1"))
     followed = _magnification_column(raw, stem)
     if followed and not taken & set(load):
