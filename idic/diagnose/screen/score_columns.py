@@ -135,13 +135,16 @@ def _node_motion(experiment: Experiment, variant: Variant) -> np.ndarray | None:
 
 
 def _to_fixed_points(experiment: Experiment, u: np.ndarray, moved: Sequence[np.ndarray | None], du: np.ndarray) -> None:
-    """Responses at nodes that move become those at fixed points of the body, in place (docs/method.md, equation 5.5)."""
+    """Responses at nodes that move become those at fixed points of the body, in place (docs/method.md, equation 5.5).
+
+    u : with the thickness change before a lens, (n_nodes, 3); du : (n_nodes, dim, n) without it
+    """
     if all(motion is None for motion in moved):
         return
     gradient = nodal_gradient(experiment, u)
     for k, motion in enumerate(moved):
         if motion is not None:
-            du[..., k] -= np.einsum("nij,nj->ni", gradient, motion) - motion
+            du[..., k] -= np.einsum("nij,nj->ni", gradient[:, :du.shape[1]], motion) - motion
 
 
 def _with_recording(found: Identification, residual: ResidualEvidence, variants: Sequence[Variant], load: Load,
