@@ -44,7 +44,7 @@ def left_over(content: Mapping) -> str | None:
     if (left.get("motion_z") or 0.0) > MIN_TEXT_Z and (left.get("motion_px") or 0.0) > MIN_LEFT_PX:
         floor = content.get("camera_floor_px")
         at_rest = " that is also there at rest" if floor and left["motion_px"] < 1.5 * floor else ""
-        place = f", most of it {left['place']}," if left.get("place") else ""
+        place = f", largest {left['place']}," if left.get("place") else ""
         parts.append(f"{left['motion_px']:.2g} px of motion{place}{at_rest}{_of_before(left.get('motion_share'))}")
     parts += [f"{100.0 * one['reading_share']:.2g} % of {one['column']}{_of_before(one['share'])}"
               for one in left.get("channels", ()) if one["significant"]]
