@@ -61,6 +61,14 @@ def test_ordinary_dialects_are_read():
             assert_read_as_written(folder, LogFile(dialect))
 
 
+def test_a_cell_too_many_before_an_empty_column_is_refused():
+    with copy_of(base_folder("cameras")) as folder:
+        log = LogFile(Dialect(spare_columns=1), (Damage("gain_cell", 0, 0),))  # found by the campaign: read, shifted
+        (folder / "loads.csv").write_bytes(log.content())
+        answer = check(folder)
+        assert answer.code != DONE and "below no name" in answer.said, answer.said
+
+
 def a_log_with_a_cell_that_is_no_number(dialect, row, column, text):
     log = LogFile(dialect, (Damage("cell", row, column, text),))
     with copy_of(base_folder("cameras")) as folder:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -74,6 +75,7 @@ def read_table(text: str, path: Path) -> Table:
         names = names[:-1]
     n = len(names)
     _check_names(names, path)
+    _refuse_shifted_row(names, rows, path)
     made = []
     for number, row in rows:
         row = row[:n] if not any(row[n:]) else row
@@ -85,6 +87,19 @@ def read_table(text: str, path: Path) -> Table:
     units = tuple(cell.strip("[]() ") for cell in units[:n])
     return Table(separator, cells[header][0], names, units + ("",) * (n - len(units)), tuple(made), tuple(k for k, _ in rows),
                  tuple(cells[:header]))
+
+
+def _refuse_shifted_row(names: tuple[str, ...], rows: Sequence[tuple[int, tuple[str, ...]]], path: Path) -> None:
+    """A number below a last column without a name that is empty in other rows: a cell too many stands to its left."""
+    n = len(names)
+    below = [row[n - 1] if len(row) >= n else "" for _, row in rows]
+    if names[-1:] != ("",) or all(below):
+        return
+    for (number, _), cell in zip(rows, below, strict=True):
+        if looks_numeric(cell):
+            raise InputError("a row of the log has another number of cells than its header", file=path, key=f"line {number}",
+                             expected=f"{n - 1} cells: {', '.join(names[:-1])}", found=f"{cell} below no name",
+                             remedy="correct the row, or give the last column a name")
 
 
 def _cells(line: str, separator: str, number: int, path: Path) -> tuple[str, ...]:

@@ -1,0 +1,41 @@
+"""One evaluation of a large solid with its sensitivities, in a process of its own: ``python solid_job.py SOLVER N FRAMES``.
+
+SOLVER : "fronts", or "superlu" for minimum degree with a new factorisation per Newton iteration. Prints equations, CPU
+seconds and peak memory in MB.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+
+import numpy as np
+from bench_jobs import brick, directions, stretched
+from scipy.sparse.linalg import splu
+
+from idic.fe.march import march
+from idic.fe.solver import linear
+
+
+def minimum_degree(pattern: linear.Pattern, values: np.ndarray) -> linear.Factor:
+    """LU by SuperLU, numbered by minimum degree on A^T + A."""
+    return linear.Factor(pattern, splu(pattern.matrix(values), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01,
+                                       options={"SymmetricMode": True}))
+
+
+def main(solver: str, n: int, n_frames: int) -> str:
+    if solver == "superlu":
+        linear._sparse_factor, linear.MIN_OPERATIONS_PER_ENTRY = minimum_degree, np.inf
+    small, values, times = stretched(brick(2, 2, 2), "solid", 2.0, 3)
+    list(march(small, values, times, directions(4)))  # compiled
+    model, values, times = stretched(brick(n, n, n), "solid", float(n), n_frames)
+    began = time.process_time()
+    for state in march(model, values, times, directions(4)):
+        last = state
+    seconds, peak = time.process_time() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    return f"{model.n_dof - len(model.constraints.dofs)} {seconds:.1f} {peak:.0f} {last.channels[0]:.9e}"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3])))
