@@ -71,8 +71,7 @@ THERE_AND_BACK = np.concatenate([np.linspace(0.0, 0.03, 16), np.linspace(0.03, -
 KIRCHHOFF = 1.5e-3  # J - 1 = (1 - 2 nu) stress / E = 0.4 * 250 / 70e3: Cauchy stress in the yield condition there
 
 
-@pytest.mark.parametrize("law", ["j2_voce", pytest.param("elastoplastic(linear+prager)", marks=pytest.mark.slow),
-                                 pytest.param("elastoplastic(free)", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("law", ["j2_voce", pytest.param("elastoplastic(free)", marks=pytest.mark.slow)])
 def test_one_element_of_calculix_goes_as_the_law_with_the_exported_card(ccx, tmp_path, law):
     spec = get_law(law)
     values = dict(zip(spec.parameter_names, spec.defaults(), strict=True))
@@ -87,9 +86,13 @@ def test_plasticity_on_orthotropic_elasticity_goes_as_in_calculix(ccx, tmp_path)
     values = {"elasticity_E1": 120e3, "elasticity_E2": 60e3, "elasticity_nu12": 0.3, "elasticity_G12": 25e3,
               "elasticity_angle": 0.0, "yield_stress": 300.0, "hardening_1_H": 2000.0}
     assert get_law(law).parameter_names == tuple(values)
-    theirs, ours, card = compared(tmp_path, law, values, np.linspace(0.0, 0.01, 21))
+    strain = np.linspace(0.0, 0.01, 21)
+    theirs, ours, card = compared(tmp_path, law, values, strain)
     assert card.missing == ()
-    assert np.abs(theirs - ours).max() < 3.0 * KIRCHHOFF * np.abs(ours).max()
+    stretch = 1.0 + strain[1:]
+    # CalculiX takes the second Piola-Kirchhoff stress of Green's strain for such a body, idic the Kirchhoff stress of the
+    # logarithmic strain: the strains differ by strain^2, at yield 0.0025^2 E1 = 0.75 MPa
+    assert np.abs(theirs / stretch - ours * stretch).max() < 0.75
 
 
 @pytest.mark.parametrize("program", ["abaqus", "calculix"])

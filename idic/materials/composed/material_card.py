@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idic.materials.composed.free_curve import knots, knots_of
 from idic.materials.composed.written_terms import WrittenTerm, flow_stress, terms_of
 
 PROGRAMS = ("abaqus", "calculix")
@@ -81,6 +82,8 @@ def _plastic(law: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[
     free = [w for w in groups.get("hardening", []) if w.kind.startswith("free")]
     end = reached or (free[0].values["range"] if free else COMPARED_STRAIN)
     p = end * np.linspace(0.0, 1.0, ROWS) ** 2
+    if free:  # straight between its knots
+        p = np.append(at := knots(free[0].values["range"], knots_of(law)), max(end, 2.0 * at[-1]))
     table = [_row(stress, strain) for stress, strain in zip(flow_stress(law, values, p), p, strict=True)]
     lines, lacking = _hardening(groups.get("backstress", []), bool(groups.get("hardening")), values, p, table, program)
     missing += lacking
