@@ -19,7 +19,7 @@ from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import locate, read_toml, with_overrides
 from idic.identify.in_memory import Identification, identify
 from idic.identify.measured_start import measured_start, starts_from_dic
-from idic.identify.step.increments import rate_dependent_laws
+from idic.identify.step.increments import path_dependent_laws
 from idic.identify.step.state import LoopState
 from idic.identify.systematic.discretisation import discretisation_bias, time_step_bias
 from idic.identify.systematic.spread import Assessment, with_bias, with_spread, with_time_bias
@@ -68,7 +68,7 @@ def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: b
     result = _finished(run)
     context = open_run(str(run))
     jobs = [AssessmentJob(str(run), None)] if bias else []
-    if bias and rate_dependent_laws(context.experiment):
+    if bias and path_dependent_laws(context.experiment):
         jobs.append(AssessmentJob(str(run), None, increments=True))
     n_biases = len(jobs)
     if spread:

@@ -19,7 +19,7 @@ from idic.identify.covariance import scaled_system, spectrum
 from idic.identify.in_memory import evaluate_at, identify
 from idic.identify.loop import advance
 from idic.identify.result import Analysis
-from idic.identify.step.increments import increment_notes
+from idic.identify.step.increments import increment_notes, path_dependent_laws
 from idic.identify.step.state import Evaluation, IncrementChoice, Trial
 from idic.identify.systematic.discretisation import time_step_bias
 from idic.images.camera import Camera
@@ -171,6 +171,23 @@ def test_the_estimated_time_error_of_given_increments_is_their_error(short):
         std = found.result["parameters"][name]["std"] * experiment.parameters[name].factor
         error = one.parameters[name].value - found.parameters[name].value
         assert abs(estimated - error) < 0.2 * abs(error) + std
+
+
+@pytest.mark.slow
+def test_the_time_error_of_plasticity_in_few_frames_is_estimated(tmp_path):
+    """A law without time keeps one increment per frame; where frames are few it is wrong by standard deviations."""
+    case = Case("j2_linear", {"E": 2000.0, "nu": 0.35, "yield_stress": 20.0, "hardening_modulus": 300.0},
+                ("E", "nu", "yield_stress", "hardening_modulus"), 0.03)
+    experiment = write_folder(tmp_path / "plastic", case, 6, 0.1, 1.0)
+    one, fine = identify(experiment), identify(with_substeps(experiment, 16))
+    bias = time_step_bias(experiment, one.state.accepted.values, one.local, one.state.generalised, one.point)
+    assert path_dependent_laws(experiment) == ("j2_linear",) and one.state.increments.per_frame is None
+    errors = {}
+    for name, estimated in bias.items():
+        std = fine.result["parameters"][name]["std"] * experiment.parameters[name].factor
+        errors[name] = (one.parameters[name].value - fine.parameters[name].value) / std
+        assert abs(estimated / std - errors[name]) < 0.2 * abs(errors[name]) + 0.1
+    assert abs(errors["BODY.hardening_modulus"]) > 2.0
 
 
 def test_too_few_evaluations_for_finer_increments_are_told(short):

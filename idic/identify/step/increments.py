@@ -52,6 +52,14 @@ def rate_dependent_laws(experiment: Experiment) -> tuple[str, ...]:
     return tuple(dict.fromkeys(m.law for m in experiment.materials if get_law(m.law).rate_dependent))
 
 
+def path_dependent_laws(experiment: Experiment) -> tuple[str, ...]:
+    """Laws of the experiment with a memory, plasticity and damage among them: their stress depends on the increments, if
+    less than that of a rate-dependent law. None with an external solver."""
+    if experiment.solver is not None:
+        return ()
+    return tuple(dict.fromkeys(m.law for m in experiment.materials if get_law(m.law).n_state > 0))
+
+
 def chooses_increments(experiment: Experiment) -> bool:
     """Whether the number of increments is found by an error estimate: a law depends on time, and no number is given."""
     return experiment.options.substeps is None and bool(rate_dependent_laws(experiment))
