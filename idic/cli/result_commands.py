@@ -24,7 +24,9 @@ def report(run: Run) -> None:
 
         from idic.cli.progress import progress_view
         from idic.run.reporting.write import write_report
+        from idic.store.result_file import read_result
 
+        read_result(run)  # before the first stage is told
         with progress_view(Console(stderr=True, soft_wrap=True), run, REPORT_STAGES) as view:
             page = write_report(run, view.stage)
         typer.echo(f"{user_path(page)} written")

@@ -27,7 +27,7 @@ from idic.run.judgement.floor import PointJob
 from idic.run.judgement.judgement import Judgement, judged
 from idic.model.experiment import Experiment
 from idic.run.prepare import read_free_dic
-from idic.run.recovery import EVALUATIONS, START, SYSTEM
+from idic.run.recovery import EVALUATIONS, START, SYSTEM, remove_damaged_judgement
 from idic.run.judgement.residual_maps import PointResiduals
 from idic.run.judgement.shown_frames import shown_frames
 from idic.run.session import Session, Timing
@@ -91,6 +91,7 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
         channels = _channel_residual(context, state)
         _write_channels(context, state)
         job = PointJob(session.run, state.accepted.number, state.accepted.values)
+        remove_damaged_judgement(context.store)
         judgement = judged(job, fits[0], sums, session.runner)
         write_fields(job, session.runner)
     result = build_result(experiment, state, point, context.weights.image_noise,

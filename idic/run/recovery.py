@@ -11,6 +11,9 @@ from pathlib import Path
 from idic.errors import InputError
 from idic.fe.external.solver import sweep
 from idic.identify.step.state import LoopState
+from idic.run.judgement.fields import GROUP as FIELDS
+from idic.run.judgement.floor import GROUP as FLOOR
+from idic.run.judgement.free import GROUP as FREE
 from idic.run.prepare import write_description
 from idic.store.arrays import Damaged, FrameArrays, read_array
 from idic.store.checkpoint import load_checkpoint, remove_checkpoint, restore_checkpoint
@@ -82,7 +85,19 @@ def _shown(store: RunStore) -> list[str]:
     state = load_state(store.run)
     if state.accepted is None:
         return []
-    return ["channels", "final", *(f"cameras/{camera}/final" for camera in _further(store))]
+    return ["channels", "final", *(f"cameras/{camera}/final" for camera in _further(store)), *_judged(store)]
+
+
+def _judged(store: RunStore) -> list[str]:
+    """Groups of the judgement, where they were made."""
+    return [name for name in (FREE, FIELDS, FLOOR) if (store.path / name).exists()]
+
+
+def remove_damaged_judgement(store: RunStore) -> None:
+    """Remove damaged groups of the judgement, so that they are made anew."""
+    for name in _judged(store):
+        if not _whole(store, name):
+            store.remove(name)
 
 
 def result_of_state(store: RunStore) -> dict | None:

@@ -37,8 +37,8 @@ class RepeatedWriter:
 
     def flush(self) -> None:
         """Write the last records, and which frame has which."""
+        self._array.shorten(self._numbers[-1] + 1)  # before the last chunk is written, which may be a part of one
         self._writer.flush()
-        self._array.shorten(self._numbers[-1] + 1)
         write_array(self._group, self._name + _SUFFIX, np.array(self._numbers, dtype=np.int64))
 
 

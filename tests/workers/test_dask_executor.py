@@ -151,7 +151,7 @@ def test_the_workers_copy_images_as_one_process_does(cluster, tmp_path, monkeypa
         with store.claim("identity"):
             ingest(store, experiment, runner, lambda *counts: seen.append(counts))
         copies.append(ZarrStack(store.group("images")))
-    assert seen == [(16, 40), (32, 40), (40, 40)] * 2
+    assert seen == [(14, 40), (28, 40), (40, 40)] * 2
     assert copies[0].files == copies[1].files and [file["name"] for file in copies[1].files] == [path.name for path in paths]
     for k in range(40):
         assert np.array_equal(copies[1].frame(k), tifffile.imread(paths[k]))
