@@ -47,11 +47,6 @@ def twice(scene: Scene) -> np.ndarray:
     return (elapsed(scene) > 0.3) * 1.0 + (elapsed(scene) > 0.8) * 1.0
 
 
-def passing(scene: Scene) -> np.ndarray:
-    """A course that comes and goes, 1 at its top  # (T,)"""
-    return np.exp(-(((elapsed(scene) - 0.6) / 0.15) ** 2))
-
-
 def _larger(camera, factor):
     return replace(camera, matrix=factor * camera.matrix, origin_px=centre_px() + factor * (camera.origin_px - centre_px()))
 
@@ -85,8 +80,6 @@ CONFUSIONS = {
         "grip_rotation", "outside", lambda s: s.moved("RIGHT", "x", 0.0, 0.006 * np.sin(2.0 * np.pi * elapsed(s)))),
     "grip that slips twice": Confusion(
         "grip_slip", "machine_compliance", lambda s: s.moved("RIGHT", "x", -0.004 * twice(s))),
-    "load cell that wanders": Confusion(
-        "force_drift", "thermal_expansion", lambda s: replace(s, force=lambda F: F + 0.06 * np.abs(F).max() * passing(s))),
 }
 
 
