@@ -42,17 +42,17 @@ def task_limits() -> TaskLimits:
         A value that is no number, or out of its range.
     """
     retries, seconds = os.environ.get(RETRIES, "").strip(), os.environ.get(SECONDS, "").strip()
-    return TaskLimits(int(_number(RETRIES, retries, 0, MAX_RETRIES, "a whole number of retries")) if retries else 0,
-                      _number(SECONDS, seconds, 1.0, math.inf, "seconds") if seconds else None)
-
-
-def _number(name: str, text: str, least: float, most: float, what: str) -> float:
+    if retries and not (retries.isdecimal() and int(retries) <= MAX_RETRIES):
+        raise _refused(RETRIES, f"a whole number of retries from 0 to {MAX_RETRIES}", retries)
     try:
-        value = float(int(text)) if most == MAX_RETRIES else float(text)
+        limit = float(seconds) if seconds else None
     except ValueError:
-        value = math.nan
-    if not (least <= value <= most and math.isfinite(value)):
-        limits = f"of {least:g} or more" if math.isinf(most) else f"from {least:g} to {most:g}"
-        raise InputError("not a limit of a task", key=f"environment variable {name}", expected=f"{what} {limits}",
-                         found=text, remedy="correct or unset it")
-    return value
+        limit = math.nan
+    if limit is not None and not 1.0 <= limit < math.inf:
+        raise _refused(SECONDS, "1 second or more", seconds)
+    return TaskLimits(int(retries or 0), limit)
+
+
+def _refused(name: str, expected: str, found: str) -> InputError:
+    return InputError("not a limit of a task", key=f"environment variable {name}", expected=expected, found=found,
+                      remedy="correct or unset it")

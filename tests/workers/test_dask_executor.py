@@ -124,11 +124,11 @@ def test_the_dashboard_shows_the_names(cluster):
 
 def test_a_job_that_straggles_is_also_given_to_a_free_worker(cluster, tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "_limits", TaskLimits(seconds=1.0))
-    began, said = time.monotonic(), []
+    said = []
     jobs = [(tmp_path / "mark", 1), (tmp_path, 2), (tmp_path, 3)]  # the first hangs until it is started again
     found = cluster.stream(slow_once, jobs, names(3), progress=lambda *counts: said.append(counts), copies=True)
     assert list(found) == [1, 2, 3]
-    assert said == [(1, 3), (2, 3), (3, 3)] and time.monotonic() - began < 50
+    assert said == [(1, 3), (2, 3), (3, 3)]
     assert (tmp_path / "mark").read_text() == "xx"  # started twice
 
 
