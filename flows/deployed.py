@@ -15,7 +15,7 @@ from prefect.states import Completed, Failed, State
 from idic.errors import InputError
 
 ROOT_VARIABLE = "IDIC_DATA_ROOT"
-PAUSE_SECONDS = 30 * 24 * 3600  # a suspended run that nobody resumes in this time fails; its RUN folder stays resumable
+PAUSE_SECONDS = 30 * 24 * 3600  # a suspended flow run fails after this time; `--resume` continues its RUN folder even then
 
 
 @flow(name="idic-identify-deployed", persist_result=False)

@@ -1,6 +1,6 @@
 """``idic.flow``: the flows as functions of Python, for scripts and for flows of your own.
 
-Called inside a flow run, each becomes a flow run of its own on the same server, shown inside the one that calls::
+A call inside a flow run is a sub-flow on the same server::
 
     import idic
     from prefect import flow

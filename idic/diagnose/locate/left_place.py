@@ -1,4 +1,4 @@
-"""Where the last model leaves motion: the middle of the free motions that explain most of what is left.
+"""Place of the residual motion of the last model: the centre of the free motions with the largest excess.
 
 A cut, a band or a loose patch moves in a way that no law of the body follows: the motion jumps or concentrates there, whatever
 the stiffness of an element could take.
@@ -17,7 +17,7 @@ MIN_PEAK_Z = 5.0  # standard deviations of the excess of one free motion over al
 
 
 def left_place(residual: ResidualEvidence, grid: Grid) -> np.ndarray | None:
-    """Middle of what is left, at the nearest node  # (dim,) mm; None where it is spread over the body, or noise."""
+    """Centre of the residual motion, at the nearest node  # (dim,) mm; None where it fills the body, or is noise."""
     evidence = residual.evidence
     basis = hats(evidence, grid)
     excess = np.zeros(basis.n)

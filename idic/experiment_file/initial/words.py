@@ -1,4 +1,4 @@
-"""What `idic init` tells: the files it found, what would be identified from which values, and what is left to fill in."""
+"""Messages of `idic init`: the files found, the parameters with their starting values, the keys to fill in."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def _plastic(law: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[
 
 def _hardening(back: list[WrittenTerm], isotropic: bool, values: Mapping[str, float], p: np.ndarray, table: list[str],
                program: str) -> tuple[list[str], list[str]]:
-    """*PLASTIC with its tables, and what they leave out."""
+    """*PLASTIC with its tables, and the terms without a card."""
     if not back:
         return ["*PLASTIC", *table], []
     straight = sum(w.values["C"] for w in back if w.kind == "prager")
