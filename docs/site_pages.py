@@ -50,8 +50,9 @@ def write_source(folder: Path, gallery: Path | None = None, pictures: bool = Tru
     shutil.copy(DOCS / "conf.py", folder)
     (folder / "extra").mkdir()
     _write(folder / "static" / "site.css", WRAPPED)
-    for page in folder.glob("*.md"):
-        page.write_text(_with_links(page.read_text(encoding="utf-8"), DOCS), encoding="utf-8")
+    for page in folder.rglob("*.md"):
+        place = DOCS / page.parent.relative_to(folder)
+        page.write_text(_with_links(page.read_text(encoding="utf-8"), place, page.parent.relative_to(folder)), encoding="utf-8")
     for name, target in REPOSITORY_PAGES.items():
         text = (ROOT / name).read_text(encoding="utf-8")
         (folder / f"{target}.md").write_text(_with_links(text, (ROOT / name).parent), encoding="utf-8")
@@ -63,8 +64,11 @@ def write_source(folder: Path, gallery: Path | None = None, pictures: bool = Tru
     _write(folder / "index.md", _index(laws, candidates, examples))
 
 
-def _with_links(text: str, place: Path) -> str:
-    """Links from a page of the repository to pages of the site; those to sources become their names."""
+def _with_links(text: str, place: Path, at: Path = Path()) -> str:
+    """Links from a page of the repository to pages of the site; those to sources become their names.
+
+    place : the page's folder in the repository; at : its folder in the site
+    """
     def target(match: re.Match) -> str:
         label, link = match.group(1), match.group(2)
         file, _, anchor = link.partition("#")
@@ -72,11 +76,11 @@ def _with_links(text: str, place: Path) -> str:
             return match.group(0)
         path = os.path.relpath(place / file, ROOT)
         if path in REPOSITORY_PAGES:
-            return f"[{label}]({REPOSITORY_PAGES[path]}.md{'#' + anchor if anchor else ''})"
+            return f"[{label}]({os.path.relpath(REPOSITORY_PAGES[path], at)}.md{'#' + anchor if anchor else ''})"
         if path == "docs/README.md":
-            return f"[{label}](index.md)"
+            return f"[{label}]({os.path.relpath('index.md', at)})"
         if path.startswith("docs/") and Path(path).suffix in (".md", ".png"):
-            return f"[{label}]({path.removeprefix('docs/')}{'#' + anchor if anchor else ''})"
+            return f"[{label}]({os.path.relpath(path.removeprefix('docs/'), at)}{'#' + anchor if anchor else ''})"
         return label if "`" in label else f"`{label}`"
 
     return re.sub(r"\[([^\]]*)\]\(([^)\s]+)\)", target, text)
@@ -211,7 +215,7 @@ def _index(laws: Sequence[str], candidates: Sequence[str], examples: Sequence[st
     parts = ["# idic", "From images and forces to material parameters with error bars: time-resolved integrated digital image "
              "correlation. The search finds every key of `experiment.toml`, every quantity of a report and every message."]
     for block in (DOCS / "README.md").read_text(encoding="utf-8").split("\n\n"):
-        heading, names = re.match(r"\| (to [^|]*|special tests) \|", block), re.findall(r"^\| \[[^\]]*\]\(([\w-]+)\.md\)", block, re.MULTILINE)
+        heading, names = re.match(r"\| (to [^|]*|special tests) \|", block), re.findall(r"^\| \[[^\]]*\]\(([\w/-]+)\.md\)", block, re.MULTILINE)
         if heading and names:
             first = ["readme"] if "begin" in heading.group(1) else []
             parts.append(_toctree(heading.group(1).strip().capitalize(), [*first, *names]))

@@ -47,6 +47,15 @@ def test_a_modulus_of_another_unit_is_told_with_the_typical_one(folder):
             in warnings(folder))
 
 
+def test_a_force_of_the_other_sign_is_told_at_the_moving_and_at_the_held_end(folder):
+    change(folder, "experiment.toml", 'reaction = "TOP"', 'reaction = "BOTTOM"')
+    assert "goes against the motion of TOP, grip_um; the log shows the contrary. factor = -1" in warnings(folder)
+    change(folder, "experiment.toml", 'component = "y" }', 'component = "y", factor = -1.0 }')
+    assert not warnings(folder)
+    change(folder, "experiment.toml", 'reaction = "BOTTOM"', 'reaction = "TOP"')
+    assert "goes with the motion of TOP, grip_um; the log shows the contrary. factor = 1" in warnings(folder)
+
+
 def test_the_modulus_of_a_polymer_is_not_doubted(folder):
     change(folder, "experiment.toml", 'value = 70, unit = "GPa"', 'value = 1.2, unit = "GPa"')
     change(folder, "experiment.toml", "bounds = [10, 200], prior = { mean = 70, std = 5 }", "bounds = [0.1, 200]")

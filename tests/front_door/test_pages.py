@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")),
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")),
          *sorted((ROOT / "deploy").glob("*.md"))]
 EXAMPLES = ("my_", "thickness_error")  # names of files that a recipe lets the reader write
 ELSEWHERE = ("deploy/secrets", "tests/dic_composite")  # made by the user; of another project
@@ -44,8 +44,9 @@ def test_paths_of_the_project_exist(page):
 
 def test_every_page_of_the_docs_is_on_the_map():
     text = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
-    for page in (ROOT / "docs").glob("*.md"):
-        assert page.name == "README.md" or f"]({page.name})" in text or f"`{page.name}`" in text, page.name
+    for page in (ROOT / "docs").rglob("*.md"):
+        name = page.relative_to(ROOT / "docs").as_posix()
+        assert name == "README.md" or f"]({name})" in text or f"`{name}`" in text, name
 
 
 def test_the_first_page_stays_short():

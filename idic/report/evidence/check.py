@@ -15,7 +15,9 @@ from idic.model.experiment import Experiment, Noise
 from idic.model.mode_names import in_words
 from idic.report.evidence.cost import Cost, expected_cost
 from idic.report.evidence.placement import mirrored_axes, misplaced_still_frames
-from idic.report.evidence.plausible import implausible_scale, implausible_values, pattern_warnings, start_values
+from idic.report.evidence.plausible import (
+    implausible_scale, implausible_values, opposed_forces, pattern_warnings, start_values,
+)
 from idic.report.figures.mesh_overlay import mesh_on_points, mesh_overlay
 from idic.report.figures.style import Picture
 
@@ -271,6 +273,7 @@ def dropped_loads(experiment: Experiment) -> Iterator[tuple[str, str]]:
 
 def _model_warnings(experiment: Experiment):
     yield from implausible_values(experiment)
+    yield from opposed_forces(experiment)
     if not experiment.parameters.free:
         yield "no parameter is to be identified: write identify = true at least at one"
     if all(c.kind == "displacement" for c in experiment.channels) and not experiment.loads:

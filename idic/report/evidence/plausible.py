@@ -9,7 +9,7 @@ from scipy.ndimage import uniform_filter
 
 from idic.images.quality.speckle import speckle_size
 from idic.materials import law_for
-from idic.model.experiment import Experiment
+from idic.model.experiment import Column, Experiment
 
 MAX_FROM_TYPICAL = 200.0    # ratio of a stress-like value to the typical one of its law; GPa read as MPa is 1000
 MIN_VISIBLE = 0.5           # of the elements: with fewer, scale or origin is suspect
@@ -18,6 +18,7 @@ MIN_SPECKLE_PX, MAX_SPECKLE_PX = 2.0, 15.0  # width of the autocorrelation; the 
 WINDOW_PX = 15              # of a local standard deviation: three speckles
 MAX_PLAIN_SHARE = 0.1       # of the ROI without pattern
 PLAIN = 0.2                 # of the usual local standard deviation: less is no pattern
+MAX_OPPOSED = -0.5          # correlation of a force and the motion that it causes: below, the log has the other sign
 NO_PATTERN = np.zeros(1, dtype=bool)
 
 
@@ -47,6 +48,26 @@ def implausible_values(experiment: Experiment) -> Iterator[str]:
                 typical = f"{known.default:,.0f}".replace(",", " ") if known.default >= 1.0 else f"{known.default:g}"
                 yield (f"{parameter.name} = {parameter.value:.6g} MPa; typical of {material.law}: {typical} MPa. Check its unit; "
                        "if it is meant, nothing needs to be done")
+
+
+def opposed_forces(experiment: Experiment) -> Iterator[str]:
+    """Forces that fall while their set is pulled along its axis: no material does that over a whole test.
+
+    A reaction is the force that holds a set. At the moving set it goes with the motion, at the held one against it.
+    """
+    moved = [(one, one.drive) for one in experiment.prescribed if isinstance(one.drive, Column)]
+    counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
+    for channel in experiment.channels if len(counted) > 2 else ():
+        along = [(one.nodes, drive) for one, drive in moved if one.component == channel.component]
+        if channel.kind != "reaction" or len(along) != 1:
+            continue
+        (nodes, drive), = along
+        sign = 1.0 if nodes == channel.nodes else -1.0
+        force, motion = sign * channel.factor * channel.values[counted], drive.values[counted]
+        if np.ptp(force) > 0.0 and np.ptp(motion) > 0.0 and np.corrcoef(force, motion)[0, 1] < MAX_OPPOSED:
+            with_it = "with" if sign > 0.0 else "against"
+            yield (f"{channel.column}: the force that holds {channel.nodes} goes {with_it} the motion of {nodes}, {drive.column}; the "
+                   f"log shows the contrary. factor = {-channel.factor:g} in simulated = {{ … }} turns the sign of the force")
 
 
 def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: float) -> Iterator[str]:
