@@ -170,7 +170,7 @@ def _fits_of(session: Session, state: LoopState, point: Evaluation,
     with session.context.store.building(group_of(experiment, number, MAPS), {"evaluation": state.accepted.number}) as folder:
         write_array(folder, "frames", np.array(shown, dtype=np.int64))
         dtype = "f2" if np.asarray(view.stack.frame(view.reference)).dtype == np.uint8 else "f4"  # three digits are enough to look at
-        FrameArrays.create(folder, "residual", len(shown), view.image_shape, 1, dtype)
+        FrameArrays.create(folder, "residual", len(shown), view.image_shape, 1, dtype, compressed=True)
         jobs = [FitJob(session.run, state.accepted.number, chunk, state.accepted.values,
                        {k: brightness[k] for k in chunk if k in brightness}, number, str(folder / "residual"), shown,
                        {k: fitted[k] for k in chunk if k in fitted})

@@ -129,7 +129,7 @@ def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = No
     _require_space(store.run, stack.n_frames * first.nbytes)
     step = 1 if first.nbytes >= _MIN_OWN_CHUNK_BYTES else -(-stack.n_frames // -(-stack.n_frames // _FRAMES_PER_SMALL_CHUNK))
     with store.building(name, ident) as group:
-        array = create_array(group, ARRAY, (stack.n_frames, *first.shape), (step, *first.shape), first.dtype)
+        array = create_array(group, ARRAY, (stack.n_frames, *first.shape), (step, *first.shape), first.dtype, compressed=True)
         checksums: list[int] = []
         files: list[dict] = []
         jobs = _ingest_jobs(str(group), stack, step)

@@ -277,5 +277,4 @@ def _model_warnings(experiment: Experiment):
     if not experiment.parameters.free:
         yield "no parameter is to be identified: write identify = true at least at one"
     if all(c.kind == "displacement" for c in experiment.channels) and not experiment.loads:
-        yield ("no force is compared: only ratios of stresses can be identified, no stiffness or strength in MPa; add a "
-               "[[channel]] with the force")
+        yield "without a force no stiffness or strength in MPa can be identified: add a [[channel]] with the force"

@@ -31,6 +31,7 @@ _PER_ENTRY_KEPT = 32.0  # where Newton's method keeps a factor for an increment:
 _PER_ELEMENT_ENTRY = 40.0  # places of the element matrices in the stiffness, and their values
 _PER_PIXEL = 120.0  # of one camera: spline, pixel map, gradients, residual
 _POINT_VALUES = 60  # numbers per integration point: strain, stress, tangent, state; the last again per parameter
+_REPORT = 8e6  # bytes on disk: page, figures, maps, files for ParaView
 # time, seconds on one core
 _START = 20.0  # servers, compiled kernels, first look at the data
 _PER_ENTRY_S, _PER_OPERATION_S, _PER_BAND_S = 2e-8, 6e-11, 1.6e-10
@@ -118,7 +119,7 @@ def expected_cost(experiment: Experiment) -> Cost:
         time_s += _FREE_DIC_PASSES * image_pass
     memory = (_PROCESS + factor + held + _PER_PIXEL * pixels / max(len(experiment.views), 1) + max(nodal, 8e6)
               + _generalised(experiment, n_frames))
-    return Cost(memory, factor, images + 3.0 * nodal * n_frames, time_s, mesh.n_nodes * mesh.n_dim, memory_here())
+    return Cost(memory, factor, images + 3.0 * nodal * n_frames + _REPORT, time_s, mesh.n_nodes * mesh.n_dim, memory_here())
 
 
 def _factorisation(mesh: Mesh) -> tuple[float, float, float]:
