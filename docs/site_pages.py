@@ -205,7 +205,8 @@ def _write_gallery(folder: Path, gallery: Path | None) -> None:
         for page in pages:
             (folder / "extra" / "gallery" / page.parent).mkdir(parents=True, exist_ok=True)
             shutil.copy(gallery / page, folder / "extra" / "gallery" / page)
-        rows = [(page.parts[0], f'<a href="gallery/{page.as_posix()}">{page.stem}</a>') for page in pages if len(page.parts) > 1]
+        rows = [(page.parts[0] + (f", {page.parts[-2]} alone" if "experiments" in page.parts else ""),
+                 f'<a href="gallery/{page.as_posix()}">{page.stem}</a>') for page in pages if len(page.parts) > 1]
         text += "\n\n" + _table(("test", "page"), rows)
     _write(folder / "gallery-of-reports.md", text)
 
