@@ -31,6 +31,7 @@ from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_s
 from idic.experiment_file.tables.temperatures import Body, temperatures
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.fe.mesh.mesh import Mesh, check_elements
+from idic.fe.mesh.polygon import follow_arcs
 from idic.fe.mesh.refine import can_raise_order, raise_order
 from idic.images.camera import Camera
 from idic.images.placed_camera import AnyCamera
@@ -218,6 +219,8 @@ class ExperimentFolder(RecordedFolder):
         mesh, table = raise_order(mesh), self.config.experiment.mesh
         if table.is_drawn:
             mesh = drawing_of(table).on_arcs(mesh, camera if table.in_px else None)
+        elif self.config.experiment.fields and table.holes_mm:  # images keep straight edges: their results would change
+            mesh = follow_arcs(mesh, table.holes_mm[0], table.holes_mm[1:])
         return mesh, (f"linear elements are computed as quadratic ones ({n} -> {mesh.n_nodes} nodes); "
                       'element_order = "as_given" under [options] keeps them linear',)
 

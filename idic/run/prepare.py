@@ -26,6 +26,8 @@ from idic.images.stack import Stack
 from idic.model.drives import build_drives, set_nodes
 from idic.model.experiment import Experiment, Measured, Parametrised
 from idic.model.forward import build_forward
+from idic.readers.fields.series import FieldStack
+from idic.readers.fields.sound_stages import check_stages
 from idic.readers.images import FileStack
 from idic.store.arrays import read_array, write_array
 from idic.store.camera_groups import group_of, ingest_all, noise_entry, with_stored_images
@@ -53,10 +55,8 @@ def check_before_writing(experiment: Experiment) -> None:
                          expected="a folder of TIFF or PNG images", found="nothing",
                          remedy='write for example  images = "images/*.tif"')
     _check_heights(experiment)
-    if experiment.points is not None:
-        for k in range(experiment.n_frames):
-            if k not in experiment.excluded:
-                experiment.stack.frame(k)  # a half-written stage, or one of another specimen
+    if isinstance(experiment.stack, FieldStack):
+        check_stages(experiment.stack, [k for k in range(experiment.n_frames) if k not in experiment.excluded])
     check_method(experiment)
     resolve_stages(experiment)
     build_forward(experiment)

@@ -15,6 +15,7 @@ from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.fe.mesh.mesh import make_mesh
+from idic.fe.mesh.morph import find_holes
 from idic.identify.in_memory import identify
 from idic.identify.plan.planned_test import load_plan
 from idic.validation.studies.case import CaseJob, case_experiment, render, true_values, with_measured_start
@@ -141,6 +142,17 @@ def test_init_tells_a_notched_shear_test_from_tension(tmp_path):
                                  - there.mesh.nodes[block.connectivity[:, :1]])).sum()
                / (1 if block.cell.startswith("quad") else 2) for block in there.mesh.blocks)
     assert area == pytest.approx(40.0 * 20.0 - 2 * 16.0, abs=0.3 * 120.0)  # two notches; edges within half a distance
+
+
+def test_a_round_hole_around_points_is_round_between_its_corners_too(initialised, tmp_path):
+    folder = tmp_path / "hole"
+    shutil.copytree(initialised, folder)
+    text = (folder / "experiment.toml").read_text()
+    (folder / "experiment.toml").write_text(text.replace("around_points_mm", "holes_mm = [[6.0, 18.0, 3.0]], around_points_mm"))
+    mesh = load_experiment(folder).mesh
+    (hole,) = find_holes(mesh)
+    np.testing.assert_allclose(np.hypot(*(mesh.nodes[hole.rim] - [6.0, 18.0]).T), 3.0, rtol=1e-9)
+    assert len(hole.rim) == 12  # six of them between corners
 
 
 def test_of_a_long_series_init_keeps_stages_by_strain_and_the_log_follows(tmp_path):

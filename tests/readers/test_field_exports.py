@@ -11,6 +11,7 @@ from scipy.io import savemat
 from idic.errors import InputError
 from idic.readers.fields.plane import mean_plane, out_of_plane
 from idic.readers.fields.series import FieldStack, measured_points, open_fields
+from idic.readers.fields.sound_stages import check_stages
 
 GRID = np.stack(np.meshgrid(np.arange(6) * 1.5, np.arange(8) * 1.5), axis=-1).reshape(-1, 2) + [3.0, -2.0]  # (48, 2) mm
 F = np.array([[1.002, 0.001], [0.0005, 0.996]])
@@ -313,6 +314,30 @@ def _more_columns(folder):
     path.write_text("\n".join([*lines[:first], *(f"{line};0.0" for line in lines[first:])]), encoding="utf-8")
 
 
+def _a_further_column(folder):
+    _more_columns(folder)
+    path = folder / "Flächenkomponente 1_0001.csv"
+    path.write_text(path.read_text(encoding="utf-8").replace("id;x;y;z", "id;x;y;z;quality"), encoding="utf-8")
+
+
+def _half_written_at_the_end_of_a_row(folder):
+    aramis(folder, 1, ids=np.arange(24))
+
+
+def _another_specimen_of_the_same_numbers(folder):
+    kept = np.flatnonzero(np.arange(len(GRID)) % 6 > 0)  # one column less: the numbers run on
+    aramis(folder, 1, ids=kept)
+    path = folder / "Flächenkomponente 1_0001.csv"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    first = lines.index("id;x;y;z") + 1
+    path.write_text("\n".join([*lines[:first], *(f"{i};{line.split(';', 1)[1]}" for i, line in enumerate(lines[first:]))]),
+                    encoding="utf-8")
+
+
+def _empty(folder):
+    (folder / "Flächenkomponente 1_0001.csv").write_text("")
+
+
 def _no_points(folder):
     (folder / "Flächenkomponente 1_0001.csv").write_text("# Units: length:mm\n# Stage: 1\nstage;index;relative_time;date\n")
 
@@ -321,7 +346,9 @@ def _no_points(folder):
     (_half_written, "another number of cells"), (_twice, "a point occurs twice"),
     (_without_force, "missing in some stages"), (_another_specimen, "other points than the reference"),
     (_other_unit, "another unit"), (_other_unit_of_force, "changes its unit"), (_more_columns, "another number of cells"),
-    (_far_away, "far from those of the reference"), (_no_points, "without points"),
+    (_far_away, "far from those of the reference"), (_no_points, "without points"), (_empty, "a stage is empty"),
+    (_a_further_column, "other columns than the first"), (_half_written_at_the_end_of_a_row, "ends before its last points"),
+    (_another_specimen_of_the_same_numbers, "of another specimen"),
 ])
 def test_a_bad_stage_is_refused_with_its_name(tmp_path, spoil, message):
     for k in range(3):
@@ -329,10 +356,16 @@ def test_a_bad_stage_is_refused_with_its_name(tmp_path, spoil, message):
     spoil(tmp_path)
     with pytest.raises(InputError, match=message) as refused:
         stack = opened(tmp_path)
-        for k in range(3):
-            stack.frame(k)
+        check_stages(stack, range(3))
         stack.series.log()
     assert "0001" in str(refused.value.file)
+
+
+def test_points_that_leave_the_view_and_a_specimen_that_stretches_by_half_are_no_fault(tmp_path):
+    aramis(tmp_path, 0)
+    aramis(tmp_path, 1, ids=np.arange(40))  # the last rows leave the view, and stay away
+    aramis(tmp_path, 200, ids=np.arange(36))
+    check_stages(opened(tmp_path), range(3))
 
 
 def test_another_kind_of_table_is_not_a_field(tmp_path):

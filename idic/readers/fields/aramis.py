@@ -50,8 +50,7 @@ def read_aramis(path: Path) -> Stage:
     InputError
         The file holds no points, is cut off, or names a point twice.
     """
-    text = stage_text(path)
-    units, blocks = _blocks(text)
+    units, blocks = _blocks(stage_text(path))
     block = next((block for block in blocks if {"id", "x", "y"} <= set(block.header)), None)
     if block is None:
         raise InputError("a stage without points", file=path, key=KEY, expected="a block id;x;y;z",
@@ -68,7 +67,8 @@ def read_aramis(path: Path) -> Stage:
                          remedy="export one surface component only")
     axes = [name for name in ("x", "y", "z") if name in names]
     time, analog = _channels(units, blocks, path)
-    return Stage(values[:, [names.index(name) for name in axes]], None, units.get("length", "mm"), ids, time, analog)
+    return Stage(values[:, [names.index(name) for name in axes]], None, units.get("length", "mm"), ids, time, analog,
+                 tuple(names))
 
 
 def read_aramis_head(path: Path) -> tuple[float | None, dict[str, tuple[float, str | None]]]:

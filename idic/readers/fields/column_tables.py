@@ -163,7 +163,8 @@ def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
                          found=f"{len(points) - len(np.unique(names, axis=0))} points more than once",
                          remedy="export one surface only; a table of several stages needs a column `stage`")
     time = next((at for name in dialect.time if (at := columns.place(name)) is not None), None)
-    return Stage(points, displacement, columns.unit, ids, None if time is None else float(values[0, time]))
+    return Stage(points, displacement, columns.unit, ids, None if time is None else float(values[0, time]),
+                 columns=columns.names)
 
 
 def _check_units(columns: Columns, path: Path) -> None:

@@ -55,14 +55,15 @@ class FieldEntry:
 class FieldSeries:
     """All stages of a test.
 
-    format : one of `FORMATS` without "auto"; mm_per_unit : of lengths in the files; unit : of lengths, as the first file
-    states it
+    format : one of `FORMATS` without "auto"; mm_per_unit : of lengths in the files; unit, columns : of lengths and names of
+    the columns of points, as the first file states them
     """
 
     entries: tuple[FieldEntry, ...]
     format: str
     mm_per_unit: float
     unit: str
+    columns: tuple[str, ...] = ()
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -78,16 +79,20 @@ class FieldSeries:
         Raises
         ------
         InputError
-            The file cannot be read, or is in another unit than the first one.
+            The file cannot be read, or is in another unit or has other columns than the first one.
         """
         entry = self.entries[k]
         stage = _read(entry.path, self.format)[entry.number]
         if stage.unit != self.unit:
             raise InputError("a stage in another unit than the first", file=entry.path, key=KEY, expected=self.unit,
                              found=stage.unit, remedy="export all stages in one unit")
+        if stage.columns != self.columns:
+            raise InputError("a stage with other columns than the first", file=entry.path, key=KEY,
+                             expected=", ".join(self.columns), found=", ".join(stage.columns),
+                             remedy="export all stages in the same way, or remove this one from the pattern")
         factor = self.mm_per_unit
         displacement = None if stage.displacement is None else factor * stage.displacement
-        return Stage(factor * stage.points, displacement, "mm", stage.ids, stage.time_s, stage.analog)
+        return replace(stage, points=factor * stage.points, displacement=displacement, unit="mm")
 
     def log(self) -> Log | None:
         """Times and analog channels of the stages as a log, one row per stage; None where they have none.
@@ -156,7 +161,7 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
         factor = pixel_size_mm
     else:
         factor = factor_between(unit, "mm", file=paths[0], key="experiment.fields_unit")
-    return FieldSeries(tuple(entries), found, factor, stated)
+    return FieldSeries(tuple(entries), found, factor, stated, first.columns)
 
 
 def shared_part(moved: np.ndarray) -> float:
@@ -189,6 +194,9 @@ def detected(path: Path) -> str:
 
 
 def _entries(path: Path, format: str) -> list[FieldEntry]:
+    if path.stat().st_size == 0:
+        raise InputError("a stage is empty", file=path, key=KEY, expected="the points of a stage", found="a file of 0 bytes",
+                         remedy="export the stage again, or remove the file from the pattern")
     if format == ARAMIS:
         time, analog = read_aramis_head(path)
         return [FieldEntry(path, path.name, None, time, tuple((name, *value) for name, value in analog.items()))]

@@ -36,6 +36,8 @@ class Stage:
     time_s : float or None
     analog : mapping
         Analog channels that the system has recorded with the stage: name -> (value, unit or None).
+    columns : tuple
+        Names of the columns of the points, of text files.
     """
 
     points: np.ndarray
@@ -44,6 +46,7 @@ class Stage:
     ids: np.ndarray | None = None
     time_s: float | None = None
     analog: Mapping[str, tuple[float, str | None]] = field(default_factory=dict)
+    columns: tuple[str, ...] = ()
 
 
 def stage_text(path: Path) -> str:

@@ -13,6 +13,7 @@ from idic.identify.step.increments import planned_increments
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
 from idic.model.experiment import Experiment, Noise
 from idic.model.mode_names import in_words
+from idic.readers.fields.sound_stages import check_stages
 from idic.report.evidence.cost import Cost, expected_cost
 from idic.report.evidence.placement import mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (
@@ -248,9 +249,9 @@ def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: 
     if sizes.mean() < MIN_POINTS_PER_ELEMENT:
         yield (f"only {sizes.mean():.1f} points per element: larger elements would make the motion of the free fit less "
                "noisy")
-    for k in range(experiment.n_frames):
-        if k in experiment.excluded:
-            continue
+    counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
+    check_stages(experiment.stack, counted)  # type: ignore[arg-type]
+    for k in counted:
         part = float(np.isfinite(np.asarray(experiment.stack.frame(k))).all(axis=1).mean())
         if part < MIN_SEEN_PART:
             yield f"{experiment.labels[k]}: only {100 * part:.0f} % of the points of the reference stage are measured"
