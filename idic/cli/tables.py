@@ -145,9 +145,9 @@ def laws_table(laws) -> Table:
 
 def _add_terms(table: Table) -> None:
     """The terms that the composed law may have; n counts the terms of a list from 1."""
-    from idic.materials.composed.terms import LISTS, TERMS
+    from idic.materials.composed.terms import LISTS, TEMPERATURE_TERMS, TERMS
 
-    for term in TERMS.values():
+    for term in (*TERMS.values(), *TEMPERATURE_TERMS.values()):
         shown = [f"  + {term.kind}", term.group]
         stem = f"{term.group}_n" if term.group in LISTS else term.group
         for parameter in term.parameters:

@@ -8,7 +8,11 @@ experiment.toml may have too. `idic.materials.composed` has the terms and their 
     hardening = [{ kind = "free", knots = 8, range = 0.2, H = 1000.0 }]
 
 becomes ``free8`` with hardening_1_range and the flow stresses hardening_1_s2 ... hardening_1_s8 at its knots, identified and
-starting on the straight line of slope H (MPa); s3 = ... gives one its own value.
+starting on the straight line of slope H (MPa); s3 = ... gives one its own value. A factor of the temperature,
+
+    temperature = [{ of = "yield_stress", kind = "linear", slope = { value = -1e-3, unit = "1/K", identify = true } }]
+
+becomes ``linear*yield_stress`` with temperature_1_slope; reference_temperature (°C) is a key of the material.
 """
 
 from __future__ import annotations
@@ -22,7 +26,8 @@ from idic.errors import InputError
 from idic.materials.composed.elastoplastic import NAME as COMPOSED
 from idic.materials.composed.elastoplastic import composed_name
 from idic.materials.composed.free_curve import bends, knots, level_names
-from idic.materials.composed.terms import DEFAULT_KNOTS, GROUPS, KNOTS, LISTS, kinds_of, term_of
+from idic.materials.composed.terms import DEFAULT_KNOTS, GROUPS, KNOTS, LISTS, TIMES, kinds_of, term_of
+from idic.materials.core.law import get_law
 from idic.model.experiment import Material
 from idic.parameters import Parameter, SmoothnessPrior
 from idic.readers.units import factor_between
@@ -63,10 +68,12 @@ def _flat(table: Mapping, file: str, key: str) -> dict:
             kind = _kind(entry, group, file, place)
             if kind == "free":
                 kind, entry = _free_curve(entry, table.get("yield_stress"), file, place)
+            elif group == "temperature":
+                kind, entry = _factor(kind, entry, file, place)
             kinds.append(kind)
             flat |= _parameters(kind, entry, number, file, place)
     try:
-        name = composed_name(kinds)
+        name = get_law(composed_name(kinds)).name
     except InputError as error:
         raise InputError(error.what, file=file, key=f"{key}.{error.key}", expected=error.expected, found=error.found,
                          remedy=error.remedy) from None
@@ -85,6 +92,17 @@ def _kind(entry: object, group: str, file: str, key: str) -> str:
                          key=f"{key}.kind", expected=" | ".join(kinds), found=repr(kind) if "kind" in entry else "no such key",
                          remedy=f'did you mean kind = "{near[0]}"?' if near else "choose one of these")
     return str(kind)
+
+
+def _factor(kind: str, entry: Mapping, file: str, key: str) -> tuple[str, dict]:
+    """A factor of the temperature as the kind with the parameters that it multiplies, and its other keys."""
+    of = entry.get("of")
+    names = [of] if isinstance(of, str) else of
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
+        raise InputError("a factor of the temperature without what it multiplies", file=file, key=f"{key}.of",
+                         expected='of = "flow_stress", or a list of parameters', found="no such key" if of is None else repr(of)[:80],
+                         remedy='write e.g.  of = "yield_stress"')
+    return TIMES.join([kind, *names]), {name: value for name, value in entry.items() if name != "of"}
 
 
 def _free_curve(entry: Mapping, yield_stress: object, file: str, key: str) -> tuple[str, dict]:

@@ -115,6 +115,7 @@ class Model:
         influence fields are wanted
     quadrature : {cell: order} where the default is not wanted, e.g. ``{"quad8": 3}``
     temperature : (n_frames, n_nodes) K, change since the first frame (whose row is ignored); None: isothermal
+    start_temperature : (n_nodes,) °C at the first frame, for laws whose parameters depend on it
     variations : factors on the stress that vary over the body
     surface_side : plane stress, +1 or -1: the surface on this side is seen, and its motion out of the plane by the
         change of thickness is wanted; 0: not wanted
@@ -133,6 +134,7 @@ class Model:
     surface_side: int = 0
     quadrature: Mapping[str, int] = field(default_factory=dict)
     temperature: np.ndarray | None = None
+    start_temperature: np.ndarray | None = None
     variations: tuple[Variation, ...] = ()
 
     @property
@@ -237,6 +239,10 @@ def _check_loads(model: Model, n_frames: int) -> None:
 def _check_temperature(model: Model, n_frames: int) -> None:
     if model.temperature is None:
         return
+    start = model.start_temperature
+    if start is not None and not (np.shape(start) == (model.mesh.n_nodes,) and np.isfinite(start).all()):
+        raise InputError("the temperature at the first frame does not fit the mesh", expected=f"{model.mesh.n_nodes} numbers",
+                         found=str(np.shape(start)), remedy="give a temperature for every node")
     expected = (n_frames, model.mesh.n_nodes)
     if model.temperature.shape != expected:
         raise InputError("temperatures of inconsistent size", expected=f"{expected}: one per frame and node",

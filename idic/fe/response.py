@@ -123,7 +123,8 @@ class ModelPoints:
     def serves(self, system: System, model: Alternative) -> bool:
         """Whether the points of another model go through the same."""
         mine, other = self.system.model, system.model
-        if len(self.system.groups) != len(system.groups) or not _same(mine.temperature, other.temperature):
+        if len(self.system.groups) != len(system.groups) or not _same(mine.temperature, other.temperature) \
+                or not _same(mine.start_temperature, other.start_temperature):
             return False
         return all(a.law is b.law and a.name == b.name and a.expansion == b.expansion
                    and np.array_equal(self.params[a.name], model.params[b.name])

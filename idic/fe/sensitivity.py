@@ -91,7 +91,7 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
     """Derivatives at `end` from those at `start` (`before`), with the factorised consistent tangent at `end`."""
     nd, dt, shape = len(directions), end.time - start.time, end.u.shape
     forces = np.zeros((*shape, nd))
-    dparams = [_parameter_changes(system, group.section, directions, params) for group in system.groups]
+    dparams = _parameter_changes(system, directions, params, times, end)
     expansions = _expansion_changes(system, directions, times, end)
     _add_variations(system, directions, end, forces)
     for k, g in enumerate(end.evaluation.groups):
@@ -99,7 +99,8 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
         if not len(some):
             continue
         dP, _ = assembly.point_changes(system, k, g, _params(system, k, params), start.states, dt, None,
-                                       np.ascontiguousarray(before.states[k][:, some]), _part(dparams[k], some),
+                                       np.ascontiguousarray(before.states[k][:, some]),
+                                       _part(dparams[k], (..., some, slice(None))),
                                        _part(expansions[k], (slice(None), some)))
         part = np.zeros((*shape, len(some)))
         assembly.force_changes(system, k, g, dP, part)
@@ -183,7 +184,7 @@ def _concerning(dparams, dexpansion, dstate: np.ndarray) -> np.ndarray:
     """Directions along which the stress of a group changes at fixed displacement  # (n,) int"""
     concerned = dstate.any(axis=(0, 2))
     if dparams is not None:
-        concerned |= dparams.any(axis=1)
+        concerned |= dparams.any(axis=-1) if dparams.ndim == 2 else dparams.any(axis=(0, 2))
     if dexpansion is not None:
         concerned |= dexpansion.any(axis=0)
     return np.flatnonzero(concerned)
@@ -197,7 +198,34 @@ def _params(system: System, k: int, params: Mapping[str, np.ndarray]) -> np.ndar
     return params[system.model.sections[system.groups[k].section].name]
 
 
-def _parameter_changes(system, section: int, directions, params) -> np.ndarray | None:
+def _parameter_changes(system: System, directions, params, times: np.ndarray, end: Converged) -> list[np.ndarray | None]:
+    """Changes of the parameters of each group, of its points where they depend on the temperature
+
+    Returns
+    -------
+    per group (nd, n_params) or (n_points, nd, n_params); None: no direction concerns it
+    """
+    changes = []
+    for group, g in zip(system.groups, end.evaluation.groups, strict=True):
+        own = _unit_changes(system, group.section, directions, params)
+        if g.temperature is not None:
+            warming = _nodal_warming(system, directions, times, end)
+            own = group.law.spec.temperature.changes(
+                params[system.model.sections[group.section].name], g.temperature, own,
+                None if warming is None else assembly.points_of(system, group, warming), len(directions))
+        changes.append(own)
+    return changes
+
+
+def _nodal_warming(system: System, directions, times: np.ndarray, end: Converged) -> np.ndarray | None:
+    """Change of the temperature of the nodes along each direction  # (n_nodes, nd) K; None: none changes it"""
+    given = [change.temperature for change in drive_changes(system.model, directions, times, end.time)]
+    if all(change is None for change in given):
+        return None
+    return np.stack([np.zeros(system.model.mesh.n_nodes) if change is None else change for change in given], axis=1)
+
+
+def _unit_changes(system, section: int, directions, params) -> np.ndarray | None:
     """Unit changes of the parameters of a section  # (nd, n_params); None: no direction concerns it"""
     name = system.model.sections[section].name
     rows = np.zeros((len(directions), len(params[name])))

@@ -129,7 +129,7 @@ class Load:
 
 @dataclass(frozen=True)
 class TemperatureField:
-    """Temperature of the nodes in every frame (only its changes matter), NaN where it is not known."""
+    """Temperature of the nodes in every frame, NaN where it is not known."""
 
     values: np.ndarray  # (n_frames, n_nodes) K or °C
     source: str = ""
@@ -139,12 +139,14 @@ class TemperatureField:
 class Temperature:
     """The temperature of a node set (None: of the whole mesh): one value per frame, or a field.
 
-    It acts through ``SET.alpha`` (1/K), which every law accepts; see `idic.model.temperature` and
-    `idic.fe.assembly.expansion`.
+    It acts through ``SET.alpha`` (1/K), which every law accepts, and through laws whose parameters depend on it; see
+    `idic.model.temperature`, `idic.fe.assembly.expansion` and `idic.materials.core.temperature`. ``above_celsius`` is what
+    the values of the drive are above °C: 273.15 where they are in K.
     """
 
     nodes: str | None
     drive: Column | TemperatureField
+    above_celsius: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,7 @@ class ForwardModel:
     experiment: Experiment
     drives: DriveTable
     model: Model  # with the histories of the experiment's starting values
-    temperature: NodalTemperature | None = None  # None where no material expands
+    temperature: NodalTemperature | None = None  # None where no material knows it
     readings: Readings | None = None  # None where all channels are reactions
     control: Control | None = None  # None: as `idic.fe` has it
 
@@ -143,7 +143,8 @@ class ForwardModel:
             replace(section, expansion=parameters[name].value)
             if (name := f"{section.name}.{EXPANSION.name}") in parameters else section
             for section in self.model.sections)
-        return {"sections": sections, "temperature": self._from_reference(self.temperature.at(offset))}
+        return {"sections": sections, "temperature": self._from_reference(self.temperature.at(offset)),
+                "start_temperature": self.temperature.start}
 
     def _per_thickness(self) -> np.ndarray:
         """Which dead loads are stresses on an edge, so that their force grows with the thickness  # (n_dead,) bool"""
@@ -287,8 +288,9 @@ def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
         thickness=experiment.thickness or 1.0, loads=_loads(experiment, drives.loads), channels=_reactions(experiment),
         locking=experiment.options.locking, surface_side=experiment.surface_side)
     validate(model, len(histories))
-    expands = any(f"{section.name}.{EXPANSION.name}" in experiment.parameters for section in sections)
-    return ForwardModel(experiment, drives, model, nodal_temperature(experiment) if expands else None,
+    warmed = any(f"{section.name}.{EXPANSION.name}" in experiment.parameters or section.law.spec.temperature is not None
+                 for section in sections)
+    return ForwardModel(experiment, drives, model, nodal_temperature(experiment) if warmed else None,
                         build_readings(experiment, drives.loads))
 
 

@@ -2,7 +2,8 @@
 
 Later records win where they overlap. Nodes that no record covers get their temperature by steady conduction from the
 others (`idic.fe.conduction`): two thermocouples make a linear course between two grips, one makes a uniform body.
-Only the change since the reference frame acts; K and °C are the same.
+Thermal expansion knows the change since the reference frame only, where K and °C are the same; laws whose parameters depend
+on the temperature take °C.
 """
 
 from __future__ import annotations
@@ -19,10 +20,12 @@ from idic.model.experiment import Column, Experiment
 @dataclass(frozen=True)
 class NodalTemperature:
     """values : (n_frames, n_nodes) K, change since the reference frame; rates : its derivative by a time shift of the
-    log (``time.offset``), K/s; None where no logged column takes part."""
+    log (``time.offset``), K/s; None where no logged column takes part; start : (n_nodes,) °C at the reference frame, which no
+    shift changes."""
 
     values: np.ndarray
     rates: np.ndarray | None
+    start: np.ndarray
 
     def at(self, time_offset: float) -> np.ndarray:
         """Change of temperature with the log shifted by so many seconds  # (n_frames, n_nodes)"""
@@ -41,6 +44,7 @@ def nodal_temperature(experiment: Experiment) -> NodalTemperature | None:
         return None
     shape = (experiment.n_frames, experiment.mesh.n_nodes)
     values, rates, shifts = np.full(shape, np.nan), np.full(shape, np.nan), False
+    above = np.zeros(shape)  # °C
     for entry in experiment.temperatures:
         nodes = np.arange(shape[1]) if entry.nodes is None else np.asarray(experiment.mesh.node_sets[entry.nodes])
         if isinstance(entry.drive, Column):
@@ -51,13 +55,15 @@ def nodal_temperature(experiment: Experiment) -> NodalTemperature | None:
             given, rate = entry.drive.values[:, nodes], None  # one image per frame: no clock of its own
         known = ~np.isnan(given)
         values[:, nodes] = np.where(known, given, values[:, nodes])
+        above[:, nodes] = np.where(known, entry.above_celsius, above[:, nodes])
         slope = np.zeros(shape[0]) if rate is None else rate
         rates[:, nodes] = np.where(known, slope[:, None], rates[:, nodes])
         shifts = shifts or rate is not None
+    reference = experiment.reference
+    start = conducted(experiment.mesh, (values - above)[reference][None])[0]
     values = conducted(experiment.mesh, values)
     rates = conducted(experiment.mesh, rates) if shifts else None
-    reference = experiment.reference
-    return NodalTemperature(values - values[reference], None if rates is None else rates - rates[reference])
+    return NodalTemperature(values - values[reference], None if rates is None else rates - rates[reference], start)
 
 
 def _require_shape(values: np.ndarray, shape: tuple[int, int], source: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 from idic.model.mode_names import is_mode
 from idic.report import words
@@ -22,6 +23,7 @@ from idic.report.practice import practice_table
 from idic.report.record import RunRecord
 from idic.report.stress_scale import in_ratios
 from idic.report.figures.hardening import hardening_curve
+from idic.report.figures.temperature_factor import temperature_dependence
 from idic.report.stress_strain import open_curves, stress_strain
 from idic.report.tables import parameter_status
 from idic.report.treatments import treatment_table
@@ -51,7 +53,8 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
     channels = tuple(charts.channel(record, c) for c in record.channels)
     extra = () if record.fields is None else tuple(maps.nodal_field(record, n) for n in record.fields.extra)
     laws = (*(stress_strain(record, curve) for curve in record.curves),
-            *(hardening_curve(record, curve) for curve in record.hardening))
+            *(hardening_curve(record, curve) for curve in record.hardening),
+            *(temperature_dependence(tuple(own)) for _, own in groupby(record.temperature_factors, lambda one: one.name)))
     plan = (
         (
             "explained",

@@ -232,6 +232,29 @@ class HardeningCurve:
 
 
 @dataclass(frozen=True)
+class TemperatureFactor:
+    """An identified factor of the temperature on parameters of a law.
+
+    Attributes
+    ----------
+    name : element set
+    kind : as in experiment.toml; targets : the parameters that it multiplies; values : its own parameters
+    reference : °C
+    temperature, factor, std : (m,) °C, -, -
+        Over the temperatures of the test, std from the covariance of the parameters.
+    """
+
+    name: str
+    kind: str
+    targets: tuple[str, ...]
+    values: Mapping[str, float]
+    reference: float
+    temperature: np.ndarray
+    factor: np.ndarray
+    std: np.ndarray
+
+
+@dataclass(frozen=True)
 class NoiseFloor:
     """What noise alone does to displacement (px) and strain: free FE-DIC of a still image, and the identified model.
 
@@ -354,6 +377,7 @@ class RunRecord:
     free: FreeFields | None = None
     curves: tuple[LawCurve, ...] = ()
     hardening: tuple[HardeningCurve, ...] = ()
+    temperature_factors: tuple[TemperatureFactor, ...] = ()
     practice: Practice | None = None
     camera_floor_px: np.ndarray | None = None
     points: PointMaps | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from idic.materials.composed.terms import TIMES
 from idic.report.figures.style import BLUE, ORANGE, Picture, look, new_figure, to_picture
 from idic.report.record import LawCurve, RunRecord
 from idic.report.stress_scale import stress_unit
@@ -37,7 +38,7 @@ def stress_strain(record: RunRecord, curve: LawCurve) -> Picture | None:
             f"on the whole, in {curve.seconds:.4g} {record.time_label_unit}, no "
             f"other stress, up to the 99th percentile of the specimen's strain ({strain[-1]:.3g} %): {last} there. The "
             "band and its half-width below follow from the covariance of the parameters: they contain noise, not "
-            "errors of the law."
+            f"errors of the law.{' It is drawn at the reference temperature.' if TIMES in curve.law else ''}"
         )
         return to_picture(figure, f"stress_strain_{curve.name}", f"Identified law: {curve.name}", caption)
 

@@ -79,6 +79,28 @@ def test_a_free_curve_starts_on_a_straight_line_of_identified_values():
     assert found["hardening_1_s5"].free and not found["hardening_1_range"].free
 
 
+FACTORS = [{"kind": "linear", "of": "E", "slope": -4e-4},
+           {"kind": "johnson_cook", "of": ["yield_stress", "hardening_1_Q"], "m": {"value": 1.0, "identify": True}, "melting": 640.0}]
+
+
+def test_factors_of_the_temperature_name_what_they_multiply():
+    record, found = read(temperature=FACTORS, reference_temperature={"value": 20.0, "unit": "C"})
+    assert record.law.endswith("+lemaitre+linear*E+johnson_cook*yield_stress*hardening_1_Q)")
+    assert (found["temperature_1_slope"].value, found["temperature_2_melting"].value) == (-4e-4, 640.0)
+    assert found["temperature_2_m"].free and found["reference_temperature"].value == 20.0
+
+
+@pytest.mark.parametrize(("changes", "key"), [
+    ({"temperature": [{"kind": "linear", "slope": 1e-3}]}, "temperature[0].of"),
+    ({"temperature": [{"kind": "linear", "of": "Q", "slope": 1e-3}]}, "temperature"),
+    ({"temperature": FACTORS, "reference_temperature": {"value": 293.0, "unit": "K"}}, "reference_temperature.unit"),
+    ({"temperature": FACTORS}, "reference_temperature"), ({"reference_temperature": 20.0}, "reference_temperature")])
+def test_a_factor_without_its_parameter_or_reference_is_told(changes, key):
+    with pytest.raises(InputError) as error:
+        read(**changes)
+    assert error.value.key == f"material.SPECIMEN.{key}" and error.value.remedy
+
+
 def test_material_axes_of_the_elasticity_serve_hills_surface_too():
     record, found = read(E=None, nu=None, elasticity={"kind": "orthotropic", "E1": 140e3, "E2": 1e4, "nu12": 0.3, "G12": 5e3, "angle": 30.0},
                          nonlinear_elasticity=[{"kind": "fibre", "gamma": 15.0}])
@@ -106,7 +128,8 @@ def test_an_exported_composed_law_is_read_as_the_same_law_with_the_same_values()
 
     from idic.run.reporting.law_files import law_table
 
-    record, found = read(hardening=[{"kind": "free", "knots": 4, "range": 0.1}])
+    record, found = read(hardening=[{"kind": "free", "knots": 4, "range": 0.1}], reference_temperature=25.0,
+                         temperature=[{"kind": "arrhenius", "of": ["flow_stress", "rate_eta"], "activation": 900.0}])
     values = {name: p.value for name, p in found.items()}
     text = law_table("SPECIMEN", record.law, "finite", values,
                      {"parameters": {"SPECIMEN.yield_stress": {"std": 1.5, "unit": "MPa", "free": True}}})

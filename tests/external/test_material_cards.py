@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.materials.composed.material_card import material_card
-from idic.materials import compile, get_law, point
+from idic.materials import compile, get_law, point, points
 from idic.materials.composed.written_terms import OLDER, flow_stress, terms_of
 
 CUBE = """*NODE
@@ -28,6 +28,8 @@ CUBE = """*NODE
 1, 2, 5, 6
 *NSET, NSET=BELOW
 1, 2, 3, 4
+*NSET, NSET=ALL, GENERATE
+1, 8
 """
 STEP = """*SOLID SECTION, ELSET=CUBE, MATERIAL=M
 *BOUNDARY
@@ -49,10 +51,21 @@ RF
 """
 
 
-def pulled_by_calculix(folder, card, strain):
-    """Nominal stress of one element in tension along x at every strain but the first, MPa."""
-    amplitude = "\n".join(f"{k}, {e:.9g}" for k, e in enumerate(strain))
-    (folder / "cube.inp").write_text(CUBE + card + STEP.format(amplitude=amplitude, end=len(strain) - 1))
+WARM = """*INITIAL CONDITIONS, TYPE=TEMPERATURE
+ALL, {start}
+*AMPLITUDE, NAME=WARM
+{amplitude}
+"""
+
+
+def pulled_by_calculix(folder, card, strain, warm=None):
+    """Nominal stress of one element in tension along x at every strain but the first, MPa; warm : °C at every strain."""
+    course = lambda values: "\n".join(f"{k}, {e:.9g}" for k, e in enumerate(values))  # noqa: E731
+    step = STEP.format(amplitude=course(strain), end=len(strain) - 1)
+    if warm is not None:
+        step = step.replace("*TIME POINTS", WARM.format(start=warm[0], amplitude=course(warm)) + "*TIME POINTS")
+        step = step.replace("*NODE PRINT", "*TEMPERATURE, AMPLITUDE=WARM\nALL, 1\n*NODE PRINT")
+    (folder / "cube.inp").write_text(CUBE + card + step)
     done = subprocess.run(["ccx", "-i", "cube"], cwd=folder, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stdout[-2000:]
     rows = [line.split() for line in (folder / "cube.dat").read_text().splitlines()]
@@ -78,6 +91,39 @@ def test_one_element_of_calculix_goes_as_the_law_with_the_exported_card(ccx, tmp
     theirs, ours, card = compared(tmp_path, spec.name, values, THERE_AND_BACK)
     assert card.missing == ()
     assert np.abs(theirs - ours).max() < 2.0 * KIRCHHOFF * np.abs(ours).max()
+
+
+def test_a_warmed_element_of_calculix_goes_as_the_law_with_tables_over_the_temperature(ccx, tmp_path):
+    """Pulled, warmed by 150 K under load, pulled on and unloaded while it cools; the tables are linear in between, as the law."""
+    law = "elastoplastic(voce+linear*E+linear*flow_stress)"
+    values = dict(zip(get_law(law).parameter_names, (70e3, 0.3, 200.0, 80.0, 20.0, -5e-4, -2e-3, 20.0), strict=True))
+    strain = np.concatenate([np.linspace(0.0, 0.01, 11), np.full(10, 0.01), np.linspace(0.01, 0.03, 11)[1:],
+                             np.linspace(0.03, 0.02, 11)[1:]])
+    warm = np.interp(np.arange(len(strain)), [0, 10, 20, 30, 40], [20.0, 20.0, 170.0, 170.0, 60.0])
+    card = material_card("M", law, values, "calculix", reached=0.1, temperatures=(20.0, 170.0))
+    assert card.missing == ()
+    theirs = pulled_by_calculix(tmp_path, card.text, strain, warm)
+    compiled, dependence, own = compile(law), get_law(law).temperature, np.array(list(values.values()))
+    F, state, ours = np.ones(2), compiled.initial_state(0)[None], []
+    for k in range(1, len(strain)):
+        F, state, P = free_sides(compiled, strain[k], state, dependence.values(own, warm[k:k + 1]), F)
+        ours.append(P)
+    cold = point.uniaxial(compiled, own, strain).P[1:, 0, 0]
+    assert np.abs(cold - ours).max() > 40.0  # the temperature matters
+    assert np.abs(theirs - ours).max() < 2.0 * KIRCHHOFF * np.abs(ours).max()
+
+
+def free_sides(law, strain, state, values, sides):
+    """One step in tension: (F22 and F33, state, nominal stress) by Newton on the lateral stresses."""
+    for _ in range(30):
+        F = np.diag([1.0 + strain, *sides])[None]
+        P, new, A, ok = points.tangent(law, 0, F, state, values, 1.0)
+        assert ok
+        side = np.array([P[0, 1, 1], P[0, 2, 2]])
+        if np.abs(side).max() < 1e-9:
+            return sides, new, P[0, 0, 0]
+        sides = sides - np.linalg.solve(A[0][np.ix_([4, 8], [4, 8])], side)
+    raise AssertionError("no equilibrium")
 
 
 @pytest.mark.slow  # the law takes 20 s to compile

@@ -160,8 +160,8 @@ def truth_of(form: str) -> Truth:
     return Truth(mesh, np.array(u), np.array(force), p)
 
 
-def write_folder(folder, truth: Truth, seed: int, material: str):
-    """The experiment of a user who does not know the form of the hardening."""
+def write_folder(folder, truth: Truth, seed: int, material: str, grip: np.ndarray = GRIP, columns: dict | None = None):
+    """The experiment of a user who does not know the form of the hardening; columns : more of the log."""
     speckle = dense_speckle(np.random.default_rng(5), 1.6, 20.0, 235.0, extent_px=300.0)
     texture, sensor = painted(speckle, CAMERA), Sensor(SHAPE, noise_std=NOISE, background=25.0)
     rng = np.random.default_rng(50 + seed)
@@ -169,7 +169,7 @@ def write_folder(folder, truth: Truth, seed: int, material: str):
     write_images(folder, (record(clean_image(x, truth.mesh.nodes, truth.mesh.blocks, CAMERA, texture, sensor), sensor, rng)
                           for x in truth.u))
     write_loads(folder, np.arange(len(truth.u), dtype=float),
-                {"force_N": truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u)), "grip_mm": GRIP})
+                {"force_N": truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u)), "grip_mm": grip} | (columns or {}))
     write_inp(waisted(*USER), folder / "mesh.inp", "strip")
     (folder / "experiment.toml").write_text(TOML.replace("NOISE", f"{sensor.total_noise_std:.4f}", 1) + material)
     return folder / "experiment.toml"

@@ -20,6 +20,7 @@ from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.materials import LawParameter, LawSpec
 from idic.materials.core.law import EXPANSION, law_for
+from idic.materials.core.temperature import KELVIN
 from idic.model.drives import boundary_parameters
 from idic.model.experiment import Channel, FurtherCamera, Load, Material, Prescribed
 from idic.model.free_course import knot_name
@@ -133,6 +134,9 @@ def _converted(law, given, names, convert, others, file, key):
 
 
 def _parameter(name: str, declared: LawParameter, entry: ParameterTable, file, key) -> Parameter:
+    if declared.unit == "C" and entry.unit == "K":
+        raise InputError("a temperature in K", file=file, key=f"{key}.unit", expected=f"{declared.description}, in °C",
+                         found=f"{entry.value:g} K", remedy=f'write {{ value = {entry.value - KELVIN:g}, unit = "C" }}')
     factor = factor_between(entry.unit, declared.unit, file=file, key=f"{key}.unit") if entry.unit is not None else 1.0
     value = entry.value * factor
     low, high = declared.bounds

@@ -26,6 +26,8 @@ from idic.fe.conduction import conducted, unreached
 from idic.fe.mesh.mesh import Mesh, surface_cells
 from idic.images.camera import Camera
 from idic.materials.core.law import EXPANSION
+from idic.materials.core.temperature import KELVIN
+from idic.materials.composed.terms import REFERENCE
 from idic.model.experiment import Column, Constant, Prescribed, Temperature, TemperatureField
 from idic.parameters import Parameter
 from idic.readers.images import open_stack
@@ -67,13 +69,25 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, folder: P
         nodes = None if nodes == WHOLE and WHOLE not in body.mesh.node_sets else nodes
         read = _column if table.column is not None else _course if table.course is not None else _field
         drive, note = read(table, body, context, folder, key)
-        made.append(Temperature(nodes, drive))
+        made.append(Temperature(nodes, drive, KELVIN if _unit(table, context) == "K" else 0.0))
         notes.append(f"{key}: {note}")
     _check_expansion(parameters, bool(made), context.file)
-    if made and not any(p.name.endswith(f".{EXPANSION.name}") for p in parameters):
-        notes.append("no material has alpha, so the temperatures have no effect; write e.g.  "
+    dependent = [p.name for p in parameters if p.name.endswith(f".{REFERENCE.name}")]
+    if dependent and not made:
+        raise InputError("a law depends on the temperature, which nothing gives", file=context.file,
+                         key=f"material.{dependent[0]}", expected='a [[boundary]] with temperature = { column = "temperature_C" }, '
+                         "or infrared images", found="none", remedy="give the temperature, or leave the temperature terms out")
+    if made and not dependent and not any(p.name.endswith(f".{EXPANSION.name}") for p in parameters):
+        notes.append("no material has alpha or a law that depends on the temperature, so it has no effect; write e.g.  "
                      'alpha = { value = 1e-5, unit = "1/K", identify = true }')
     return tuple(made), notes
+
+
+def _unit(table: TemperatureTable, context: Context) -> str | None:
+    """The unit that the file or the log states; None: °C"""
+    if table.unit is None and table.column is not None and context.log is not None:
+        return context.log.unit(table.column)
+    return table.unit
 
 
 def temperature_images(config: ExperimentFile, folder: Path, file) -> list[Path]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from idic.errors import InputError
 from idic.fe.assembly import expansion, kernels, kernels_solid, locking
 from idic.fe.assembly.variation import factor_of
 from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
@@ -136,6 +137,7 @@ class GroupEvaluation:
     """One group at one iterate. Fbar is what the law saw; scale, Jbar, b belong to F-bar.
 
     expansion (n_points,) is the free thermal expansion alpha (T - T_reference), None where there is no temperature.
+    temperature (n_points,) is that of a law whose parameters depend on it, in °C, else None.
     """
 
     F: np.ndarray
@@ -148,6 +150,7 @@ class GroupEvaluation:
     Jbar: np.ndarray | None = None
     b: np.ndarray | None = None
     expansion: np.ndarray | None = None
+    temperature: np.ndarray | None = None
 
 
 @dataclass
@@ -188,9 +191,12 @@ def evaluate(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, st
         g, trouble = _deform(group, u)
         if not trouble and drives.temperature is not None:
             trouble = _expand(system, group, drives.temperature, g)
+        values = params[model.sections[group.section].name]
+        if not trouble and group.law.spec.temperature is not None:
+            trouble = _warm(system, group, values, drives, g)
         if not trouble:
             guess = np.ascontiguousarray(guesses[k][:, -1]) if guesses is not None and model.mode == 2 else None
-            values = params[model.sections[group.section].name]
+            values = values_at(group, values, g)
             args = (group.law, model.mode, g.Fbar, g.expansion, states[k], values, dt)
             if stiffness:
                 g.P, g.state, g.A, ok = expansion.tangent(*args, guess=guess)
@@ -245,8 +251,22 @@ def _expand(system: System, group: Group, temperature: np.ndarray, g: GroupEvalu
     return ""
 
 
+def _warm(system: System, group: Group, params: np.ndarray, drives: Drives, g: GroupEvaluation) -> str:
+    start = system.model.start_temperature
+    if drives.temperature is None or start is None:
+        raise InputError("a law depends on the temperature, which the model does not have", expected="a temperature",
+                         found="none", remedy="give the model its temperature")
+    g.temperature = points_of(system, group, start + drives.temperature)
+    return group.law.spec.temperature.trouble(params, g.temperature)
+
+
+def values_at(group: Group, params: np.ndarray, g: GroupEvaluation) -> np.ndarray:
+    """The parameters of the law, at the temperature of each point where they depend on it  # ([n_points,] n_params)"""
+    return params if g.temperature is None else group.law.spec.temperature.values(params, g.temperature)
+
+
 def points_of(system: System, group: Group, nodal: np.ndarray) -> np.ndarray:
-    """Nodal values of an expansion at the points of a group  # (n_nodes, ...) -> (n_points, ...)"""
+    """Nodal values of an expansion or temperature at the points of a group  # (n_nodes, ...) -> (n_points, ...)"""
     return expansion.at_points(system.model, group.cell, group.connectivity, group.weights, group.mean_dilatation,
                                nodal)
 
@@ -351,7 +371,7 @@ def point_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray
     ----------
     du : (n_nodes, d, nd) or None (zero)
     dstate : (n_points, nd, n_state) at the beginning of the step
-    dparams : (nd, n_params) or None (zero)
+    dparams : (nd, n_params), of each point (n_points, nd, n_params), or None (zero)
     dexpansion : (n_points, nd) change of the free thermal expansion, or None (zero)
     """
     group, mode = system.groups[k], system.model.mode
@@ -366,8 +386,8 @@ def point_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray
             locking.average_trace(dF, group.weights, len(group.elements))
     guess = np.ascontiguousarray(g.state[:, -1]) if mode == 2 else None
     P = g.P if g.scale is None or dexpansion is None else g.P * g.scale[:, None, None] ** (d - 1)  # acting on Fbar
-    dP, dstate_new, _ = expansion.directional(group.law, mode, g.Fbar, g.expansion, P, states[k], params, dt, dF,
-                                              dstate, dparams, dexpansion, guess=guess)
+    dP, dstate_new, _ = expansion.directional(group.law, mode, g.Fbar, g.expansion, P, states[k],
+                                              values_at(group, params, g), dt, dF, dstate, dparams, dexpansion, guess=guess)
     return dP, dstate_new
 
 

@@ -14,8 +14,10 @@ from collections.abc import Callable, Sequence
 from idic.errors import InputError
 from idic.materials.composed import anisotropic_return, elasticity, general_return, isotropic_return
 from idic.materials.composed.flow_stress import NONE
-from idic.materials.composed.terms import FREE_NAME, GROUPS, KNOTS, LISTS, TERMS, Term, kinds_of, term_of
+from idic.materials.composed.terms import (FLOW_STRESS, FREE_NAME, GROUPS, KNOTS, LISTS, REFERENCE, TERMS, TIMES, Term, kinds_of,
+                                            term_of)
 from idic.materials.core.law import LawParameter, LawSpec, register
+from idic.materials.core.temperature import Factor, TemperatureDependence
 from idic.materials.plasticity import elastoplastic
 
 NAME = "elastoplastic"
@@ -101,6 +103,9 @@ def compose(kinds: Sequence[str]) -> LawSpec:
             states += [f"back{number}_{c}" for c in COMPONENTS]
     if codes["damage"]:
         states.append("damage")
+    dependence = _dependence([term for term in terms if term.group == "temperature"], codes["temperature"], parameters)
+    if dependence is not None:
+        parameters.append(REFERENCE)
     updates, linearise = _functions(codes, orthotropic)
     return LawSpec(
         name=name, parameters=tuple(parameters), updates={"finite": updates},
@@ -109,7 +114,32 @@ def compose(kinds: Sequence[str]) -> LawSpec:
         reference="; ".join(["q = yield_stress + hardening, p the plastic strain", *equations,
                              "return: Simo (1992), doi:10.1016/0045-7825(92)90123-2; Simo & Hughes (1998), "
                              "doi:10.1007/b98904"]),
-        alternatives={} if orthotropic else elastoplastic.ALTERNATIVES, compose=compose)
+        alternatives={} if orthotropic else elastoplastic.ALTERNATIVES, compose=compose, temperature=dependence)
+
+
+def _dependence(terms: Sequence[Term], codes: tuple[int, ...],
+                parameters: Sequence[LawParameter]) -> TemperatureDependence | None:
+    """What the temperature terms make of the parameters; the reference temperature is to stand behind them.
+
+    Raises
+    ------
+    InputError
+        A factor on something that is no parameter of the other terms.
+    """
+    names = [p.name for p in parameters]
+    stresses = [p.name for p in parameters if p.unit == "MPa" and p.name.startswith(("yield_stress", "hardening_"))]
+    allowed = [p.name for p in parameters if not p.name.startswith("temperature_") and p.unit != "deg"]
+    factors = []
+    for term, kind, first in zip(terms, codes[::2], codes[1::2], strict=True):
+        targets = term.kind.split(TIMES)[1:]
+        targets = [name for target in targets for name in (stresses if target == FLOW_STRESS else [target])]
+        unknown = [name for name in targets if name not in allowed]
+        if unknown or len({*targets}) < len(targets):
+            raise InputError(f"{NAME}: a factor of the temperature acts on parameters of the other terms", key="temperature",
+                             expected=f"{FLOW_STRESS}, or some of {', '.join(allowed)}", found=repr((unknown or targets)[0]),
+                             remedy="correct `of`, and name each parameter once")
+        factors.append(Factor(kind, first, tuple(names.index(name) for name in targets)))
+    return TemperatureDependence(tuple(factors), len(parameters)) if factors else None
 
 
 def _functions(codes: dict[str, tuple[int, ...]], orthotropic: bool) -> tuple[Callable, Callable | None]:

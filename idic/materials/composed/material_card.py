@@ -8,17 +8,21 @@ idic's flow stress is the Kirchhoff stress, that of both programs the Cauchy str
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from idic.materials.composed.free_curve import knots, knots_of
-from idic.materials.composed.written_terms import WrittenTerm, flow_stress, terms_of
+from idic.materials.composed.written_terms import WrittenTerm, flow_stress, terms_of, values_at
+from idic.materials.core.law import EXPANSION
 
 PROGRAMS = ("abaqus", "calculix")
 ROWS = 40  # of a table of the flow stress, dense at the beginning
 COMPARED_STRAIN = 1.0  # plastic strain at the end of a table of a law without a range of its own
+
+
+Warm = Sequence[tuple[float, Mapping[str, float]]]  # temperatures (°C) with the values there
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,8 @@ class Card:
     missing: tuple[str, ...]
 
 
-def material_card(name: str, law: str, values: Mapping[str, float], program: str, reached: float | None = None) -> Card:
+def material_card(name: str, law: str, values: Mapping[str, float], program: str, reached: float | None = None,
+                  temperatures: Sequence[float] = ()) -> Card:
     """The card of a law.
 
     Parameters
@@ -37,6 +42,8 @@ def material_card(name: str, law: str, values: Mapping[str, float], program: str
     values : {parameter: value} MPa, -, deg, s
     program : "abaqus" | "calculix"
     reached : plastic strain at the end of the table of the flow stress; default: the last knot, or 1
+    temperatures : °C, increasing, of the tables of a law whose parameters depend on it; between them the programs interpolate
+        linearly
     """
     terms = terms_of(law, values)
     if terms is None:
@@ -44,10 +51,17 @@ def material_card(name: str, law: str, values: Mapping[str, float], program: str
     by_group: dict[str, list[WrittenTerm]] = {}
     for written in terms:
         by_group.setdefault(written.term.group, []).append(written)
-    before, lines, missing = _elastic(name, by_group, values)
+    factors = by_group.get("temperature", [])
+    tabled = bool(factors) and not {"backstress", "elasticity"} & {*by_group} and len(temperatures) > 0
+    at = [(T, values_at(law, values, T)) for T in temperatures] if tabled else []
+    before, lines, missing = _elastic(name, by_group, values, at)
     if "yield_stress" in values and math.isfinite(values["yield_stress"]):
-        more, lacking = _plastic(law, by_group, values, program, reached)
+        more, lacking = _plastic(law, by_group, values, program, reached, at)
         lines, missing = lines + more, missing + lacking
+    if factors and not tabled:
+        missing.append(f"temperature: the values are those at {values['reference_temperature']:g} °C")
+    if values.get(EXPANSION.name):
+        lines += ["*EXPANSION", _row(values[EXPANSION.name])]
     head = [f"** {line}" for line in (f"{law}, units mm, N, MPa, s; Kirchhoff flow stress read as Cauchy stress",
                                       *(f"NOT IN THIS CARD: {what}" for what in missing))]
     return Card("\n".join([*head, *before, f"*MATERIAL, NAME={name}", *lines]) + "\n", tuple(missing))
@@ -57,14 +71,14 @@ def _row(*numbers: float) -> str:
     return ", ".join(f"{number:.8g}" for number in numbers)
 
 
-def _elastic(name: str, groups: Mapping[str, list[WrittenTerm]],
-             values: Mapping[str, float]) -> tuple[list[str], list[str], list[str]]:
+def _elastic(name: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[str, float], at: Warm) -> tuple[list[str], list[str], list[str]]:
     """(lines before *MATERIAL, lines, missing)"""
     missing = [f"nonlinear elasticity {w.kind}: reversible, no card of a plastic material has it"
                for w in groups.get("nonlinear_elasticity", [])]
     orthotropic = [w for w in groups.get("elasticity", []) if w.kind == "orthotropic"]
     if not orthotropic:
-        return [], ["*ELASTIC", _row(values["E"], values["nu"])], missing
+        rows = [_row(v["E"], v["nu"], T) for T, v in at] or [_row(values["E"], values["nu"])]
+        return [], ["*ELASTIC", *rows], missing
     v = orthotropic[0].values
     E1, E2, nu12, G12 = v["E1"], v["E2"], v["nu12"], v["G12"]
     angle, before = math.radians(v.get("angle", 0.0)), []
@@ -77,14 +91,16 @@ def _elastic(name: str, groups: Mapping[str, list[WrittenTerm]],
 
 
 def _plastic(law: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[str, float], program: str,
-             reached: float | None) -> tuple[list[str], list[str]]:
+             reached: float | None, at: Warm) -> tuple[list[str], list[str]]:
     missing = [f"{w.term.group} {w.kind}: no card has this equation" for group in ("rate", "damage") for w in groups.get(group, [])]
     free = [w for w in groups.get("hardening", []) if w.kind.startswith("free")]
     end = reached or (free[0].values["range"] if free else COMPARED_STRAIN)
     p = end * np.linspace(0.0, 1.0, ROWS) ** 2
     if free:  # straight between its knots
-        p = np.append(at := knots(free[0].values["range"], knots_of(law)), max(end, 2.0 * at[-1]))
+        p = np.append(last := knots(free[0].values["range"], knots_of(law)), max(end, 2.0 * last[-1]))
     table = [_row(stress, strain) for stress, strain in zip(flow_stress(law, values, p), p, strict=True)]
+    if at:
+        table = [_row(stress, strain, T) for T, v in at for stress, strain in zip(flow_stress(law, v, p), p, strict=True)]
     lines, lacking = _hardening(groups.get("backstress", []), bool(groups.get("hardening")), values, p, table, program)
     missing += lacking
     for surface in groups.get("yield_surface", []):

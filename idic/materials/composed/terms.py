@@ -14,11 +14,12 @@ from idic.materials.composed.elasticity import FIBRE, HAHN_TSAI, ORTHOTROPIC, RA
 from idic.materials.composed.flow_stress import FREE, JOHNSON_COOK, LINEAR, NORTON, PERZYNA, POWER, VOCE
 from idic.materials.composed.general_return import ARMSTRONG_FREDERICK, PRAGER
 from idic.materials.composed.isotropic_return import DRUCKER_PRAGER, HILL48, IN_PLANE_SHEAR, MISES
+from idic.materials.core import temperature
 from idic.materials.core.law import LawParameter
 from idic.materials.orthotropic import PARAMETERS as ORTHOTROPIC_PARAMETERS
 
-GROUPS = ("elasticity", "nonlinear_elasticity", "yield_surface", "hardening", "backstress", "rate", "damage")
-LISTS = ("nonlinear_elasticity", "hardening", "backstress")  # groups with any number of terms
+GROUPS = ("elasticity", "nonlinear_elasticity", "yield_surface", "hardening", "backstress", "rate", "damage", "temperature")
+LISTS = ("nonlinear_elasticity", "hardening", "backstress", "temperature")  # groups with any number of terms
 
 
 @dataclass(frozen=True)
@@ -146,12 +147,34 @@ TERMS = {term.kind: term for term in (
 )}
 
 
+TEMPERATURE_TERMS = {term.kind: term for term in (
+    Term("linear", "temperature", temperature.LINEAR,
+         (LawParameter("slope", "1/K", "relative growth per kelvin", default=-1e-3, null=0.0, positive=False,
+                       bounds=_ANY_SIGN),), "times 1 + slope (T - reference_temperature)"),
+    Term("johnson_cook", "temperature", temperature.JOHNSON_COOK,
+         (LawParameter("m", "-", "exponent of the homologous temperature", default=1.0, bounds=(0.05, 20.0)),
+          LawParameter("melting", "C", "temperature at which nothing is left; chosen, locked", default=1500.0,
+                       positive=False, bounds=(-temperature.KELVIN, np.inf))),
+         "times 1 - ((T - reference_temperature) / (melting - reference_temperature))^m; Johnson & Cook, Eng. Fract. Mech. "
+         "21 (1985) 31, doi:10.1016/0013-7944(85)90052-9"),
+    Term("arrhenius", "temperature", temperature.ARRHENIUS,
+         (LawParameter("activation", "K", "activation energy over the gas constant; positive falls with T", default=2000.0,
+                       null=0.0, positive=False, bounds=_ANY_SIGN),),
+         "times exp(activation (1/T - 1/reference_temperature)), both in K"),
+)}
+TIMES, FLOW_STRESS = "*", "flow_stress"  # linear*yield_stress; the word for yield stress and all hardening stresses
+REFERENCE = LawParameter("reference_temperature", "C", "temperature at which the parameters hold as they are given", default=20.0,
+                         positive=False, bounds=(-temperature.KELVIN, np.inf))
+
 DEFAULT_KNOTS, KNOTS = 8, (3, 24)  # of a free curve; fewest and most
 FREE_NAME = re.compile(r"free(\d*)")
 
 
 def term_of(kind: str) -> Term | None:
-    """The term of that kind, ``free12`` one with 12 knots; None where there is none."""
+    """The term of that kind, ``free12`` one with 12 knots, ``linear*E`` a factor on E; None where there is none."""
+    stem, times, targets = kind.partition(TIMES)
+    if times:
+        return replace(TEMPERATURE_TERMS[stem], kind=kind) if stem in TEMPERATURE_TERMS and targets else None
     found = FREE_NAME.fullmatch(kind)
     if found is None:
         return TERMS.get(kind)
@@ -166,4 +189,4 @@ def term_of(kind: str) -> Term | None:
 
 def kinds_of(group: str) -> tuple[str, ...]:
     """The kinds of a group, in the order of `TERMS`."""
-    return tuple(term.kind for term in TERMS.values() if term.group == group)
+    return tuple(term.kind for term in (*TERMS.values(), *TEMPERATURE_TERMS.values()) if term.group == group)

@@ -13,6 +13,7 @@ import numpy as np
 from idic.materials.composed.elastoplastic import NAME
 from idic.materials.composed.free_curve import basis, knots_of
 from idic.materials.composed.terms import GROUPS, Term, term_of
+from idic.materials.core.law import get_law
 
 OLDER = {  # law: (terms, {parameter of the older law: that of the composed one})
     "elastic": ((), {}),
@@ -63,6 +64,15 @@ def terms_of(law: str, values: Mapping[str, float]) -> tuple[WrittenTerm, ...] |
         names = {own: name for own, name in names.items() if name in values}  # one angle may serve two terms
         found.append(WrittenTerm(term, {own: values[name] for own, name in names.items()}, names))
     return tuple(found)
+
+
+def values_at(law: str, values: Mapping[str, float], temperature: float) -> dict[str, float]:
+    """The parameters of a composed law at a temperature (°C); those that do not depend on it as they are."""
+    spec, dependence = get_law(law), get_law(law).temperature
+    if dependence is None:
+        return dict(values)
+    own = np.array([values[name] for name in spec.parameter_names])
+    return dict(zip(spec.parameter_names, map(float, dependence.values(own, np.array([temperature]))[0]), strict=True))
 
 
 def flow_stress(law: str, values: Mapping[str, float], p: np.ndarray) -> np.ndarray:

@@ -280,10 +280,11 @@ def directional_loop(by_hand, linearise, update_complex, mode, F, guess, close, 
     dF, first = np.zeros((nd + extra, 3, 3)), np.zeros((1, 3, 3))
     first[0, 2, 2] = 1.0
     dold = np.zeros((nd + extra if dstate_in.shape[1] > 0 else 0, n_law))
-    dp = np.zeros((nd + extra if dparams.shape[0] > 0 else 0, params.shape[1]))
-    if dparams.shape[0] > 0:
+    dp = np.zeros((nd + extra if dparams.shape[1] > 0 else 0, params.shape[1]))
+    own_changes = dparams.shape[0] > 1 and dparams.shape[1] > 0
+    if dparams.shape[1] > 0:
         for k in range(nd):
-            copy(dparams[k], dp[extra + k])
+            copy(dparams[0, k], dp[extra + k])
     dP, dnew = np.empty((nd + extra, 3, 3)), np.empty((nd + extra, n_law))
     one_dP, none = np.empty((1, 3, 3)), np.empty((0, n_law))
     point, stress, old, new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
@@ -297,6 +298,8 @@ def directional_loop(by_hand, linearise, update_complex, mode, F, guess, close, 
             embed(dF_in[i, k], 0.0, dF[extra + k])
             if dold.shape[0] > 0:
                 copy(dstate_in[i, k], dold[extra + k])
+            if own_changes:
+                copy(dparams[i, k], dp[extra + k])
         p = params[i * per_point]
         if mode == 2:
             status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, dold, dp,
@@ -324,4 +327,4 @@ _F1, _F2, _F3, _F4 = (c_array(types.float64, ndim) for ndim in (1, 2, 3, 4))
 _update, _linearise, _complex = (types.FunctionType(s) for s in (UPDATE, LINEARISE, UPDATE_COMPLEX))
 STRESS_LOOP = _b1(_update, _b1, _linearise, _complex, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F1, _F2)
 TANGENT_LOOP = _b1(_b1, _linearise, _complex, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F2, _F3)
-DIRECTIONAL_LOOP = _b1(_b1, _linearise, _complex, _i8, _F3, _F1, _b1, _F2, _F2, _f8, _F4, _F3, _F2, _F4, _F3)
+DIRECTIONAL_LOOP = _b1(_b1, _linearise, _complex, _i8, _F3, _F1, _b1, _F2, _F2, _f8, _F4, _F3, _F3, _F4, _F3)

@@ -22,6 +22,7 @@ from types import MappingProxyType
 import numpy as np
 
 from idic.errors import InputError
+from idic.materials.core.temperature import TemperatureDependence
 from idic.parameters import USUAL_MAX_STEP
 
 
@@ -151,6 +152,8 @@ class LawSpec:
         Order of the error of ``update`` in the time increment: 1 with backward Euler.
     compose : function, optional
         ``(kinds of terms) -> LawSpec`` of a law that is composed of terms: ``NAME(voce+linear)``.
+    temperature : TemperatureDependence, optional
+        How parameters depend on the temperature; ``update`` is given their values at the temperature of the point.
     """
 
     name: str
@@ -166,6 +169,7 @@ class LawSpec:
     modes: Modes | None = None
     time_order: int = 1
     compose: Callable[[Sequence[str]], LawSpec] | None = None
+    temperature: TemperatureDependence | None = None
 
     def __post_init__(self):
         if not self.initial_state:

@@ -127,7 +127,7 @@ def directional(law: CompiledLaw, mode: int, F, state, params, dt: float, dF, ds
     dF : (n, nd, d, d)
     dstate : (n, nd, law.n_state(mode)), optional
         None: zero. Plane stress: the last column does not matter (F33 in the state is a start value only).
-    dparams : (nd, n_params), optional
+    dparams : (nd, n_params) or, of each point, (n, nd, n_params), optional
         None: zero.
     guess : (n,), optional
         Plane stress: F33 of the converged point, ``state_new[:, -1]``; spares the search for it.
@@ -143,11 +143,13 @@ def directional(law: CompiledLaw, mode: int, F, state, params, dt: float, dF, ds
     dF = _array(dF)
     n, nd = dF.shape[:2]
     dstate = np.empty((n, 0, state.shape[1])) if dstate is None else _array(dstate)
-    dparams = np.empty((0, params.shape[1])) if dparams is None else _array(dparams)
+    dparams = np.empty((1, 0, params.shape[1])) if dparams is None else _array(dparams)
+    dparams = dparams[None] if dparams.ndim == 2 else dparams
     if dF.shape != (len(F), nd, *F.shape[1:]) or dstate.shape not in ((n, nd, state.shape[1]),
                                                                       (n, 0, state.shape[1])) \
-            or dparams.shape not in ((nd, params.shape[1]), (0, params.shape[1])):
-        raise ValueError(f"expected dF (n, nd, d, d), dstate (n, nd, {state.shape[1]}), dparams (nd, "
+            or dparams.shape not in ((1, nd, params.shape[1]), (n, nd, params.shape[1]),
+                                                             (1, 0, params.shape[1])):
+        raise ValueError(f"expected dF (n, nd, d, d), dstate (n, nd, {state.shape[1]}), dparams ([n,] nd, "
                          f"{params.shape[1]}) for F {F.shape}; got {dF.shape}, {dstate.shape}, {dparams.shape}")
     dP, dstate_new = out if out is not None else (np.empty_like(dF), np.empty((n, nd, state.shape[1])))
     if nd == 0:

@@ -49,14 +49,14 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         p = np.unique(np.concatenate([np.linspace(a, b, POINTS_BETWEEN + 1)
                                       for a, b in pairwise(compared)]))
         J = basis(p, last, n)
-        covariance = J[:, known] @ _covariance(result, parameters, [names[i] for i in known]) @ J[:, known].T
+        covariance = J[:, known] @ covariance_of(result, parameters, [names[i] for i in known]) @ J[:, known].T
         stress = J @ np.maximum.accumulate([parameters[name].value for name in names])
         fits = classical_fits(p, stress, covariance, np.searchsorted(p, compared))
         yield HardeningCurve(material.element_set, p, stress, np.sqrt(np.maximum(np.diag(covariance), 0.0)), at, reached,
                              fits)
 
 
-def _covariance(result: Mapping, parameters: ParameterSet, names: list[str]) -> np.ndarray:
+def covariance_of(result: Mapping, parameters: ParameterSet, names: list[str]) -> np.ndarray:
     """Covariance of some identified parameters, internal units  # (n, n)"""
     table = result["correlation"]
     at = [table["names"].index(name) for name in names]

@@ -6,17 +6,23 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from idic.errors import InputError
 from idic.experiment_file.toml_file import to_toml
 from idic.materials.composed.material_card import PROGRAMS, material_card
 from idic.fe.external.solver import EXTERNAL
 from idic.materials.composed.elastoplastic import NAME
-from idic.materials.composed.terms import LISTS
+from idic.materials.composed.terms import LISTS, TIMES
 from idic.materials.composed.written_terms import WrittenTerm, terms_of
 from idic.materials.core.law import EXPANSION, get_law
+from idic.model.experiment import Experiment
+from idic.model.temperature import nodal_temperature
 from idic.run.context import open_run
 from idic.run.reporting.write import accepted_parameters
 from idic.store.result_file import read_result
+
+CARD_TEMPERATURES = 9
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,7 @@ def export_laws(run: Path | str, folder: Path | str) -> tuple[WrittenLaw, ...]:
         raise InputError("the laws of this RUN belong to another solver", file=run, key="--export",
                          expected="a law of idic", found="[solver]", remedy="take the parameters from its result.json")
     folder.mkdir(parents=True, exist_ok=True)
-    written = []
+    written, visited = [], _visited_temperatures(context.experiment)
     for material in materials:
         names = [*get_law(material.law).parameter_names, EXPANSION.name]
         values = {name: parameters[f"{material.element_set}.{name}"].value for name in names
@@ -53,12 +59,21 @@ def export_laws(run: Path | str, folder: Path | str) -> tuple[WrittenLaw, ...]:
                             encoding="utf-8")
         missing = {}
         for program in PROGRAMS:
-            card = material_card(material.element_set, material.law, values, program)
+            card = material_card(material.element_set, material.law, values, program, temperatures=visited)
             files.append(folder / f"{material.element_set}.{program}.inp")
             files[-1].write_text(card.text, encoding="ascii")
             missing[program] = card.missing
         written.append(WrittenLaw(material.element_set, tuple(files), missing))
     return tuple(written)
+
+
+def _visited_temperatures(experiment: Experiment) -> tuple[float, ...]:
+    """Temperatures (°C) over the range of the test, for the tables of cards."""
+    field = nodal_temperature(experiment)
+    if field is None:
+        return ()
+    seen = field.start + field.values[experiment.reference:]
+    return tuple(float(T) for T in np.unique(np.linspace(seen.min(), seen.max(), CARD_TEMPERATURES)))
 
 
 def law_table(element_set: str, law: str, kinematics: str, values: Mapping[str, float], result: Mapping) -> str:
@@ -92,7 +107,9 @@ def _term_table(written: WrittenTerm, units: Mapping[str, str]) -> dict:
     kind, made = written.kind, {}
     if kind.startswith("free"):
         made["knots"], kind = sum(name.startswith("s") for name in written.values) + 1, "free"
-    return {"kind": kind, **made, **{own: _value(value, units[written.names[own]]) for own, value in written.values.items()}}
+    kind, *of = kind.split(TIMES)
+    multiplied = {"of": of} if of else {}
+    return {"kind": kind, **made, **multiplied, **{own: _value(value, units[written.names[own]]) for own, value in written.values.items()}}
 
 
 def _value(value: float, unit: str) -> float | dict:

@@ -24,6 +24,7 @@ from idic.report.evidence.matrices import shown_step, without_modes
 from idic.report.figures.profiles import EDGE
 from idic.report.page import all_pictures, draw_sections, render_page
 from idic.report.evidence.hardening import hardening_curves
+from idic.report.evidence.temperature import temperature_factors
 from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
 from idic.report.tables import all_tables
 from idic.report.tables_page import joint_page
@@ -129,7 +130,8 @@ def load_record(run: Path | str) -> RunRecord:
     main, *others = [_seen(context, result, there, number, parameters) for number in range(len(there.views))]
     series = series_of(run, context, result, there)
     record = RunRecord(**(common | main), channels=_channels(context, result), series=series,
-                       hardening=hardening_curves(experiment, parameters, result, series), gauges=gauges_of(context, there),
+                       hardening=hardening_curves(experiment, parameters, result, series),
+                       temperature_factors=temperature_factors(experiment, parameters, result), gauges=gauges_of(context, there),
                        camera_floor_px=None if floor is None else floor.nodes_px,
                        **evidence(context, result, accepted[-1], parameters, main["sensitivities"]))
     names = [camera.name for camera in there.cameras]

@@ -1,0 +1,52 @@
+"""Identified temperature dependence of laws: every factor over the temperatures of the test, with its band."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from idic.materials.composed.terms import TIMES
+from idic.materials.composed.written_terms import terms_of
+from idic.materials.core.law import get_law
+from idic.materials.core.temperature import STEP, factor
+from idic.model.experiment import Experiment
+from idic.model.temperature import nodal_temperature
+from idic.parameters import ParameterSet
+from idic.report.evidence.hardening import covariance_of
+from idic.report.record import TemperatureFactor
+
+POINTS = 60  # of a curve
+
+
+def temperature_factors(experiment: Experiment, parameters: ParameterSet, result: Mapping) -> tuple[TemperatureFactor, ...]:
+    """One record per temperature term of every material; none where the experiment has no temperature."""
+    field = nodal_temperature(experiment)
+    if field is None:
+        return ()
+    seen = field.start + field.values[experiment.reference:]
+    return tuple(_factors(experiment, parameters, result, np.linspace(seen.min(), seen.max(), POINTS)))
+
+
+def _factors(experiment: Experiment, parameters: ParameterSet, result: Mapping, T: np.ndarray) -> Iterator[TemperatureFactor]:
+    for material in experiment.materials:
+        dependence = get_law(material.law).temperature if "(" in material.law else None
+        if dependence is None:
+            continue
+        names = get_law(material.law).parameter_names
+        values = {name: parameters[f"{material.element_set}.{name}"].value for name in names}
+        written = [term for term in terms_of(material.law, values) or () if term.term.group == "temperature"]
+        reference = values["reference_temperature"]
+        for one, term in zip(dependence.factors, written, strict=True):
+            own = np.array(list(term.values.values()))
+            full = [f"{material.element_set}.{name}" for name in term.names.values()]
+            known = [i for i, name in enumerate(full)
+                     if (result["parameters"].get(name) or {}).get("std") and name in result["correlation"]["names"]]
+            slopes = np.array([factor(one.kind, own + 1j * STEP * np.eye(len(own))[i], reference, T + 0j).imag / STEP for i in known])
+            variance = np.zeros(len(T))
+            if known:
+                covariance = covariance_of(result, parameters, [full[i] for i in known])
+                variance = np.einsum("it,ij,jt->t", slopes, covariance, slopes)
+            kind, *targets = term.kind.split(TIMES)
+            yield TemperatureFactor(material.element_set, kind, tuple(targets), dict(term.values), reference, T,
+                                    factor(one.kind, own, reference, T), np.sqrt(np.maximum(variance, 0.0)))
