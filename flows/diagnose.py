@@ -7,9 +7,11 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from idic.run.context import experiments_of
 from idic.run.diagnosis.diagnose import diagnose, write_all
 from idic.run.diagnosis.source import open_source
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+from idic.workers.mirrored_runner import checked_store, without_common_disk
 from idic.workers.runner import TaskRunner
 from idic_flows.settings import connected, flow_server  # before Prefect: it reads its settings from the environment
 from idic_flows.stages import run_stage
@@ -17,7 +19,7 @@ from idic_flows.stages import run_stage
 
 def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | None = None,
                   stage: Callable[[str], None] = lambda text: None, resume: bool = False,
-                  blocks: bool = False, memory_limit: str | None = None, quick: bool = False) -> dict:
+                  blocks: bool = False, memory_limit: str | None = None, quick: bool = False, store: str | None = None) -> dict:
     """Diagnose a RUN; writes diagnosis.json, diagnosis.html and the enriched experiment, returns the content.
 
     Parameters
@@ -27,6 +29,7 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     blocks : with a judgement on parts of the recording that had no part in the fit
     memory_limit : memory of one worker process, "2GB"
     quick : screening and refit of the most promising candidate alone
+    store : as of `idic_flows.identify.run_identification`
 
     Raises
     ------
@@ -36,8 +39,10 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     began = time.perf_counter()
     open_source(run)
     limit = checked_memory_limit(memory_limit, workers, scheduler)
-    check_scheduler(scheduler, run, say=stage)
-    with flow_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as runner:
+    store = checked_store(store, scheduler)
+    check_scheduler(scheduler, run, say=stage, store=store)
+    with (flow_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as cluster,
+          without_common_disk(cluster, store, run, experiments_of(run)) as runner):
         with connected(server):
             return _diagnose_in_prefect(str(run), runner, stage, began, resume, blocks, quick)
 

@@ -21,12 +21,14 @@ from idic.run.runs import check_pause
 from idic.run.session import Timing
 from idic.run.warm_up import compile_image_kernels
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+from idic.workers.mirrored_runner import checked_store, without_common_disk
 
 
 def run_identification(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
                        scheduler: str | None = None, sensitivity: str = "auto",
                        overrides: Mapping[str, Any] | None = None, console: Console | None = None,
-                       memory_limit: str | None = None, pause_after: int | None = None) -> dict:
+                       memory_limit: str | None = None, pause_after: int | None = None,
+                       store: str | None = None) -> dict:
     """Identify the parameters of an experiment; returns the content of ``RUN/result.json``.
 
     A run that pauses has the key "paused_after_stage" in it.
@@ -41,6 +43,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     overrides : ``--set key=value``
     memory_limit : memory of one worker process, "2GB"
     pause_after : stage of the schedule (1: the first) after which the run pauses, to be resumed
+    store : through which the workers of a scheduler get and send files where no disk is common: a URL of fsspec, or "driver"
 
     Raises
     ------
@@ -52,13 +55,15 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     planned.check(sensitivity)
     check_pause(planned, pause_after)
     limit = checked_memory_limit(memory_limit, workers, scheduler)
-    check_scheduler(scheduler, out, planned.to_see, console.stage)
+    store = checked_store(store, scheduler)
+    check_scheduler(scheduler, out, planned.to_see, console.stage, store)
     with flow_server() as server, planned.claim(resume):
         done = earlier_result(planned, console) if resume else None
         if done is not None:
             return done
         console.stage("reading images")
-        with open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as runner:
+        with (open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as cluster,
+              without_common_disk(cluster, store, out, planned.to_see) as runner):
             planned.ingest(runner, lambda done, total: console.tasks("ingest", done, total))
             compiled = runner.background(compile_image_kernels, planned.first_job, "compile")
             console.stage("starting Prefect")

@@ -9,14 +9,16 @@ from pathlib import Path
 from idic_flows.settings import connected, flow_server  # before Prefect: it reads its settings from the environment
 from idic_flows.stages import run_stage
 
-from idic.run.systematic import systematic
+from idic.run.systematic import assessed_experiments, systematic
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+from idic.workers.mirrored_runner import checked_store, without_common_disk
 from idic.workers.runner import Progress, TaskRunner
 
 
 def run_systematic(run: str | Path, bias: bool = True, spread: bool = True, workers: int | None = None,
                    scheduler: str | None = None, memory_limit: str | None = None,
-                   stage: Callable[[str], None] = lambda text: None, progress: Progress | None = None) -> dict:
+                   stage: Callable[[str], None] = lambda text: None, progress: Progress | None = None,
+                   store: str | None = None) -> dict:
     """Estimate what the error bars of a finished RUN do not count; returns the new content of its result.json.
 
     Parameters
@@ -25,6 +27,7 @@ def run_systematic(run: str | Path, bias: bool = True, spread: bool = True, work
     workers, scheduler : a LocalCluster of so many processes (0: none), or an existing Dask scheduler
     memory_limit : memory of one worker process, "2GB"
     progress : called with the number of finished assessments and of all, after each
+    store : as of `idic_flows.identify.run_identification`
 
     Raises
     ------
@@ -32,8 +35,10 @@ def run_systematic(run: str | Path, bias: bool = True, spread: bool = True, work
         As `idic.run.systematic.systematic`.
     """
     limit = checked_memory_limit(memory_limit, workers, scheduler)
-    check_scheduler(scheduler, run, say=stage)
-    with flow_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.systematic",)) as runner:
+    store = checked_store(store, scheduler)
+    check_scheduler(scheduler, run, say=stage, store=store)
+    with (flow_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.systematic",)) as cluster,
+          without_common_disk(cluster, store, run, assessed_experiments(run)) as runner):
         with connected(server):
             return _assess_in_prefect(str(run), runner, bias, spread, progress)
 

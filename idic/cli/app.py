@@ -78,6 +78,9 @@ Workers = Annotated[int | None, typer.Option(
 MemoryLimit = Annotated[str | None, typer.Option(
     metavar="SIZE", help="Memory of each worker process, e.g. 2GB [default: an equal part of the machine's].")]
 Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Address of an existing Dask scheduler.")]
+FileStore = Annotated[str | None, typer.Option(
+    "--store", metavar="URL", envvar="IDIC_STORE",
+    help="Workers of the scheduler do not see this disk: files go through s3://bucket/prefix (any URL of fsspec), or \"driver\".")]
 UsePrefect = Annotated[bool, typer.Option(
     "--prefect/--no-prefect", help="--no-prefect: no Prefect server and no flow; a small identification stays in this process.")]
 SensitivityOption = Annotated[Sensitivity, typer.Option(

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from idic.cli.app import MemoryLimit, Run, Scheduler, UsePrefect, Workers, app, wide_console
+from idic.cli.app import FileStore, MemoryLimit, Run, Scheduler, UsePrefect, Workers, app, wide_console
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
@@ -28,6 +28,7 @@ def diagnose(
         bool, typer.Option("--blocks", help="Also fit on squares and early frames, judge on the others: real cameras.")
     ] = False,
     prefect: UsePrefect = True,
+    store: FileStore = None,
 ) -> None:
     """Find the physics that is missing in the model; refit.
 
@@ -48,7 +49,7 @@ def diagnose(
             else:
                 from idic.run.diagnosis.plain import diagnose_plainly as run_it
 
-            content = run_it(run, workers, scheduler, view.stage, resume, blocks, memory_limit, quick)
+            content = run_it(run, workers, scheduler, view.stage, resume, blocks, memory_limit, quick, store)
         console = Console(soft_wrap=True)
         for text in told(content):
             console.print(text, highlight=False, markup=False)

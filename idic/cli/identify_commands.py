@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from idic.cli.app import (AllowExternal, MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, app,
+from idic.cli.app import (AllowExternal, FileStore, MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, app,
                           UsePrefect, exit_code, read_overrides)
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome, paused
@@ -41,6 +41,7 @@ def identify(
     overrides: Overrides = None,
     prefect: UsePrefect = True,
     allow_external: AllowExternal = None,
+    store: FileStore = None,
 ) -> None:
     """Identify parameters from images and forces."""
     began = time.monotonic()
@@ -48,7 +49,7 @@ def identify(
         if method is not None:
             overrides = [*(overrides or ()), f"options.method={method.value.replace('-', '_')}"]
         result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, prefect, memory_limit,
-                           pause_after)
+                           pause_after, store)
         _show_result(result, out, began)
         if "paused_after_stage" in result:
             typer.echo(paused(result["paused_after_stage"]), err=True)
@@ -77,7 +78,7 @@ def demo(
 
 
 def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, overrides, prefect: bool,
-              memory_limit=None, pause_after: int | None = None) -> dict:
+              memory_limit=None, pause_after: int | None = None, store: str | None = None) -> dict:
     from rich.console import Console
 
     from idic.cli.progress import progress_view
@@ -95,7 +96,8 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
 
         callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards, view.said)
         return run(experiments, out, resume=resume, workers=workers, scheduler=scheduler, sensitivity=sensitivity.value,
-                   overrides=settings, console=callbacks, memory_limit=memory_limit, pause_after=pause_after)
+                   overrides=settings, console=callbacks, memory_limit=memory_limit, pause_after=pause_after,
+                   store=store)
 
 
 def _server(prefect: bool) -> AbstractContextManager:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from idic.cli.app import MemoryLimit, Run, Scheduler, Workers, app, wide_console
+from idic.cli.app import FileStore, MemoryLimit, Run, Scheduler, Workers, app, wide_console
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
@@ -97,6 +97,7 @@ def systematic(
     workers: Workers = None,
     scheduler: Scheduler = None,
     memory_limit: MemoryLimit = None,
+    store: FileStore = None,
 ) -> None:
     """Estimate the errors that the error bars do not count.
 
@@ -108,13 +109,16 @@ def systematic(
         from idic.cli.progress import progress_view
         from idic.cli.tables import systematic_table, treatments_table
         from idic.run.reporting.write import write_report
-        from idic.run.systematic import systematic as assess
+        from idic.run.systematic import assessed_experiments, systematic as assess
         from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+        from idic.workers.mirrored_runner import checked_store, without_common_disk
 
         limit = checked_memory_limit(memory_limit, workers, scheduler)
-        check_scheduler(scheduler, run, say=typer.echo)
+        store, seen = checked_store(store, scheduler), assessed_experiments(run)
+        check_scheduler(scheduler, run, say=typer.echo, store=store)
         with (progress_view(Console(stderr=True, soft_wrap=True), run, SYSTEMATIC_STAGES) as view,
-              open_cluster(workers, scheduler, limit, ("idic.run.systematic",)) as runner):
+              open_cluster(workers, scheduler, limit, ("idic.run.systematic",)) as cluster,
+              without_common_disk(cluster, store, run, seen) as runner):
             view.stage(SYSTEMATIC_STAGES[0])
             result = assess(run, runner, bias, spread, lambda done, total: view.tasks("comparisons", done, total))
             view.stage("report")

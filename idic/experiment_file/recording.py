@@ -25,6 +25,7 @@ from idic.readers.images import FileStack, open_stack, read_image
 from idic.readers.logs import Log, MatchedLog, check_increasing, match, read_log
 from idic.readers.objects.images import ArrayFrames
 from idic.readers.paths import existing_file, matching_files
+from idic.remote_files import image_facts
 
 _HASHED_AT_EACH_END = 1 << 16  # bytes of an image; whole ones are hashed at ingest (`idic.store.image_files`)
 
@@ -262,6 +263,13 @@ class RecordedFolder:
         return [*own, *camera_files(self.config, self.folder), *solver_files(self.config.solver, self.folder),
                 *dict.fromkeys(path for path in laws if path is not None)]
 
+    def still_files(self, frames: Frames) -> list[Path]:
+        """Separate images of the specimen at rest, of all cameras."""
+        own = () if frames.still_stack is None else frames.still_stack.entries
+        patterns = [table.still_frames for table in self.config.further_cameras if table.still_frames is not None]
+        further = [path for one in patterns for path in matching_files(self.folder, [one], file=self.file, key="camera")]
+        return list(dict.fromkeys([*(entry.path for entry in own), *further]))
+
     def identities(self, frames: Frames) -> tuple[str, str]:
         """The fingerprint of tables, files and images, and what earlier versions of idic made of them."""
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
@@ -289,14 +297,21 @@ def fingerprints(raw: Mapping, files: Iterable[Path], images: Iterable[Path]) ->
         for own, read in ((digest, _without_comments(path, content)), (earlier, content)):
             own.update(f"\nfile {path.name} ".encode() + hashlib.sha256(read).digest())
     for path in images:
-        size = path.stat().st_size
-        with path.open("rb") as stream:
-            head = stream.read(_HASHED_AT_EACH_END)
-            stream.seek(max(size - _HASHED_AT_EACH_END, 0))
-            tail = stream.read(_HASHED_AT_EACH_END)
+        facts = image_facts(path)
+        size, ends = ends_of(path) if facts is None else (facts.size, facts.ends_sha256)
         for own in (digest, earlier):
-            own.update(f"\nimage {path.name} {size} ".encode() + hashlib.sha256(head + tail).digest())
+            own.update(f"\nimage {path.name} {size} ".encode() + bytes.fromhex(ends))
     return digest.hexdigest(), earlier.hexdigest()
+
+
+def ends_of(path: Path) -> tuple[int, str]:
+    """Size of a file, and the sha256 of its ends."""
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        head = stream.read(_HASHED_AT_EACH_END)
+        stream.seek(max(size - _HASHED_AT_EACH_END, 0))
+        tail = stream.read(_HASHED_AT_EACH_END)
+    return size, hashlib.sha256(head + tail).hexdigest()
 
 
 def _without_comments(path: Path, content: bytes) -> bytes:

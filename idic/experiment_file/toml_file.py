@@ -79,6 +79,13 @@ def _with_law_files(tables: dict, path: Path) -> dict:
     return tables | {"material": made}
 
 
+def law_files(path: Path) -> list[Path]:
+    """The files of ``from = "law.toml"`` in a TOML file that was read without complaint."""
+    text, _ = text_of(path.read_bytes(), path, None, windows=False)
+    materials = tomllib.loads(text.replace("\r\n", "\n")).get("material", {})
+    return [path.parent / str(table["from"]) for table in materials.values() if isinstance(table, dict) and "from" in table]
+
+
 def check_values(value: object, file: Path | str, key: tuple[str, ...] = ()) -> None:
     """Refuse control characters (they would reach terminals), numbers whose powers overflow, and deep nesting."""
     if len(key) > _MAX_LEVELS:

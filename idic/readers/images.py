@@ -11,6 +11,7 @@ import tifffile
 from PIL import Image
 
 from idic.errors import InputError
+from idic.remote_files import fetch, image_facts
 from idic.readers.orientation import TAG, UPRIGHT, orientation_note, orientation_of, upright, upright_shape
 from idic.readers.video import SUFFIXES as VIDEO_SUFFIXES
 from idic.readers.video import read_video_frame, video_headers, video_notes
@@ -90,7 +91,7 @@ def open_stack(paths: list[Path], *, file=None, key: str = "images", with_gaps: 
     InputError
         A file is not an image, is truncated or in colour, or differs from the first in size or depth.
     """
-    entries = [entry for path in paths for entry in _headers(path)]
+    entries = [entry for path in paths for entry in image_entries(path)]
     if not entries:
         raise InputError("no image in the files", file=file, key=key, expected=_EXPECTED, found="none",
                          remedy="check that the files hold images")
@@ -110,7 +111,15 @@ def open_stack(paths: list[Path], *, file=None, key: str = "images", with_gaps: 
 
 def read_image(path: Path) -> np.ndarray:
     """One grey image, e.g. a mask  # (ny, nx)"""
-    return _read_page(_headers(path)[0])
+    return _read_page(image_entries(path)[0])
+
+
+def image_entries(path: Path) -> list[ImageEntry]:
+    """The frames of a file, by its header, or as the driver has read them."""
+    facts = image_facts(path)
+    if facts is None:
+        return _headers(path)
+    return [ImageEntry(path, page, tuple(shape), dtype, label, turn) for page, shape, dtype, label, turn in facts.entries]
 
 
 def _size(entry: ImageEntry) -> str:
@@ -226,6 +235,7 @@ def _read_png(entry: ImageEntry) -> np.ndarray:
 
 # both -------------------------------------------------------------------------------------------------
 def _read_page(entry: ImageEntry, with_gaps: bool = False) -> np.ndarray:
+    fetch(entry.path)
     try:
         image = upright(_READERS.get(entry.path.suffix.lower(), _read_png)(entry), entry.orientation)
     except InputError:

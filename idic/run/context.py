@@ -23,12 +23,14 @@ from idic.images.camera import Camera
 from idic.model.experiment import Experiment, Stage
 from idic.model.forward import ForwardModel, build_forward
 from idic.parameters import ParameterSet
+from idic.remote_files import here
 from idic.store.arrays import read_array
 from idic.store.camera_groups import group_of, with_stored_images, with_stored_noise
 from idic.store.checkpoint import from_hex, load_checkpoint
 from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, EXPERIMENTS
 from idic.store.path_names import path_name
 from idic.store.run_store import RunStore
+from idic.workers.probe import ExperimentToSee
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,7 @@ def open_run(run: str) -> RunContext:
 @lru_cache(maxsize=8)  # several experiments may be at work in turn
 def _open_run(run: str, content: bytes) -> RunContext:
     settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
+    settings = settings | {"experiment": here(settings["experiment"])}
     store = RunStore(run)
     experiment = load_experiment(settings["experiment"], settings["overrides"]).recognised(settings["identity"])
     if experiment.identity != settings["identity"]:
@@ -89,6 +92,12 @@ def _open_run(run: str, content: bytes) -> RunContext:
     experiment = replace(experiment, excluded=tuple(settings["excluded"]))
     experiment = with_boundary_start(experiment, _stored_start(store, settings))
     return RunContext(store, experiment, build_forward(experiment), settings)
+
+
+def experiments_of(run: str | Path) -> tuple[ExperimentToSee, ...]:
+    """The experiment of a prepared RUN, as its workers read it."""
+    settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
+    return (ExperimentToSee(settings["experiment"], settings["overrides"], settings["identity"]),)
 
 
 def _stored_start(store: RunStore, settings: Mapping) -> BoundaryStart:

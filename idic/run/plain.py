@@ -27,6 +27,7 @@ from idic.run.session import Timing
 from idic.store.arrays import leave_stuck_io
 from idic.store.run_store import RunStore
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+from idic.workers.mirrored_runner import checked_store, without_common_disk
 from idic.workers.runner import SerialRunner, TaskRunner
 
 
@@ -104,7 +105,7 @@ class OpenRun:
 def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
                      scheduler: str | None = None, sensitivity: str = "auto", overrides: Mapping[str, Any] | None = None,
                      console: Console | None = None, memory_limit: str | None = None,
-                     pause_after: int | None = None) -> dict:
+                     pause_after: int | None = None, store: str | None = None) -> dict:
     """``idic identify --no-prefect``: the same stages, files and bits without Prefect.
 
     Parameters
@@ -118,6 +119,7 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
     overrides : ``--set key=value``
     memory_limit : memory of one worker process, "2GB"
     pause_after : stage of the schedule (1: the first) after which the run pauses, to be resumed
+    store : through which the workers of a scheduler get and send files where no disk is common: a URL of fsspec, or "driver"
 
     Returns
     -------
@@ -135,13 +137,15 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
     if workers is None and scheduler is None and memory_limit is None and not planned.worth_workers:
         workers = 0
     limit = checked_memory_limit(memory_limit, workers, scheduler)
-    check_scheduler(scheduler, out, planned.to_see, console.stage)
+    store = checked_store(store, scheduler)
+    check_scheduler(scheduler, out, planned.to_see, console.stage, store)
     with threadpool_limits(1, user_api="blas"), planned.claim(resume):
         done = earlier_result(planned, console) if resume else None
         if done is not None:
             return done
         console.stage("reading images")
-        with open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as runner:
+        with (open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as cluster,
+              without_common_disk(cluster, store, out, planned.to_see) as runner):
             planned.ingest(runner, lambda done, total: console.tasks("ingest", done, total))
             console.dashboards(None, runner.dashboard, None)
             run = OpenRun(planned, runner, sensitivity, Timing(), began, console, pause_after)

@@ -105,7 +105,7 @@ def ingest(store: RunStore, experiment: Experiment, runner: TaskRunner,
     progress : called as progress(done, total) over the images of all cameras
     """
     stacks = [recorded(view.stack) for view in experiment.views]
-    by_workers = runner.workers > 1 and sum(map(_bytes, stacks)) > BYTES_FOR_WORKERS and all(map(_has_a_file_each, stacks))
+    by_workers = runner.sees_files and runner.workers > 1 and sum(map(_bytes, stacks)) > BYTES_FOR_WORKERS and all(map(_has_a_file_each, stacks))
 
     def on_workers(function: Callable[[IngestJob], Ingested], jobs: Sequence[IngestJob]) -> Iterable[Ingested]:
         return runner.stream(function, [_with_its_own_frames(job) for job in jobs], [job.name for job in jobs], retries=1)

@@ -26,7 +26,7 @@ from idic.identify.systematic.spread import Assessment, with_bias, with_spread, 
 from idic.identify.systematic.treatments import Treatment, treatments
 from idic.model.experiment import Experiment, Measured
 from idic.model.mode_names import is_mode
-from idic.run.context import RunContext, open_run
+from idic.run.context import RunContext, experiments_of, open_run
 from idic.run.joint_run import is_joint
 from idic.store.arrays import read_array
 from idic.store.camera_groups import with_stored_images, with_stored_noise
@@ -34,6 +34,7 @@ from idic.store.layout import group_name
 from idic.store.result_file import RESULT_FILE, read_result, write_result
 from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
+from idic.workers.probe import ExperimentToSee
 from idic.workers.runner import Progress, TaskRunner
 
 ENDED = ("converged", "at_bound", "stalled", "max_iterations")
@@ -83,6 +84,12 @@ def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: b
         result = with_spread(result, found[n_biases:])
     write_result(run, result)
     return result
+
+
+def assessed_experiments(run: str | Path) -> tuple[ExperimentToSee, ...]:
+    """What the workers read besides the RUN; InputError as `systematic`."""
+    _finished(run)
+    return experiments_of(run)
 
 
 def assess(job: AssessmentJob) -> Assessment:

@@ -20,6 +20,7 @@ from zarr.codecs import BloscCodec, BytesCodec, Crc32cCodec
 from zarr.core import sync
 
 from idic.errors import InputError
+from idic.remote_files import fetch
 
 _CODECS, _KINDS = (BytesCodec, BloscCodec, Crc32cCodec), "biuf"
 
@@ -112,7 +113,13 @@ def missing_chunks(array: zarr.Array, path: Path, first: int = 0, last: int | No
         step, rest = array.chunks[0], (0,) * (array.ndim - 1)
         last = array.shape[0] if last is None else last
         keys = [array.metadata.encode_chunk_key((i, *rest)) for i in range(first // step, -(-last // step))]
-    return [key for key in keys if not os.path.isfile(os.path.join(path, key))]
+    files = {key: os.path.join(path, key) for key in keys}
+    return [key for key, file in files.items() if not (os.path.isfile(file) or _came(file))]
+
+
+def _came(file: str) -> bool:
+    fetch(file)
+    return os.path.isfile(file)
 
 
 def read_block(array: zarr.Array, path: Path, first: int, last: int) -> np.ndarray:

@@ -60,7 +60,7 @@ class RunStore:
             stored = self.identity()
             if stored is None:
                 shutil.rmtree(self.path, ignore_errors=True)
-                with _renamed_when_complete(self.path) as folder:
+                with renamed_when_complete(self.path) as folder:
                     _create_group(folder, {"schema": SCHEMA, "identity": identity, "title": title})
             elif stored != identity:
                 raise InputError(
@@ -96,7 +96,7 @@ class RunStore:
         """
         target = self._inside(name)
         _require_parents(self.path, target.parent)
-        with _renamed_when_complete(target, lambda: once and self.finished(name, ident) is not None) as folder:
+        with renamed_when_complete(target, lambda: once and self.finished(name, ident) is not None) as folder:
             _create_group(folder, {"ident": dict(ident or {}), "finished": True})
             yield folder
             for array in _arrays_in(folder):
@@ -218,7 +218,7 @@ class RunStore:
 
 
 @contextmanager
-def _renamed_when_complete(target: Path, unless: Callable[[], bool] = lambda: False) -> Iterator[Path]:
+def renamed_when_complete(target: Path, unless: Callable[[], bool] = lambda: False) -> Iterator[Path]:
     """A temporary folder next to `target`; it replaces `target` if the block ends without an exception.
 
     unless : asked at the end; True drops the new folder

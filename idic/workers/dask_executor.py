@@ -16,6 +16,7 @@ from typing import Any
 from idic.errors import InputError
 from idic.workers.dask_connection import LOOPBACK, connected
 from idic.workers.dask_settings import be_quiet, cluster_settings
+from idic.workers.mirrored_runner import check_store
 from idic.workers.probe import ExperimentToSee, check_workers
 from idic.workers.runner import SerialRunner, TaskRunner
 from idic.workers.submission import ALLOWED_FAILURES, Submission
@@ -107,10 +108,10 @@ def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str 
 
 
 def check_scheduler(scheduler: str | None, run: Path | str, experiments: Sequence[ExperimentToSee] = (),
-                    say: Callable[[str], None] = lambda text: None) -> None:
+                    say: Callable[[str], None] = lambda text: None, store: str | None = None) -> None:
     """Check an existing scheduler and each of its workers before the first write (None: no check).
 
-    run, experiments, say : as of `check_workers`
+    run, experiments, say : as of `check_workers`; store : through which workers without a common disk get their files
 
     Raises
     ------
@@ -120,7 +121,11 @@ def check_scheduler(scheduler: str | None, run: Path | str, experiments: Sequenc
     if scheduler is not None:
         be_quiet()
         with connected(scheduler) as client:
-            check_workers(client, experiments, run, say)
+            if store is None:
+                check_workers(client, experiments, run, say)
+                return
+            check_workers(client, (), None, say)
+            check_store(client, store)
 
 
 class DaskRunner:
@@ -129,6 +134,8 @@ class DaskRunner:
     preload : modules that the workers import at once; the first job is sent after these imports. A worker decodes jobs
         in one thread and runs them in another, and Python fails where both import a package for the first time.
     """
+
+    sees_files = True
 
     def __init__(self, client, preload: Sequence[str] = (), limits: TaskLimits | None = None):
         self._client, self._limits = client, limits or TaskLimits()
@@ -151,6 +158,11 @@ class DaskRunner:
     def workers(self) -> int:
         """Number of threads of all workers together."""
         return max(1, sum(self._client.nthreads().values()))
+
+    @property
+    def client(self):
+        """The `distributed.Client`."""
+        return self._client
 
     @property
     def dashboard(self) -> str | None:

@@ -10,7 +10,8 @@ import hashlib
 import os
 import platform
 import secrets
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -36,7 +37,8 @@ class ExperimentToSee:
 
 @dataclass(frozen=True)
 class ProbeJob:
-    """What a worker is asked. token_file : a file of the driver beside the RUN folder; token : what is in it"""
+    """What a worker is asked. token_file : a file of the driver beside the RUN folder, "" where the disk is not common; token :
+    what is in it"""
 
     experiments: tuple[ExperimentToSee, ...]
     token_file: str
@@ -84,6 +86,8 @@ def probe(job: ProbeJob) -> ProbeAnswer:
 def _problem(job: ProbeJob) -> tuple[str, str, str] | tuple[()]:
     from idic.experiment_file.load import load_experiment
 
+    if not job.token_file:
+        return ()
     try:
         token = Path(job.token_file).read_text(encoding="ascii")
     except OSError as problem:
@@ -91,7 +95,7 @@ def _problem(job: ProbeJob) -> tuple[str, str, str] | tuple[()]:
     folder = os.path.dirname(job.token_file)
     if token != job.token:
         return (f"the folder {folder} of the driver", f"another folder or none ({token[:60]})",
-                "put RUN on a file system that all workers mount at the same path")
+                "put RUN on a file system that all workers mount at the same path, or send the files: --store URL (docs/scale.md)")
     if not os.access(folder, os.W_OK):
         return f"write access to {folder}", "none", "start the worker as a user who may write there"
     for one in job.experiments:
@@ -107,7 +111,7 @@ def _problem(job: ProbeJob) -> tuple[str, str, str] | tuple[()]:
     return ()
 
 
-def check_workers(client, experiments: Sequence[ExperimentToSee], run: Path | str,
+def check_workers(client, experiments: Sequence[ExperimentToSee], run: Path | str | None,
                   say: Callable[[str], None] = lambda text: None) -> None:
     """Ask every worker of an existing cluster; nothing stays on any disk.
 
@@ -115,7 +119,7 @@ def check_workers(client, experiments: Sequence[ExperimentToSee], run: Path | st
     ----------
     client : distributed.Client
     experiments : what the workers will read
-    run : the RUN folder, which need not exist yet
+    run : the RUN folder, which need not exist yet; None: the disk is not common
     say : called with a note where workers round differently: results agree within rounding, not to the last bit
 
     Raises
@@ -123,14 +127,10 @@ def check_workers(client, experiments: Sequence[ExperimentToSee], run: Path | st
     InputError
         A worker has other packages, sees another experiment or another disk, or does not answer; its address is named.
     """
-    folder = next(parent for parent in (Path(run).absolute(), *Path(run).absolute().parents) if parent.is_dir())
-    token_file, token = folder / f".idic-probe-{secrets.token_hex(8)}", secrets.token_hex(16)
-    token_file.write_text(token, encoding="ascii")
-    try:
-        job = ProbeJob(tuple(experiments), str(token_file), token)
+    token = secrets.token_hex(16)
+    with nullcontext("") if run is None else _token_file(Path(run).absolute(), token) as file:
+        job = ProbeJob(tuple(experiments), file, token)
         answers = {worker: _answer(client, worker, job) for worker in client.nthreads()}
-    finally:
-        token_file.unlink()
     here, rounding = dict(versions_here()), rounding_here()
     for worker, answer in answers.items():
         for name, found in answer.versions:
@@ -143,6 +143,18 @@ def check_workers(client, experiments: Sequence[ExperimentToSee], run: Path | st
     if others:
         say(f"{', '.join(others)}: another processor or library rounds differently. Values agree within rounding; a run "
             "repeated on other machines may differ in its last digits")
+
+
+@contextmanager
+def _token_file(run: Path, token: str) -> Iterator[str]:
+    """A file with the token in the RUN folder or the nearest folder above it, for the length of a ``with`` block."""
+    folder = next(parent for parent in (run, *run.parents) if parent.is_dir())
+    file = folder / f".idic-probe-{secrets.token_hex(8)}"
+    file.write_text(token, encoding="ascii")
+    try:
+        yield str(file)
+    finally:
+        file.unlink()
 
 
 def _answer(client, worker: str, job: ProbeJob) -> ProbeAnswer:

@@ -29,6 +29,10 @@ class TaskRunner(Protocol):
     def dashboard(self) -> str | None:
         """Address of its page, None without one."""
 
+    @property
+    def sees_files(self) -> bool:
+        """Whether the jobs see the disk of this process; otherwise only what `idic.workers.exchange` sends."""
+
     def stream(
         self,
         function: Callable[[Any], Any],
@@ -90,6 +94,7 @@ class SerialRunner:
 
     workers: int = 1
     dashboard: str | None = None
+    sees_files: bool = True
 
     def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False) -> Iterator[Any]:
         """See `TaskRunner.stream`."""

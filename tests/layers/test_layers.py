@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 
 # Lower layers first. A room imports from lower layers and from itself; rooms of one layer do not see each other.
 LAYERS = [
-    ["idic.errors", "idic.expressions", "idic.parameters"],
+    ["idic.errors", "idic.expressions", "idic.parameters", "idic.remote_files"],
     ["idic.images", "idic.materials"],
     ["idic.fe"],
     ["idic.model", "idic.readers"],
@@ -37,7 +37,7 @@ SCIENCE = {"numpy", "scipy", "numba", "llvmlite"}  # llvmlite: the intrinsics of
 THIRD_PARTIES = {
     "idic.readers": {"gmsh", "h5py", "meshio", "tifffile", "imagecodecs", "cv2", "PIL"},
     "idic.experiment_file": {"pydantic", "pydantic_core", "tomli_w"},
-    "idic.store": {"zarr", "numcodecs", "psutil"},
+    "idic.store": {"zarr", "numcodecs", "psutil", "fsspec"},
     "idic.report": {"matplotlib", "PIL", "plotly", "jinja2"},
     "idic.workers": {"dask", "distributed", "psutil"},
     "idic.run": {"psutil", "zarr", "meshio", "threadpoolctl"},

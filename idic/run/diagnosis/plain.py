@@ -8,14 +8,16 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from idic.run.context import experiments_of
 from idic.run.diagnosis.diagnose import diagnose, write_all
 from idic.run.diagnosis.source import open_source
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+from idic.workers.mirrored_runner import checked_store, without_common_disk
 
 
 def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str | None = None,
                      stage: Callable[[str], None] = lambda text: None, resume: bool = False, blocks: bool = False,
-                     memory_limit: str | None = None, quick: bool = False) -> dict:
+                     memory_limit: str | None = None, quick: bool = False, store: str | None = None) -> dict:
     """``idic diagnose --no-prefect``: the same refits, files and bits as `idic_flows.diagnose.run_diagnosis`.
 
     Parameters
@@ -25,6 +27,7 @@ def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str
     blocks : with a judgement on parts of the recording that had no part in the fit
     quick : screening and refit of the most promising candidate alone
     memory_limit : memory of one worker process, "2GB"
+    store : as of `idic.run.plain.identify_plainly`
 
     Returns
     -------
@@ -38,9 +41,11 @@ def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str
     began = time.perf_counter()
     open_source(run)
     limit = checked_memory_limit(memory_limit, workers, scheduler)
-    check_scheduler(scheduler, run, say=stage)
+    store = checked_store(store, scheduler)
+    check_scheduler(scheduler, run, say=stage, store=store)
     with (threadpool_limits(1, user_api="blas"),
-          open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as runner):
+          open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as cluster,
+          without_common_disk(cluster, store, run, experiments_of(run)) as runner):
         diagnosis = diagnose(str(run), runner, stage, resume=resume, quick=quick)
         stage("writing figures and the enriched experiment")
         return write_all(str(run), diagnosis, began, blocks)

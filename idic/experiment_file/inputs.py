@@ -1,0 +1,70 @@
+"""The files that an experiment is made of, for workers that do not see its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from idic.errors import InputError
+from idic.experiment_file.load import ExperimentFolder
+from idic.experiment_file.recording import ends_of
+from idic.experiment_file.tables.further_cameras import camera_images
+from idic.experiment_file.tables.temperatures import temperature_images
+from idic.experiment_file.toml_file import law_files, locate, read_toml, validated, with_overrides
+from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, image_entries
+from idic.remote_files import ImageFacts, fetched_files
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The files of an experiment.
+
+    folder : where all of them lie; whole : those that a worker reads
+    images : of those whose pixels it does not read, as the RUN holds them, what their headers say
+    """
+
+    folder: Path
+    whole: tuple[Path, ...]
+    images: Mapping[Path, ImageFacts]
+
+
+def inputs_of(path: str | Path, overrides: Mapping[str, Any]) -> Inputs:
+    """Find the files of an experiment; images whose pixels decide how it is read (still frames) count as whole.
+
+    Raises
+    ------
+    InputError
+        As `load_experiment`; a file that lies outside the folder of the experiment.
+    """
+    file = locate(path)
+    raw = with_overrides(read_toml(file), overrides)
+    read = ExperimentFolder(file, file.parent.resolve(), validated(raw, file), raw)
+    with fetched_files() as seen:
+        read.experiment()
+    frames = read.frames()
+    stack = frames.stack if frames.recorded is None else frames.recorded.stack
+    recorded = [*(entry.path for entry in stack.entries), *camera_images(read.config, read.folder)]
+    images = {one: _facts(one) for one in dict.fromkeys(recorded) if _is_image(one) and str(one) not in seen}
+    programs = [one for one in read.small_files() if one.suffix == ".py"]  # laws of the user: IDIC_LAWS names them
+    whole = [read.folder / file.name, *(read.folder / one.relative_to(file.parent) for one in law_files(file) if _below(one, file)),
+             *(one for one in read.small_files() if one not in programs), *read.still_files(frames),
+             *temperature_images(read.config, read.folder, file), *(one for one in recorded if one not in images)]
+    return Inputs(read.folder, tuple(dict.fromkeys(whole)), images)
+
+
+def _below(path: Path, file: Path) -> bool:
+    if path.is_relative_to(file.parent) and ".." not in path.relative_to(file.parent).parts:
+        return True
+    raise InputError("a law file outside of the experiment", file=file, key="from", expected="a file in its folder, as workers "
+                     "without a common disk get this folder alone", found=str(path), remedy="copy it into the folder")
+
+
+def _is_image(path: Path) -> bool:
+    return path.suffix.lower() in (*TIFF_SUFFIXES, *PNG_SUFFIXES)
+
+
+def _facts(path: Path) -> ImageFacts:
+    entries = tuple((one.page, one.shape, one.dtype, one.label, one.orientation) for one in image_entries(path))
+    return ImageFacts(*ends_of(path), entries)
