@@ -32,7 +32,7 @@ from idic.experiment_file.tables.temperatures import Body, temperatures
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.fe.mesh.mesh import Mesh, check_elements
 from idic.fe.mesh.polygon import follow_arcs
-from idic.fe.mesh.refine import can_raise_order, raise_order
+from idic.fe.mesh.refine import can_raise_order, is_raised_by_default, raise_order
 from idic.images.camera import Camera
 from idic.images.placed_camera import AnyCamera
 from idic.images.quality.lowpass import mirrored_rim_px
@@ -209,11 +209,11 @@ class ExperimentFolder(RecordedFolder):
     def element_order(self, mesh: Mesh, camera: Camera) -> tuple[Mesh, tuple[str, ...]]:
         """The mesh with the element order of the options, on the arcs of a drawing, and a note if the order was raised."""
         wanted, n = self.config.options.element_order, mesh.n_nodes
-        if wanted == "as_given" or (wanted == "auto" and not can_raise_order(mesh)):
-            return mesh, (LINEAR_AS_GIVEN,) if can_raise_order(mesh) else ()
+        if wanted == "as_given" or (wanted == "auto" and not is_raised_by_default(mesh)):
+            return mesh, (LINEAR_AS_GIVEN,) if is_raised_by_default(mesh) else ()
         if not can_raise_order(mesh):
             raise InputError("idic cannot raise the order of these elements", file=self.file,
-                             key="options.element_order", expected="a mesh of tri3, quad4 or tet4 elements",
+                             key="options.element_order", expected="a mesh of tri3, quad4, tet4 or hex8 elements",
                              found=", ".join(sorted({block.cell for block in mesh.blocks})),
                              remedy='use element_order = "auto"')
         mesh, table = raise_order(mesh), self.config.experiment.mesh

@@ -71,7 +71,7 @@ class SolverTable(Strict):
     template: str
     files: list[str] = []
     mesh: FileName | None = None
-    element_types: dict[Literal["tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8"],
+    element_types: dict[Literal["tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8", "hex20"],
                         Annotated[str, Field(pattern=r"^[A-Za-z0-9_]{1,16}$")]] = {}
     command: Annotated[list[Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]], Field(min_length=1)]
     reader: Literal["calculix_frd", "calculix_dat", "csv"]

@@ -12,7 +12,7 @@ from idic.errors import InputError
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh, make_mesh
 
-SUPPORTED = ("tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8")
+SUPPORTED = ("tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8", "hex20")
 DIMENSION = {"point": 0, "line2": 1, "line3": 1, "tri3": 2, "tri6": 2, "quad4": 2, "quad8": 2, "quad9": 2, "hex8": 3,
              "hex20": 3, "hex27": 3, "tet4": 3, "tet10": 3, "wedge6": 3, "wedge15": 3, "pyramid5": 3}
 
@@ -96,7 +96,7 @@ def _check_content(raw: RawMesh, n_dim: int) -> None:
     if top != n_dim:
         raise InputError(f"the dimension of the mesh does not fit kind = {kind_key}", file=raw.file, key="mesh",
                          found=", ".join(sorted(kinds)) or "no elements",
-                         expected="quadrilaterals or triangles" if n_dim == 2 else "tetrahedra or hexahedra (hex8)",
+                         expected="quadrilaterals or triangles" if n_dim == 2 else "tetrahedra or hexahedra (hex8, hex20)",
                          remedy="correct kind in [experiment], or mesh the specimen with such elements")
     wrong = sorted(kind for kind in kinds if DIMENSION[kind] == n_dim and kind not in SUPPORTED)
     if wrong:

@@ -26,7 +26,7 @@ def grid(cell: str, n, lengths=None, mapping=None):
     """A box of n[0] x n[1] (x n[2]) cells, quadrilaterals cut in two, hexahedra in six; `mapping` moves the nodes."""
     d = len(n)
     lengths = np.ones(d) if lengths is None else np.asarray(lengths, float)
-    quadratic = cell in ("quad8", "tri6", "tet10")
+    quadratic = cell in ("quad8", "tri6", "tet10", "hex20")
     fine = [m * (2 if quadratic else 1) + 1 for m in n]
     axes = [np.linspace(0, length, m) for length, m in zip(lengths, fine, strict=True)]
     nodes = np.stack([g.ravel() for g in np.meshgrid(*axes, indexing="ij")], axis=1)
@@ -45,6 +45,8 @@ def grid(cell: str, n, lengths=None, mapping=None):
             cells.append(c)
         elif cell == "tri3":
             cells += [[c[0], c[1], c[2]], [c[0], c[2], c[3]]]
+        elif cell == "hex20":
+            cells.append([*c, *(at(*np.mean([corners[a], corners[b]], axis=0)) for a, b in element.HEX_EDGES)])
         elif cell == "quad8":
             cells.append([*c, at(0.5, 0), at(1, 0.5), at(0.5, 1), at(0, 0.5)])
         elif cell == "tri6":

@@ -8,7 +8,7 @@ from idic.errors import InputError
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import boundary_edges, boundary_faces, check_elements, make_mesh, surface_cells
 
-CELLS = ["tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8"]
+CELLS = ["tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8", "hex20"]
 
 
 @pytest.mark.parametrize("name", CELLS)
@@ -38,7 +38,7 @@ def test_faces_point_outwards(name):
 
 
 def test_area_and_volume_are_integrated_exactly():
-    for name, n, size in (("tri3", (2, 3), 6.0), ("quad8", (2, 3), 6.0), ("hex8", (1, 2, 1), 12.0),
+    for name, n, size in (("tri3", (2, 3), 6.0), ("quad8", (2, 3), 6.0), ("hex8", (1, 2, 1), 12.0), ("hex20", (1, 2, 1), 12.0),
                           ("tet4", (1, 2, 1), 12.0), ("tet10", (1, 2, 1), 12.0)):
         lengths = (2.0, 3.0, 2.0)[: len(n)]
         mesh = grid(name, n, lengths)

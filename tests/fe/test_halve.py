@@ -34,7 +34,7 @@ def bricks():
                      edge_sets={"FRONT": np.array([[0, 1], [1, 1]])})
 
 
-MESHES = {"linear": triangles, "quadratic": lambda: raise_order(triangles()), "bricks": bricks,
+MESHES = {"linear": triangles, "quadratic": lambda: raise_order(triangles()), "bricks": bricks, "quadratic bricks": lambda: raise_order(bricks()),
           "hole": lambda: strip_with_hole(28.0, 16.0, 3.0, "quad8", 2, 3, 1)}
 
 

@@ -11,7 +11,7 @@ from idic.fe.mesh import element
 from idic.fe.model import Loads, Reaction
 
 CASES = [(cell, kind) for cell in ("tri3", "tri6", "quad4", "quad8") for kind in ("plane_stress", "plane_strain")]
-CASES += [(cell, "solid") for cell in ("tet4", "tet10", "hex8")]
+CASES += [(cell, "solid") for cell in ("tet4", "tet10", "hex8", "hex20")]
 LAWS = [("elastic", "small"), ("elastic", "finite"), ("neo_hookean", "finite")]
 ROUNDING = 1e-9  # of a displacement of 0.1: the solver stops at 1e-8 of the force after quadratic convergence
 

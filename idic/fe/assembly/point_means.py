@@ -8,7 +8,7 @@ from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh
 
 _CORNER_CELL = {"tri3": "tri3", "tri6": "tri3", "quad4": "quad4", "quad8": "quad4", "tet4": "tet4",
-                "tet10": "tet4", "hex8": "hex8"}
+                "tet10": "tet4", "hex8": "hex8", "hex20": "hex8"}
 
 
 def add_point_values(mesh: Mesh, cell: str, elements, values, quadrature, total, weight) -> None:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from idic.fe.mesh.mesh import Mesh
 
 ABAQUS_TYPES = {"quad4": "CPS4", "quad8": "CPS8", "tri3": "CPS3", "tri6": "CPS6", "tet4": "C3D4",
-                "tet10": "C3D10", "hex8": "C3D8"}
-NUMBERS_PER_LINE = 12  # numbers on a line of a set
+                "tet10": "C3D10", "hex8": "C3D8", "hex20": "C3D20R"}
+NUMBERS_PER_LINE = 12  # of a set or an element; 16 are allowed
 
 
 def inp_text(mesh: Mesh, title: str, types: Mapping[str, str] | None = None) -> str:
@@ -27,10 +27,8 @@ def inp_text(mesh: Mesh, title: str, types: Mapping[str, str] | None = None) -> 
     for block in mesh.blocks:
         lines.append(f"*ELEMENT, TYPE={types[block.cell]}")
         labels = mesh.element_labels[block.first : block.first + block.n_elements]
-        lines += [
-            ", ".join(map(str, [label, *mesh.node_labels[conn]]))
-            for label, conn in zip(labels, block.connectivity, strict=True)
-        ]
+        for label, nodes in zip(labels, block.connectivity, strict=True):
+            lines += _numbers([label, *mesh.node_labels[nodes]])
     lines += _sets("NSET", mesh.node_sets, mesh.node_labels) + _sets("ELSET", mesh.element_sets, mesh.element_labels)
     for name, faces in mesh.edge_sets.items():
         lines.append(f"*SURFACE, NAME={name}, TYPE=ELEMENT")
@@ -42,6 +40,11 @@ def _sets(kind: str, sets: Mapping[str, np.ndarray], labels: np.ndarray) -> list
     lines = []
     for name, members in sets.items():
         lines.append(f"*{kind}, {kind}={name}")
-        numbers = list(map(str, labels[members]))
-        lines += [", ".join(numbers[i : i + NUMBERS_PER_LINE]) for i in range(0, len(numbers), NUMBERS_PER_LINE)]
+        lines += [line.removesuffix(",") for line in _numbers(labels[members])]
     return lines
+
+
+def _numbers(values: Sequence[int]) -> list[str]:
+    """Lines of at most `NUMBERS_PER_LINE`; a comma at the end says that the list goes on."""
+    parts = [", ".join(map(str, values[i:i + NUMBERS_PER_LINE])) for i in range(0, len(values), NUMBERS_PER_LINE)]
+    return [part + "," for part in parts[:-1]] + parts[-1:]

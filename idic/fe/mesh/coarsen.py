@@ -6,7 +6,7 @@ edges become one node, where one of them was. The result is a mesh again (Borden
 collapse"). The layer that has grown least goes first, so that elements keep their proportions.
 
 Corners of the outline and the borders of every set stay where they are; a layer that cannot be closed without moving
-them, or that is all there is between two faces, stays too. quad8 become quad4.
+them, or that is all there is between two faces, stays too. quad8 become quad4, hex20 hex8.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from idic.fe.mesh.mesh import Block, Mesh, boundary_faces, face_set_nodes
 
 _QUAD = (((0, 1), (3, 2)), ((1, 2), (0, 3)))
 _BRICK = (((0, 1), (3, 2), (4, 5), (7, 6)), ((1, 2), (0, 3), (5, 6), (4, 7)), ((0, 4), (1, 5), (2, 6), (3, 7)))
-OPPOSITE = {"quad4": _QUAD, "quad8": _QUAD, "hex8": _BRICK}  # edges of an element that run alike
-LINEAR = {"quad4": "quad4", "quad8": "quad4", "hex8": "hex8"}
+OPPOSITE = {"quad4": _QUAD, "quad8": _QUAD, "hex8": _BRICK, "hex20": _BRICK}  # edges of an element that run alike
+LINEAR = {"quad4": "quad4", "quad8": "quad4", "hex8": "hex8", "hex20": "hex8"}
 MIN_CORNER_JACOBIAN = 0.1  # of the largest Jacobian of an element, the smallest: else a layer stays
 MAX_FLAT_SPREAD = 0.35  # of normals at a node: less spread than about 40 degrees is no corner
 

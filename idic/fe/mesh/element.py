@@ -2,7 +2,7 @@
 
 Reference cells: triangles on (0, 0), (1, 0), (0, 1); tetrahedra with a fourth corner on (0, 0, 1); quadrilaterals and
 hexahedra on [-1, 1]^d. Corner nodes first, counter-clockwise; mid-side node ``k`` of a quad8 or tri6 lies on the edge
-from corner ``k`` to corner ``k + 1``, those of a tet10 on the edges of `TET_EDGES`.
+from corner ``k`` to corner ``k + 1``, those of a tet10 and a hex20 on the edges of `TET_EDGES`, `HEX_EDGES`.
 Source: Hughes, The Finite Element Method (2000), chapter 3.
 """
 
@@ -26,7 +26,7 @@ class Cell:
         Local nodes of each edge (2D) or face (3D); corners first. Walking an edge leaves the cell on the left, and the
         corners of a face run counter-clockwise seen from outside: the normal points outwards.
     face_cell : str
-        Kind of the faces: "line2", "line3", "tri3", "tri6" or "quad4".
+        Kind of the faces: "line2", "line3", "tri3", "tri6", "quad4" or "quad8".
     order : int
         Default quadrature order: the number of points per direction (triangles, tetrahedra: the degree integrated).
     """
@@ -49,7 +49,11 @@ TET_EDGES = ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3))  # of the mid-side 
 _TET_CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
 _TET = np.vstack([_TET_CORNERS, *[_TET_CORNERS[list(edge)].mean(axis=0) for edge in TET_EDGES]])
 _LINE = np.array([[-1.0], [1.0], [0.0]])
+HEX_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
+_HEX20 = np.vstack([_HEX, *[_HEX[list(edge)].mean(axis=0) for edge in HEX_EDGES]])
 _HEX_FACES = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))  # Abaqus S1..S6
+_HEX20_FACES = tuple((*face, *(8 + [set(edge) for edge in HEX_EDGES].index({a, b})
+                               for a, b in zip(face, (*face[1:], face[0]), strict=True))) for face in _HEX_FACES)
 _TET_FACES = ((0, 2, 1, 6, 5, 4), (0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (2, 0, 3, 6, 7, 9))  # Abaqus S1..S4
 
 CELLS = {
@@ -64,6 +68,7 @@ CELLS = {
         Cell("tet4", 3, 4, 4, _TET[:4], tuple(face[:3] for face in _TET_FACES), "tri3", 1),
         Cell("tet10", 3, 10, 4, _TET, _TET_FACES, "tri6", 2),
         Cell("hex8", 3, 8, 8, _HEX, _HEX_FACES, "quad4", 2),
+        Cell("hex20", 3, 20, 8, _HEX20, _HEX20_FACES, "quad8", 2),  # reduced integration: no volumetric locking
     )
 }
 
@@ -94,6 +99,16 @@ def shape(name: str, points: np.ndarray) -> np.ndarray:
 def gradient(name: str, points: np.ndarray) -> np.ndarray:
     """Derivatives of the shape functions with respect to the reference coordinates  # (n, n_nodes, dim)"""
     return _tables(name, np.atleast_2d(np.asarray(points, dtype=float)))[1]
+
+
+def edges(name: str) -> tuple[tuple[int, int], ...]:
+    """Corner pairs of the edges of a cell, in the order of the mid-side nodes of its quadratic kind."""
+    if name.startswith("tet"):
+        return TET_EDGES
+    if name.startswith("hex"):
+        return HEX_EDGES
+    n = cell(name).n_corners
+    return tuple((k, (k + 1) % n) for k in range(n))
 
 
 def face_corners(name: str) -> int:
@@ -153,6 +168,8 @@ def _tables(name: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return _tetrahedron(xi, name == "tet10")
     if name == "quad8":
         return _serendipity(xi)
+    if name == "hex20":
+        return _serendipity_brick(xi)
     nodes = CELLS[name].reference_nodes  # quad4, hex8: products of (1 + xi xi_a) / 2
     factor = (1 + xi[:, None, :] * nodes[None]) / 2  # (n, n_nodes, dim)
     values = factor.prod(axis=2)
@@ -214,4 +231,19 @@ def _serendipity(xi):
             values[:, a] = (1 + x * xa) * (1 - y * y) / 2
             grads[:, a, 0] = xa * (1 - y * y) / 2
             grads[:, a, 1] = -(1 + x * xa) * y
+    return values, grads
+
+
+def _serendipity_brick(xi):
+    """Corners (1 + x xa)(1 + y ya)(1 + z za)(x xa + y ya + z za - 2) / 8; middles (1 - x²)(1 + y ya)(1 + z za) / 4 on an edge
+    along x, and likewise."""
+    corner = _HEX20.prod(axis=1) != 0.0
+    factor = np.where(_HEX20[None] == 0.0, 1 - xi[:, None, :] ** 2, 1 + xi[:, None, :] * _HEX20[None])  # (n, 20, 3)
+    slope = np.where(_HEX20[None] == 0.0, -2 * xi[:, None, :], _HEX20[None])
+    reach = xi @ _HEX20.T - 2  # of the corners alone
+    values = factor.prod(axis=2) * np.where(corner, reach / 8, 0.25)
+    grads = np.empty(factor.shape)
+    for i in range(3):
+        others = np.delete(factor, i, axis=2).prod(axis=2)
+        grads[:, :, i] = others * np.where(corner, (slope[:, :, i] * reach + factor[:, :, i] * _HEX20[:, i]) / 8, slope[:, :, i] / 4)
     return values, grads

@@ -17,8 +17,9 @@ from idic.errors import InputError
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Block, Mesh, boundary_faces
 
-LINEAR = {"tri3": "tri3", "tri6": "tri3", "quad4": "quad4", "quad8": "quad4", "hex8": "hex8"}
-SIXTEENTHS = 16  # every weight of a corner at a new node is a multiple of 1/16
+LINEAR = {"tri3": "tri3", "tri6": "tri3", "quad4": "quad4", "quad8": "quad4", "hex8": "hex8",
+          "hex20": "hex8"}
+PARTS = 64  # every weight of a corner at a new node is a multiple of 1/64
 
 
 @dataclass(frozen=True)
@@ -132,8 +133,8 @@ def _key(nodes: list[int], weights: np.ndarray) -> tuple:
 
 
 def _corner_weights(cell: str, points: np.ndarray) -> np.ndarray:
-    """Weights of the corners at reference points, in sixteenths  # (n, n_corners) int"""
-    return np.rint(SIXTEENTHS * element.shape(LINEAR[cell], np.asarray(points, dtype=float))).astype(int)
+    """Weights of the corners at reference points, in 1/64  # (n, n_corners) int"""
+    return np.rint(PARTS * element.shape(LINEAR[cell], np.asarray(points, dtype=float))).astype(int)
 
 
 def _children(cell: str) -> np.ndarray:

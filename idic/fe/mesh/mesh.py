@@ -23,7 +23,7 @@ class Block:
     Attributes
     ----------
     cell : str
-        "tri3", "tri6", "quad4", "quad8", "tet4", "tet10" or "hex8".
+        "tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8" or "hex20".
     connectivity : (n_elements, n_nodes_per_element) int
         Node indices, counter-clockwise (2D), mid-side nodes last.
     first : int

@@ -6,7 +6,6 @@ twelve-pixel elements this lowers the discretisation bias of Poisson's ratio fro
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,16 +14,22 @@ from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Block, Mesh, PerMesh, boundary_faces
 
 _RAISED = PerMesh()  # a diagnosis loads an experiment for every variant, on one mesh
-QUADRATIC = {"tri3": "tri6", "quad4": "quad8", "tet4": "tet10"}
+QUADRATIC = {"tri3": "tri6", "quad4": "quad8", "tet4": "tet10", "hex8": "hex20"}
+RAISED_BY_DEFAULT = ("tri3", "quad4", "tet4")  # hex8 has a remedy against locking, and hex20 three times its nodes
 
 
 def can_raise_order(mesh: Mesh) -> bool:
-    """Whether every element has a quadratic counterpart (tri3, quad4, tet4)."""
+    """Whether every element has a quadratic counterpart (tri3, quad4, tet4, hex8)."""
     return all(block.cell in QUADRATIC for block in mesh.blocks)
 
 
+def is_raised_by_default(mesh: Mesh) -> bool:
+    """Whether every element is of a kind that is computed as its quadratic counterpart unless another order is asked for."""
+    return all(block.cell in RAISED_BY_DEFAULT for block in mesh.blocks)
+
+
 def raise_order(mesh: Mesh) -> Mesh:
-    """The mesh with quadratic elements: tri3 -> tri6, quad4 -> quad8, tet4 -> tet10.
+    """The mesh with quadratic elements: tri3 -> tri6, quad4 -> quad8, tet4 -> tet10, hex8 -> hex20.
 
     New nodes join a node set where both ends of their edge are in it and the edge is an outer one (or the set holds the
     whole element); they get the labels that follow the largest one of the file. Edge and element sets stay valid.
@@ -34,12 +39,12 @@ def raise_order(mesh: Mesh) -> Mesh:
 
 def _raised(mesh: Mesh) -> Mesh:
     corners = np.concatenate([block.connectivity[:, list(pair)] for block in mesh.blocks
-                              for pair in _edges(block.cell)])
+                              for pair in element.edges(block.cell)])
     edges, inverse = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
     inverse = inverse.ravel()
     blocks, start = [], 0
     for block in mesh.blocks:
-        n_elements, n = block.n_elements, len(_edges(block.cell))
+        n_elements, n = block.n_elements, len(element.edges(block.cell))
         middle = inverse[start:start + n_elements * n].reshape(n, n_elements).T + mesh.n_nodes
         blocks.append(Block(QUADRATIC[block.cell], np.hstack([block.connectivity, middle]), block.first))
         start += n_elements * n
@@ -49,14 +54,6 @@ def _raised(mesh: Mesh) -> Mesh:
     sets = {name: _with_middles(np.asarray(members), edges, outer, blocks, mesh)
             for name, members in mesh.node_sets.items()}
     return replace(mesh, nodes=nodes, blocks=tuple(blocks), node_sets=sets, node_labels=labels)
-
-
-def _edges(cell: str) -> Sequence[tuple[int, int]]:
-    """Corner pairs of the edges in the order of the quadratic cell's mid-side nodes."""
-    if cell == "tet4":
-        return element.TET_EDGES
-    n = element.cell(cell).n_corners
-    return [(k, (k + 1) % n) for k in range(n)]
 
 
 def _on_boundary(mesh: Mesh, edges: np.ndarray) -> np.ndarray:

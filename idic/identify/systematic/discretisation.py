@@ -24,7 +24,7 @@ from scipy import sparse
 from idic.errors import InputError, NotConverged
 from idic.fe.mesh import element
 from idic.fe.mesh.halve import can_halve, halve
-from idic.fe.mesh.refine import can_raise_order, raise_order
+from idic.fe.mesh.refine import is_raised_by_default, raise_order
 from idic.identify.covariance import MAX_UNDETERMINED_SHARE, scaled_system, spectrum, undetermined_share
 from idic.identify.in_memory import evaluate_at
 from idic.identify.step.state import Evaluation
@@ -53,7 +53,7 @@ def refined(experiment: Experiment) -> Refined:
     if experiment.solver is not None:
         raise InputError("an external solver has its own mesh", expected="the built-in solver", found="external",
                          remedy="refine the mesh of the external solver and identify again")
-    if can_raise_order(mesh):
+    if is_raised_by_default(mesh):
         fine, how = raise_order(mesh), "quadratic elements"
         carry = _midpoints(mesh.n_nodes, fine)
     elif can_halve(mesh):
@@ -186,8 +186,7 @@ def _midpoints(n_old: int, fine) -> sparse.csr_array:
     ends: dict[int, tuple[int, int]] = {}
     for block in fine.blocks:
         cell = element.cell(block.cell)
-        pairs = element.TET_EDGES if block.cell == "tet10" else [(k, (k + 1) % cell.n_corners)
-                                                                 for k in range(cell.n_corners)]
+        pairs = element.edges(block.cell)
         for nodes in block.connectivity.tolist():
             ends.update({nodes[cell.n_corners + i]: (nodes[a], nodes[b]) for i, (a, b) in enumerate(pairs)})
     for node, pair in ends.items():

@@ -18,7 +18,7 @@ from idic.store.arrays import FrameArrays
 from idic.store.layout import BASE, group_name
 
 VTK_NAMES = {"tri3": "triangle", "tri6": "triangle6", "quad4": "quad", "quad8": "quad8", "tet4": "tetra",
-             "tet10": "tetra10", "hex8": "hexahedron"}
+             "tet10": "tetra10", "hex8": "hexahedron", "hex20": "hexahedron20"}
 COLLECTION = "fields.pvd"
 
 
