@@ -10,8 +10,9 @@ from test_revision import Folder, fit, ranked, refit, screening
 from idic.diagnose.courses import Course
 from idic.diagnose.screen.candidate import Variant, candidates
 from idic.diagnose.selection import own_course
+from idic.diagnose.selection.imitation import MIN_IMITATED_SHARE, with_imitated
 from idic.diagnose.selection.own_course import free_edits, has_own_course, leaves_something
-from idic.diagnose.selection.rival import Rival
+from idic.diagnose.selection.rival import Rival, Round
 
 BOUNDARY = [{"nodes": "TOP", "uy": {"column": "grip_mm", "corrections": [
     {"kind": "compliance", "column": "F"}, {"kind": "rotation", "start_s": 3.0, "course": "ramp"}]}}]
@@ -67,3 +68,18 @@ def test_damage_is_tested_only_where_a_force_or_a_way_back_tells_it_from_plastic
     u = np.array(way)[:, None, None] * np.ones((3, 4, 2))
     here = SimpleNamespace(experiment=SimpleNamespace(channels=channels, loads=()), u=u)
     assert (damage.reason_against(here) == "") is tested
+
+
+@pytest.mark.parametrize("way, share, told", [((0.0, 1.0, 2.0), 1.01, ("nonlinear_elasticity",)), ((0.0, 1.0, 2.0), 0.99, ()),
+                                              ((0.0, 2.0, 0.2), 1.01, ())])
+def test_where_the_load_only_grows_a_free_drift_is_not_told_from_a_rival_that_explains_nearly_as_much(way, share, told):
+    """As of a woven laminate that stiffens: a drift of 9 % of the largest force, along the square of the load."""
+    knots = tuple(f"channel.F.drift_knot[{k}]" for k in (2, 4, 6))
+    one = ranked("force_drift")
+    free = replace(one, variant=replace(one.variant, new=knots))
+    drift = Rival(free, replace(refit(("force_drift",), 10.0), stds=dict.fromkeys(knots, 0.1)), 1e4, 1e4, 1e4)
+    drop = share * MIN_IMITATED_SHARE * 1e4
+    rival = Rival(ranked("nonlinear_elasticity"), refit(("nonlinear_elasticity",), 1e4 - drop), drop, drop, drop)
+    u = np.array(way)[:, None, None] * np.ones((3, 4, 2))
+    found = with_imitated(Round(screening(), refit((), 1e4), (drift, rival), drift), u)
+    assert found.winner is drift and found.equals == told

@@ -22,6 +22,7 @@ from idic.diagnose.screen.score_columns import ScoreColumn, score_columns
 from idic.diagnose.screen.select import Screening, screen
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.block_step import holds, judged_by_step
+from idic.diagnose.selection.imitation import with_imitated
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.revision import Workplace, min_further_drop, revised
 from idic.diagnose.selection.rival import Round, judge
@@ -115,6 +116,7 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
                 rounds = revised(rounds, place)
         last = rounds[-1]
         source, null = last.source.with_edits(edits_of(last.winner, last.screening)), last.winner.refitted
+    rounds = [with_imitated(one, whole.u) for one in rounds]
     return rounds, source, null, [_group(one) for one in rounds if one.winner is not None and one.equals]
 
 
