@@ -58,12 +58,16 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     store = checked_store(store, scheduler)
     check_scheduler(scheduler, out, planned.to_see, console.stage, store)
     with flow_server() as server, planned.claim(resume):
-        done = earlier_result(planned, console) if resume else None
+        large = resume and planned.worth_scanning_by_workers
+        done = earlier_result(planned, console) if resume and not large else None
         if done is not None:
             return done
-        console.stage("reading images")
         with (open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as cluster,
               without_common_disk(cluster, store, out, planned.to_see) as runner):
+            done = earlier_result(planned, console, runner) if large else None
+            if done is not None:
+                return done
+            console.stage("reading images")
             planned.ingest(runner, lambda done, total: console.tasks("ingest", done, total))
             compiled = runner.background(compile_image_kernels, planned.first_job, "compile")
             console.stage("starting Prefect")

@@ -22,7 +22,7 @@ from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Experiment
 from idic.run.joint_result import JointEvaluation, joint_result, result_of_part
 from idic.run.points import RunPoints, simulate_trials
-from idic.run.recovery import finished_result, restored, result_of_state, start_over
+from idic.run.recovery.recover import finished_result, restored, result_of_state, start_over
 from idic.run.runs import Progress, SingleRun, earlier_run
 from idic.run.session import Timing
 from idic.store.checkpoint import load_checkpoint, save_checkpoint
@@ -82,15 +82,19 @@ class JointRun:
             save_checkpoint(self.store.run / DESCRIPTION, SCHEMA, {"names": list(self.parts)})
             yield
 
-    def recover(self) -> list[str]:
+    def recover(self, runner: TaskRunner) -> list[str]:
         """See `recovery.recover`; where one experiment has to start over, all do."""
         found = [*restored(self.store, (STATE_FILE,)),
-                 *(f"{name}: {text}" for name, part in self.parts.items() for text in part.recover())]
+                 *(f"{name}: {text}" for name, part in self.parts.items() for text in part.recover(runner))]
         begun = (self.store.run / STATE_FILE).exists()
         if begun and not all((part.store.run / STATE_FILE).exists() for part in self.parts.values()):
             for store in (self.store, *(part.store for part in self.parts.values())):
                 start_over(store)
         return found
+
+    @property
+    def worth_scanning_by_workers(self) -> bool:
+        return any(part.worth_scanning_by_workers for part in self.parts.values())
 
     def finished_result(self) -> dict | None:
         result = result_of_state(self.store)

@@ -140,12 +140,16 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
     store = checked_store(store, scheduler)
     check_scheduler(scheduler, out, planned.to_see, console.stage, store)
     with threadpool_limits(1, user_api="blas"), planned.claim(resume):
-        done = earlier_result(planned, console) if resume else None
+        large = resume and planned.worth_scanning_by_workers
+        done = earlier_result(planned, console) if resume and not large else None
         if done is not None:
             return done
-        console.stage("reading images")
         with (open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as cluster,
               without_common_disk(cluster, store, out, planned.to_see) as runner):
+            done = earlier_result(planned, console, runner) if large else None
+            if done is not None:
+                return done
+            console.stage("reading images")
             planned.ingest(runner, lambda done, total: console.tasks("ingest", done, total))
             console.dashboards(None, runner.dashboard, None)
             run = OpenRun(planned, runner, sensitivity, Timing(), began, console, pause_after)
@@ -153,9 +157,9 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
                 return run.identify()
 
 
-def earlier_result(planned: Run, console: Console) -> dict | None:
-    """Look through an earlier run; its result, where nothing remains to be done."""
-    for text in planned.recover():
+def earlier_result(planned: Run, console: Console, runner: TaskRunner | None = None) -> dict | None:
+    """Look through an earlier run; its result, where nothing remains to be done; runner : None: in this process."""
+    for text in planned.recover(runner or SerialRunner()):
         console.stage(text)
     return planned.finished_result()
 
@@ -223,7 +227,7 @@ def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda
     planned = plan_run([path] if isinstance(path, (str, Path)) else list(path), out, overrides)
     planned.check(sensitivity)
     with threadpool_limits(1, user_api="blas"), planned.claim(resume), open_runner() as runner:
-        done = earlier_result(planned, console) if resume else None
+        done = earlier_result(planned, console, runner) if resume else None
         if done is not None:
             return done
         planned.ingest(runner)

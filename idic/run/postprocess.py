@@ -27,7 +27,7 @@ from idic.run.judgement.floor import PointJob
 from idic.run.judgement.judgement import Judgement, judged
 from idic.model.experiment import Experiment
 from idic.run.prepare import read_free_dic
-from idic.run.recovery import EVALUATIONS, START, SYSTEM, remove_damaged_judgement
+from idic.run.recovery.recover import EVALUATIONS, START, SYSTEM, remove_damaged_judgement
 from idic.run.judgement.residual_maps import PointResiduals
 from idic.run.judgement.shown_frames import shown_frames
 from idic.run.session import Session, Timing

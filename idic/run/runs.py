@@ -25,7 +25,8 @@ from idic.model.experiment import Experiment
 from idic.report.evidence.cost import expected_cost
 from idic.run.points import RunPoints
 from idic.run.prepare import check_before_writing, ingest, prepare
-from idic.run.recovery import finished_result, recover
+from idic.run.recovery.recover import finished_result, recover
+from idic.run.recovery.scan import BYTES_FOR_WORKERS, stored_bytes
 from idic.run.session import Timing, open_session
 from idic.store.camera_groups import refuse_changed_images
 from idic.store.layout import DESCRIPTION
@@ -52,6 +53,7 @@ class Run(Protocol):
     prepared : whether `prepare` is behind it; measures : whether it begins with a free FE-DIC;
     worth_workers : whether worker processes save more time than their start takes;
     first_job : (folder, experiment, overrides) for the compilation of the image kernels;
+    worth_scanning_by_workers : whether it stores so much that they read it before it is resumed;
     to_see : the experiments that every worker must find; n_stages : stages of the schedule.
     """
 
@@ -71,7 +73,9 @@ class Run(Protocol):
     def n_stages(self) -> int: ...
     def check(self, sensitivity: str) -> None: ...
     def claim(self, resume: bool): ...
-    def recover(self) -> list[str]: ...
+    def recover(self, runner: TaskRunner) -> list[str]: ...
+    @property
+    def worth_scanning_by_workers(self) -> bool: ...
     def finished_result(self) -> dict | None: ...
     def ingest(self, runner: TaskRunner, progress: Callable[[int, int], None] | None = None) -> None: ...
     def prepare(self, runner: TaskRunner) -> None: ...
@@ -107,9 +111,13 @@ class SingleRun:
         with self.store.claim(self.experiment.identity, title=self.experiment.title):
             yield
 
-    def recover(self) -> list[str]:
+    def recover(self, runner: TaskRunner) -> list[str]:
         refuse_changed_images(self.store, self.experiment)
-        return recover(self.store, self.path)
+        return recover(self.store, self.path, runner)
+
+    @property
+    def worth_scanning_by_workers(self) -> bool:
+        return stored_bytes(self.store) > BYTES_FOR_WORKERS
 
     def finished_result(self) -> dict | None:
         return finished_result(self.store)

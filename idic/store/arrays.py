@@ -184,6 +184,11 @@ class FrameArrays:
         return tuple(self._array.shape[1:])
 
     @property
+    def record_bytes(self) -> int:
+        """Bytes of the record of one frame."""
+        return int(np.prod(self.shape, dtype=np.int64)) * self._array.dtype.itemsize
+
+    @property
     def frames_per_chunk(self) -> int:
         return self._array.chunks[0]
 

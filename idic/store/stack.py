@@ -53,6 +53,11 @@ class ZarrStack:
         return tuple(self._array.shape[1:])
 
     @property
+    def frame_bytes(self) -> int:
+        """Bytes of a frame."""
+        return int(self._array.nbytes // max(self.n_frames, 1))
+
+    @property
     def frames_per_chunk(self) -> int:
         return self._array.chunks[0]
 

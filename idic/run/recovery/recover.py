@@ -1,4 +1,4 @@
-"""Resuming a RUN: everything that the next steps need is read once, and damaged groups are computed anew.
+"""Resuming a RUN: everything that the next steps need is read once (`scan`), and damaged groups are computed anew.
 
 Damage that shows up later, while a run is at work, ends it with a message; `--resume` then comes here.
 """
@@ -15,23 +15,24 @@ from idic.run.judgement.fields import GROUP as FIELDS
 from idic.run.judgement.floor import GROUP as FLOOR
 from idic.run.judgement.free import GROUP as FREE
 from idic.run.prepare import write_description
-from idic.store.arrays import Damaged, FrameArrays, read_array
+from idic.run.recovery.scan import damaged_groups
 from idic.store.checkpoint import load_checkpoint, remove_checkpoint, restore_checkpoint
 from idic.store.layout import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, SCRATCH, group_name
 from idic.store.result_file import read_result
 from idic.store.run_store import RunStore
 from idic.store.stack import GROUP as IMAGES
-from idic.store.stack import ZarrStack
 from idic.store.state_file import STATE_FILE, load_state
+from idic.workers.runner import SerialRunner, TaskRunner
 
 EVALUATIONS = "evaluations"
 START, SYSTEM = "start", "system"
 
 
-def recover(store: RunStore, path: Path | str) -> list[str]:
+def recover(store: RunStore, path: Path | str, runner: TaskRunner) -> list[str]:
     """Remove damaged data from a claimed RUN, so that they are computed anew; returns a line per finding.
 
     path : where the experiment lies now; it may have moved since the run began
+    runner : reads a large RUN side by side
 
     A damaged image is ingested again, a damaged simulation of the open trial is repeated. Where the accepted point
     itself is damaged, the run starts over: its steps are the same, so its end has the same bits.
@@ -43,16 +44,18 @@ def recover(store: RunStore, path: Path | str) -> list[str]:
     """
     found = restored(store, (DESCRIPTION, STATE_FILE))
     sweep(store.run / SCRATCH)
-    for name in _image_groups(store):
-        if not _images_whole(store, name):
-            store.remove(name)
-            found.append("stored images are damaged: they are read anew")
     settings = load_checkpoint(store.run / DESCRIPTION, DESCRIPTION_SCHEMA)
     state = load_state(store.run)
+    measured = ["dic", "prepared", *(f"cameras/{camera}/dic" for camera in _further(store))]
+    measured = [name for name in measured if (store.path / name).exists()]
+    needed, tried = ([], []) if state is None else (_needed(store, state), _of_the_open_trial(store, state))
+    damaged = damaged_groups(store, [*measured, *needed, *tried], _image_groups(store), runner)
+    for name in [name for name in _image_groups(store) if name in damaged]:
+        store.remove(name)
+        found.append("stored images are damaged: they are read anew")
     if settings is not None and settings["experiment"] != str(Path(path).resolve()):
         write_description(store.run, settings | {"experiment": str(Path(path).resolve())})
-    measured = ["dic", "prepared", *(f"cameras/{camera}/dic" for camera in _further(store))]
-    spoilt = [name for name in measured if (store.path / name).exists() and not _whole(store, name)]
+    spoilt = [name for name in measured if name in damaged]
     if spoilt or (settings is not None and store.finished("prepared") is None):
         for name in spoilt:
             store.remove(name)
@@ -61,10 +64,13 @@ def recover(store: RunStore, path: Path | str) -> list[str]:
         return [*found, "the preparation (noise, measured motion) is damaged: the run starts over, with the same end"]
     if state is None:
         return found
-    if not all(_whole(store, name) for name in _needed(store, state)):
+    if damaged.intersection(needed):
         start_over(store)
         return [*found, "the accepted point is damaged: the run starts over, with the same end"]
-    return found + _drop_open_trial(store, state)
+    for name in [name for name in tried if name in damaged]:
+        store.remove(name)
+        found.append(f"{name} is damaged: it is computed anew")
+    return found
 
 
 def restored(store: RunStore, names: Iterable[str]) -> list[str]:
@@ -77,7 +83,7 @@ def finished_result(store: RunStore) -> dict | None:
     result = result_of_state(store)
     if result is None:
         return None
-    return result if all(_whole(store, name) for name in _shown(store)) else None
+    return None if damaged_groups(store, _shown(store), (), SerialRunner()) else result
 
 
 def _shown(store: RunStore) -> list[str]:
@@ -95,9 +101,8 @@ def _judged(store: RunStore) -> list[str]:
 
 def remove_damaged_judgement(store: RunStore) -> None:
     """Remove damaged groups of the judgement, so that they are made anew."""
-    for name in _judged(store):
-        if not _whole(store, name):
-            store.remove(name)
+    for name in damaged_groups(store, _judged(store), (), SerialRunner()):
+        store.remove(name)
 
 
 def result_of_state(store: RunStore) -> dict | None:
@@ -130,15 +135,9 @@ def _needed(store: RunStore, state: LoopState) -> list[str]:
     return sorted(must)
 
 
-def _drop_open_trial(store: RunStore, state: LoopState) -> list[str]:
-    """Remove the damaged simulations of the trial that was being evaluated."""
-    found = []
-    for folder in _simulations(store, state.evaluations):
-        name = _stored_name(folder)
-        if not _whole(store, name):
-            store.remove(name)
-            found.append(f"{name} is damaged: it is computed anew")
-    return found
+def _of_the_open_trial(store: RunStore, state: LoopState) -> list[str]:
+    """The stored groups of the trial that was being evaluated."""
+    return [_stored_name(folder) for folder in _simulations(store, state.evaluations)]
 
 
 def _simulations(store: RunStore, number: int) -> list[Path]:
@@ -166,29 +165,3 @@ def _further(store: RunStore) -> list[str]:
 def _image_groups(store: RunStore) -> list[str]:
     names = [IMAGES, *(f"cameras/{camera}/{IMAGES}" for camera in _further(store))]
     return [name for name in names if (store.path / name).exists()]
-
-
-def _images_whole(store: RunStore, name: str) -> bool:
-    try:
-        stack = ZarrStack(store.group(name))
-        for k in range(stack.n_frames):
-            stack.frame(k)
-    except Damaged:
-        return False
-    return True
-
-
-def _whole(store: RunStore, name: str) -> bool:
-    """Whether a group is finished and every chunk of it fits its checksum."""
-    try:
-        folder = store.group(name)
-        for array in sorted(file.parent.name for file in folder.glob("*/zarr.json")):
-            stored = FrameArrays.open(folder, array)
-            if len(stored.shape) and stored.n_frames:
-                for first, last in stored.chunks():
-                    stored.read(first, last)
-            else:
-                read_array(folder, array)
-    except Damaged:
-        return False
-    return True
