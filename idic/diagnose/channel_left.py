@@ -58,6 +58,17 @@ class ChannelLeft:
         return self.is_significant and self.share > MAX_CHANNEL_EXCESS_LEFT and self.reading_share > MIN_READING_SHARE
 
 
+def smallest_reading(residual: ResidualEvidence) -> float:
+    """Effect on the readings, in standard deviations, that simulations of one law on two meshes may differ by; infinite
+    without a channel.
+
+    Of the channel in which that is the smallest.
+    """
+    sizes = [float(np.abs(channel.values).max()) for channel in residual.context.experiment.channels]
+    noise = np.asarray(residual.context.weights.channel_noise, dtype=float)
+    return float(np.min(MIN_READING_SHARE * np.array(sizes) / noise)) if sizes else np.inf
+
+
 def excess(z: np.ndarray) -> float:
     """Sum of squares beyond its expectation under noise."""
     return float((z**2).sum() - len(z))

@@ -183,8 +183,10 @@ def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:
     order and are cut.
     """
     variant, amplitude = ranked.variant, ranked.amplitude
-    own: dict[str, float] = {}
-    if variant.direct:
+    own: dict[str, float] = dict(ranked.start)
+    if variant.free_course:
+        size = amplitude
+    elif variant.direct:
         size = amplitude
         own = dict(variant.null)
         if len(variant.new) == 1:

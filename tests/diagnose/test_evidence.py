@@ -26,4 +26,4 @@ def test_a_model_without_parameters_leaves_columns_as_they_are():
     assert evidence.whiten(nothing).fields.shape == (T, 2 * N_NODES, 0)
     found = score(evidence, null_model(evidence, nothing), column)
     assert found.visibility[0] == 1.0 and found.moves.shape == (0, 1)
-    assert found.own[0] == found.gross[0] > 0.0
+    assert found.own[0] == found.gross[0, 0] > 0.0

@@ -9,10 +9,12 @@ from test_revision import Folder, fit, ranked, refit, screening
 
 from idic.diagnose.courses import Course
 from idic.diagnose.screen.candidate import Variant, candidates
+from idic.diagnose.screen.free_courses import free_edits
 from idic.diagnose.selection import own_course
 from idic.diagnose.selection.imitation import MIN_IMITATED_SHARE, with_imitated
-from idic.diagnose.selection.own_course import free_edits, has_own_course, leaves_something
+from idic.diagnose.selection.own_course import has_own_course, leaves_something
 from idic.diagnose.selection.rival import Rival, Round
+from idic.model.free_course import KNOTS
 
 BOUNDARY = [{"nodes": "TOP", "uy": {"column": "grip_mm", "corrections": [
     {"kind": "compliance", "column": "F"}, {"kind": "rotation", "start_s": 3.0, "course": "ramp"}]}}]
@@ -26,14 +28,14 @@ def test_a_correction_gets_knots_in_the_place_of_its_course_and_its_neighbours_s
     edits = free_edits({}, {"boundary": BOUNDARY}, variant("boundary.TOP.y.rotation"))
     first, second = edits["boundary"][0]["uy"]["corrections"]
     assert first == {"kind": "compliance", "column": "F"}
-    assert second == {"kind": "rotation", "course": "free", "knots": own_course.KNOTS}
+    assert second == {"kind": "rotation", "course": "free", "knots": KNOTS}
     assert BOUNDARY[0]["uy"]["corrections"][1]["start_s"] == 3.0
 
 
 def test_a_drift_loses_its_start_and_its_own_degree_of_freedom():
     document = {"channel": [{"column": "F", "drift_from_s": 4.0}, {"column": "G"}]}
     edits = free_edits(document, {"dof": [{"name": "channel.F.drift"}, {"name": "camera.k1"}]}, variant("channel.F.drift"))
-    assert edits["channel"] == [{"column": "F", "drift_knots": own_course.KNOTS}, {"column": "G"}]
+    assert edits["channel"] == [{"column": "F", "drift_knots": KNOTS}, {"column": "G"}]
     assert edits["dof"] == [{"name": "camera.k1"}]
 
 

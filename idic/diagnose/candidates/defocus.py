@@ -14,7 +14,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     if experiment.quantity != "grey" or experiment.options.defocus != "none":
         return ()
     return tuple(Variant(f"blur grows with {name}", {"options.defocus": "frame"}, (), {}, sign=1,
-                         pixels=("blur", course)) for name, course in courses(situation))
+                         pixels=("blur", course[None])) for name, course in courses(situation))
 
 
 register(Candidate(

@@ -1,4 +1,4 @@
-"""Nonuniform illumination: gain and offset with hats over the image, growing with time or the motion.
+"""Nonuniform illumination: gain and offset with hats over the image, growing with time or the motion, or to and fro.
 
 What is alike all over a frame is no candidate: gain and offset of every frame are among the unknowns already.
 """
@@ -8,8 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.model.free_course import hats, knot_frames
 
 PATCHES_PER_SIDE = 4  # along the longer side of the visible region, in the refit
+COURSE_KNOTS = 3  # of a course that the data give, at every place; in the refit every frame has its own
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -20,9 +22,14 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     size = float(min(np.ptp(seen, axis=0).max(), max(experiment.image_shape)) / PATCHES_PER_SIDE)
     edits = {"options.brightness": "patch", "options.patch_px": max(size, 16.0)}
     found = []
-    for name, course in courses(situation):
-        for kind in ("gain", "offset"):
-            found.append(Variant(f"{kind} of the light grows with {name}", edits, (), {}, pixels=(kind, course)))
+    for kind in ("gain", "offset"):
+        found += [Variant(f"{kind} of the light grows with {name}", edits, (), {}, pixels=(kind, course[None]))
+                  for name, course in courses(situation)]
+        if experiment.n_frames > COURSE_KNOTS:
+            own = hats(experiment.times, experiment.reference,
+                       knot_frames(experiment.n_frames, experiment.reference, COURSE_KNOTS))
+            found.append(Variant(f"{kind} of the light has a course of its own", edits, (), {}, pixels=(kind, own),
+                                 free_course=True))
     return tuple(found)
 
 

@@ -96,8 +96,10 @@ class Variant:
     form, place : of the heterogeneity family
     direct : columns are the derivatives at the null values, one per name in `new`, per unit of the degree of freedom
     exact : the null embedding is the identified model itself, not only the same physics: nothing to subtract
-    pixels : (kind, course (n_frames,)): columns of grey values instead of motion, one per hat (`idic.diagnose.residual.grey_value_effects`)
+    pixels : (kind, courses (n, n_frames)): columns of grey values instead of motion, one per hat and course
+        (`idic.diagnose.residual.grey_value_effects`); each counts alone, and all together
     refit : further edits for the refit only (starting values)
+    free_course : `new` are the knots of a course that the data give: their columns count together
     """
 
     label: str
@@ -112,6 +114,12 @@ class Variant:
     exact: bool = False
     pixels: tuple[str, np.ndarray] | None = None
     refit: Mapping[str, Any] = field(default_factory=dict)
+    free_course: bool = False
+
+    @property
+    def counts_together(self) -> bool:
+        """Whether the best sum of its columns is a test of its own."""
+        return self.free_course or self.pixels is not None
 
 
 @dataclass(frozen=True)

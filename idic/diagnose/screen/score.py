@@ -13,13 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 from idic.diagnose.residual.evidence import Columns, Evidence
 
 MIN_INFORMATION_SHARE = 1e-6  # of its own information: the rest of the column is rounding
+FAR_CHI2 = 600.0  # beyond, the tail of chi-square by its leading term
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +79,7 @@ def symmetric_inverse(matrix: np.ndarray) -> np.ndarray:
 class Scores:
     """Score tests of K columns, all at once.
 
-    U, gross, per column: score and s^T s; information : (K, K) after projection; moves : (n, K) change of the
+    U : (K,) score; gross : (K, K) s^T s; information : (K, K) the same after projection; moves : (n, K) change of the
     identified parameters per unit of the column's amplitude.
     """
 
@@ -92,7 +94,7 @@ class Scores:
     def own(self) -> np.ndarray:
         """Information of each column alone, 0 where it is invisible  # (K,)"""
         own = np.diagonal(self.information)
-        return np.where(own > MIN_INFORMATION_SHARE * self.gross, own, 0.0)
+        return np.where(own > MIN_INFORMATION_SHARE * np.diagonal(self.gross), own, 0.0)
 
     @property
     def z(self) -> np.ndarray:
@@ -112,7 +114,8 @@ class Scores:
     @property
     def visibility(self) -> np.ndarray:
         """Share of a column that the identified parameters cannot imitate, 0 … 1  # (K,)"""
-        return np.divide(self.own, self.gross, out=np.zeros_like(self.U), where=self.gross > 0)
+        gross = np.diagonal(self.gross)
+        return np.divide(self.own, gross, out=np.zeros_like(self.U), where=gross > 0)
 
     @property
     def correlation(self) -> np.ndarray:
@@ -125,6 +128,22 @@ class Scores:
         members = [i for i in members if self.own[i] > 0]
         block = self.information[np.ix_(members, members)]
         return float(self.U[members] @ symmetric_inverse(block) @ self.U[members])
+
+    def together(self, members: Sequence[int]) -> np.ndarray:
+        """Expected change of the visible columns of a group together, 0 of the others  # (len(members),)"""
+        members, found = np.asarray(members), np.zeros(len(members))
+        seen = self.own[members] > 0
+        block = self.information[np.ix_(members[seen], members[seen])]
+        found[seen] = symmetric_inverse(block) @ self.U[members[seen]]
+        return found
+
+    def with_sums(self, names: Sequence[str], groups: Sequence[Sequence[int]]) -> Scores:
+        """These scores and those of the best sum of every group, a column each behind the others."""
+        ways = np.eye(len(self.U), len(self.U) + len(groups))
+        for k, members in enumerate(groups, start=len(self.U)):
+            ways[list(members), k] = self.together(members)
+        return Scores((*self.names, *names), self.parameters, self.U @ ways, ways.T @ self.gross @ ways,
+                      ways.T @ self.information @ ways, self.moves @ ways)
 
     def bias_uncovered(self, i: int) -> dict[str, float]:
         """How far the identified parameters would move with column i in the model (units of the columns)."""
@@ -140,7 +159,7 @@ def score(evidence: Evidence, null: NullModel, columns: Columns) -> Scores:
     moves = -null.covariance @ cross
     U = evidence.scores(white) + moves.T @ null.b
     information = gross + cross.T @ moves
-    return Scores(columns.names, null.names, U, np.diagonal(gross).copy(), 0.5 * (information + information.T), moves)
+    return Scores(columns.names, null.names, U, gross, 0.5 * (information + information.T), moves)
 
 
 @dataclass(frozen=True)
@@ -157,21 +176,31 @@ class Significance:
     p_familywise: float
 
 
-def significances(scores: Scores, groups: Mapping[str, Sequence[int]], signs: np.ndarray, rng: np.random.Generator,
-              draws: int = 4000) -> dict[str, Significance]:
+def significances(scores: Scores, groups: Mapping[Any, Sequence[int]], signs: np.ndarray, rng: np.random.Generator,
+                  sums: Mapping[int, Sequence[int]] | None = None, draws: int = 4000) -> dict[Any, Significance]:
     """Family-wise significance of candidates that are grids of columns, by the joint Gaussian of all scores.
 
     Parameters
     ----------
     groups : candidate -> its columns; the best of them counts
     signs : (K,) +1 or -1 where only that sign of the amplitude is possible, 0 where both are
+    sums : column that is the best sum of others -> these: its square is chi-square distributed with their number
     draws : of N(0, correlation), from which the number of independent tests is calibrated
     """
+    sums = sums or {}
+    single = [i for i in range(len(scores.U)) if i not in sums]
     correlation = scores.correlation
-    values, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T))
+    values, vectors = np.linalg.eigh(0.5 * (correlation + correlation.T)[np.ix_(single, single)])
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    noise = _sided(rng.standard_normal((draws, len(values))) @ root.T, signs)  # (draws, K)
-    observed = _sided(scores.z, signs)
+    noise, observed = np.zeros((draws, len(scores.U))), scores.z.copy()
+    noise[:, single] = rng.standard_normal((draws, len(values))) @ root.T
+    for column, members in sums.items():
+        members = [i for i in members if scores.own[i] > 0]
+        inner = symmetric_inverse(correlation[np.ix_(members, members)])
+        noise[:, column] = _as_normal(np.einsum("di,ij,dj->d", noise[:, members], inner, noise[:, members]), len(members))
+        observed[column] = _as_normal(np.square(observed[column]), len(members))
+    usual = np.array(single, dtype=int)
+    noise[:, usual], observed[usual] = _sided(noise[:, usual], signs[usual]), _sided(observed[usual], signs[usual])
     found, every = {}, np.full(draws, -np.inf)
     for members in groups.values():
         every = np.maximum(every, noise[:, list(members)].max(axis=1))
@@ -181,6 +210,15 @@ def significances(scores: Scores, groups: Mapping[str, Sequence[int]], signs: np
         tail = float(stats.norm.sf(observed[best]))
         found[name] = Significance(name, best, float(observed[best]), min(1.0, tests * tail))
     return found
+
+
+def _as_normal(chi2: np.ndarray, rank: int) -> np.ndarray:
+    """Standard deviations of a unit normal with the upper tail of chi-square with `rank` degrees of freedom."""
+    if rank == 0:
+        return np.full_like(chi2, -np.inf)
+    tail = stats.chi2.logsf(chi2, rank)
+    far = (0.5 * rank - 1.0) * np.log(np.maximum(0.5 * chi2, 1e-300)) - 0.5 * chi2 - special.gammaln(0.5 * rank)
+    return -special.ndtri_exp(np.where(chi2 > FAR_CHI2, far, tail))
 
 
 def _sided(z: np.ndarray, signs: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from idic.correlation.frame_equations import global_columns, nodal_gradient
 from idic.diagnose.residual.evidence import Columns, joined
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.candidate import Candidate, Variant
+from idic.diagnose.screen.course_columns import timed, times_courses, unit_values
 from idic.fe.response import Alternative, first_responses
 from idic.identify.in_memory import Identification
 from idic.model.experiment import Experiment
@@ -55,8 +57,8 @@ def score_columns(found: Identification, residual: ResidualEvidence, trials: Seq
     labels, parts = [], []
     gradients: Gradients = {}
     if stepped:
-        answered, columns = _stepped(found, residual, [v for _, v in stepped], load, gradients)
-        labels += [ScoreColumn(c, v, v.label) for (c, v), good in zip(stepped, answered, strict=True) if good]
+        told, columns = _stepped(found, residual, stepped, load, gradients)
+        labels += told
         parts.append(columns)
     for c, v in straight:
         labels += [ScoreColumn(c, v, name) for name in v.new]
@@ -69,62 +71,79 @@ def score_columns(found: Identification, residual: ResidualEvidence, trials: Seq
 
 
 def _of_grey_values(residual: ResidualEvidence, variant: Variant) -> Columns:
-    """One column per hat of the variant's kind, with its course in time."""
-    evidence, (kind, course) = residual.evidence, variant.pixels
+    """One column per hat of the variant's kind and course in time."""
+    evidence, (kind, courses) = residual.evidence, variant.pixels
     chosen = [i for i, (name, _) in enumerate(evidence.pixel_names) if name == kind]
-    n_frames, n_channels = residual.channels.shape
-    pixels = np.zeros((n_frames, len(evidence.pixel_names), len(chosen)))
-    for k, i in enumerate(chosen):
+    n_frames, n_channels, n = *residual.channels.shape, len(chosen) * len(courses)
+    pixels = np.zeros((n_frames, len(evidence.pixel_names), n))
+    for k, (course, i) in enumerate(product(courses, chosen)):
         pixels[:, i, k] = course[evidence.frames]
-    names = tuple(f"{variant.label}, place {evidence.pixel_names[i][1] + 1} of {len(chosen)}" for i in chosen)
-    return Columns(names, np.zeros((n_frames, len(evidence.seen), len(chosen))),
-                   np.zeros((n_frames, n_channels, len(chosen))), pixels)
+    names = tuple(f"{variant.label}, place {evidence.pixel_names[i][1] + 1} of {len(chosen)}" for _ in courses for i in chosen)
+    return Columns(names, np.zeros((n_frames, len(evidence.seen), n)), np.zeros((n_frames, n_channels, n)), pixels)
 
 
-def _stepped(found: Identification, residual: ResidualEvidence, variants: Sequence[Variant], load: Load,
-             gradients: Gradients) -> tuple[np.ndarray, Columns]:
-    """Which variants have an answer  # (n,) bool; one-step responses of their probes less those of their null
-    embeddings."""
-    base, values = _alternative(found.experiment, found, {}), found.parameters.as_values()
-    others: list[Alternative] = []
-    place: dict[bytes, int] = {}
-
-    def position(experiment: Experiment, at: Mapping[str, float]) -> int:
-        known = {name: value for name, value in values.items() if name in experiment.parameters}
-        parameters = experiment.parameters.with_values(known | dict(at))
-        key = pickle.dumps((experiment.materials, experiment.prescribed, experiment.loads, experiment.temperatures,
-                            experiment.heterogeneities, sorted(parameters.as_values().items())))
-        if key not in place:
-            place[key] = len(others)
-            others.append(_alternative(experiment, found, parameters.as_values()))
-        return place[key]
-
-    pairs, moved = [], []
-    for variant in variants:
+def _stepped(found: Identification, residual: ResidualEvidence, trials: Sequence[tuple[Candidate, Variant]], load: Load,
+             gradients: Gradients) -> tuple[list[ScoreColumn], Columns]:
+    """Columns of the variants that have an answer: one-step responses of their probes less those of their null
+    embeddings; of patterns times courses (`idic.diagnose.screen.course_columns`) one response per pattern."""
+    answers, moved, others, shared = _Answers(found), [], [], []
+    for candidate, variant in trials:
         experiment = load(variant.edits)
+        if (one := timed(experiment, variant)) is not None:
+            shared.append((candidate, one))
+            continue
+        others.append((candidate, variant, answers.position(experiment, variant.probe),
+                       None if variant.exact else answers.position(experiment, variant.null)))
         moved.append(_node_motion(experiment, variant))
-        pairs.append((position(experiment, variant.probe),
-                      None if variant.exact else position(experiment, variant.null)))
-    start = found.experiment.reference
+    first = {one.pattern: one for _, one in reversed(shared)}
+    of_patterns = [answers.position(one.unit, unit_values(one)) for one in first.values()]
+    start, dim = found.experiment.reference, found.experiment.n_dim
     frames = [int(k) - start for k in residual.evidence.frames]
-    times = found.experiment.times[start:]
+    responses = first_responses(answers.base, found.experiment.times[start:], frames, residual.u[..., :dim], answers.others)
+    picked = [i for _, _, i, _ in others] + of_patterns
+    nulls = [k for k, (_, _, _, null) in enumerate(others) if null is not None]
+    of_nulls = [others[k][3] for k in nulls]
     fields, channels = [], []
-    answers = first_responses(base, times, frames, residual.u[..., :found.experiment.n_dim], others)
-    probes, nulls = [i for i, _ in pairs], [k for k, (_, j) in enumerate(pairs) if j is not None]
-    of_nulls = [pairs[k][1] for k in nulls]
-    for t, answer in enumerate(answers):
-        du, dchannels = answer.du[..., probes], answer.dchannels[:, probes]
+    for t, answer in enumerate(responses):
+        du, dchannels = answer.du[..., picked], answer.dchannels[:, picked]
         du[..., nulls] -= answer.du[..., of_nulls]
         _to_fixed_points(found.experiment, residual.u[t], moved, du)
         dchannels[:, nulls] -= answer.dchannels[:, of_nulls]
         view = residual.view.at(int(residual.evidence.frames[t]))
         fields.append(view.columns(found.experiment.mesh.nodes, residual.u[t], du)[residual.evidence.seen])
         channels.append(dchannels)
-    fields, channels = np.array(fields), np.array(channels)
+    n, fields, channels = len(others), np.array(fields), np.array(channels)
     answered = ~(np.isnan(fields).any(axis=(0, 1)) | np.isnan(channels).any(axis=(0, 1)))
-    left = [v for v, good in zip(variants, answered, strict=True) if good]
-    stepped = Columns(tuple(v.label for v in left), fields[..., answered], channels[..., answered])
-    return answered, _with_recording(found, residual, left, load, stepped, gradients)
+    left = [k for k in range(n) if answered[k]]
+    labels = [ScoreColumn(others[k][0], others[k][1], others[k][1].label) for k in left]
+    alone = _with_recording(found, residual, [others[k][1] for k in left], load, Columns(
+        tuple(label.name for label in labels), fields[..., left], channels[..., left]), gradients)
+    labels += [ScoreColumn(candidate, one.variant, name) for candidate, one in shared for name in one.names]
+    if not shared:
+        return labels, alone
+    names = tuple(name for _, one in shared for name in one.names)
+    return labels, joined(alone, Columns(names, *times_courses([one for _, one in shared], list(first),
+                                                               residual.evidence.frames, fields[..., n:], channels[..., n:])))
+
+
+class _Answers:
+    """The models whose responses are asked for, each once."""
+
+    def __init__(self, found: Identification):
+        self.found, self.base, self.values = found, _alternative(found.experiment, found, {}), found.parameters.as_values()
+        self.others: list[Alternative] = []
+        self.place: dict[bytes, int] = {}
+
+    def position(self, experiment: Experiment, at: Mapping[str, float]) -> int:
+        """Place among the others of an experiment at the identified values and these."""
+        known = {name: value for name, value in self.values.items() if name in experiment.parameters}
+        parameters = experiment.parameters.with_values(known | dict(at))
+        key = pickle.dumps((experiment.materials, experiment.prescribed, experiment.loads, experiment.temperatures,
+                            experiment.heterogeneities, sorted(parameters.as_values().items())))
+        if key not in self.place:
+            self.place[key] = len(self.others)
+            self.others.append(_alternative(experiment, self.found, parameters.as_values()))
+        return self.place[key]
 
 
 def _node_motion(experiment: Experiment, variant: Variant) -> np.ndarray | None:

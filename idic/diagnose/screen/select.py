@@ -14,9 +14,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.diagnose.residual.evidence import Columns, Evidence
-from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.screen.candidate import Candidate, Variant
+from idic.diagnose.screen.effect_sizes import columns_together, effects, sum_of, with_sums
+from idic.diagnose.screen.free_courses import course_stem, fewest_knots
 from idic.diagnose.screen.score import Scores, Significance, null_model, score, significances
 from idic.diagnose.screen.score_columns import ScoreColumn
 
@@ -28,6 +29,7 @@ MIN_SEPARATION_CHI2 = 9.0  # D = S (1 - rho^2), three standard deviations
 MAX_SHORTLIST = 5
 MIN_MATERIAL_GAIN = 0.8  # of the gain of a candidate's best material: another one is refitted as well
 MIN_GAIN_SHARE = 0.02  # of the best predicted gain: a candidate that promises less is screened again in the next round
+MIN_COURSE_SHARE = 0.5  # of the promise of a free course: a screened course that promises as much is refitted first
 MAX_HIDDEN_VISIBILITY = 0.05  # visibility below which the parameters hide an effect
 
 
@@ -41,7 +43,7 @@ class Ranked:
     variant; effect_px, effect_channel : rms of what the model in hand leaves of it, px and standard deviations of a
     reading; verdict : "significant" | "small" | "inadmissible" | "excluded" | "cannot_tell"; largest_probe_z : standard deviations
     by which a plausible effect would stand out, of the variant that shows most; moves : change of the identified parameters
-    per unit of the amplitude
+    per unit of the amplitude; start : values of the knots of a free course, by the score (amplitude 1)
     """
 
     candidate: Candidate
@@ -61,6 +63,7 @@ class Ranked:
     material: str = ""
     largest_probe_z: float = np.inf
     moves: Mapping[str, float] = field(default_factory=dict)
+    start: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def key(self) -> tuple[str, str]:
@@ -97,6 +100,12 @@ class Screening:
     def of(self, name: str) -> Ranked:
         return next(r for r in self.ranked if r.candidate.name == name)
 
+    def free_course_of(self, variant: Variant) -> Variant | None:
+        """The variant with the same pattern and a course that the data give, of the fewest knots."""
+        found = [trial.variant for trial in self.trials if trial.variant.free_course and trial.variant.new
+                 and trial.name == trial.variant.label and course_stem(trial.variant) == course_stem(variant)]
+        return found[0] if found else None
+
     @property
     def significant(self) -> tuple[Ranked, ...]:
         return tuple(r for r in self.ranked if r.standing == "significant")
@@ -129,7 +138,7 @@ class Screening:
 
 def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns,
            seed: int = 0, room: float = 0.0, materials: Sequence[str] = (), margin: Margin = ASSUMED,
-           further: bool = False) -> Screening:
+           further: bool = False, min_channel: float = MIN_CHANNEL_EFFECT_STD) -> Screening:
     """Score all columns and rank the candidates.
 
     Parameters
@@ -140,20 +149,44 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
         must explain a good part of it
     margin : motion that no candidate may be blamed for
     further : a cause is in the model already: what discretisation leaves of it is no room for another one
+    min_channel : effect on the readings, standard deviations, that no candidate may be blamed for
     """
-    null = null_model(evidence, parameters)
     smallest_px = margin.px if further else margin.smallest_effect_px
-    scores = score(evidence, null, columns)
-    groups: dict[tuple[str, str], list[int]] = {}
+    scores, together = score(evidence, null_model(evidence, parameters), columns), columns_together(trials)
+    joint = [fewest_knots(scores, members) if trials[members[0]].variant.new else members for members in together]
+    scores = scores.with_sums([trials[members[0]].variant.label for members in joint], joint)
+    sums = {len(trials) + k: members for k, members in enumerate(together)}
+    trials = (*trials, *(sum_of([trials[i] for i in members]) for members in joint))
+    groups: dict[tuple[str, str, bool], list[int]] = {}
     for i, trial in enumerate(trials):
-        groups.setdefault((trial.candidate.name, material_of_variant(trial.variant, materials)), []).append(i)
+        free = trial.variant.free_course  # its knots are no tests of their own
+        if i in sums or not free:
+            groups.setdefault((trial.candidate.name, material_of_variant(trial.variant, materials), free), []).append(i)
     signs = np.array([trial.variant.sign for trial in trials])
-    found = significances(scores, groups, signs, np.random.default_rng(seed)) if groups else {}
-    sizes_px, sizes_channel = effects(evidence, parameters, columns, scores)
-    bounds_px = smallest_px, margin.px
-    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, bounds_px), material=key[1])  # type: ignore[index]
+    found = significances(scores, groups, signs, np.random.default_rng(seed), sums) if groups else {}
+    sizes_px, sizes_channel = effects(evidence, parameters, with_sums(columns, scores, joint), scores)
+    bounds = smallest_px, margin.px, min_channel
+    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, bounds, columns.n), material=key[1])  # type: ignore[index]
               for key, members in groups.items()]
-    return Screening(tuple(sorted(ranked, key=lambda r: -r.statistic)), tuple(trials), scores)
+    ranked = [replace(r, start=dict(zip(r.variant.new, scores.together(joint[r.best - columns.n]).tolist(), strict=True)))
+              if r.variant.free_course and r.variant.new else r for r in ranked]
+    return Screening(tuple(sorted(proposed(ranked), key=lambda r: -r.statistic)), tuple(trials), scores)
+
+
+def proposed(ranked: Sequence[Ranked]) -> list[Ranked]:
+    """One entry per candidate and material: its free course stands for it where no screened course of any candidate
+    promises half as much, and it is significant.
+
+    A free course takes a part of almost every mismatch; where a ramp, a jump or a law promises as much with one unknown,
+    that is refitted, and the course is freed where it leaves something (`idic.diagnose.selection.own_course`).
+    """
+    plain = {r.key: r for r in ranked if not r.variant.free_course}
+    bar = max((r.gain for r in plain.values() if r.standing == "significant"), default=0.0) / MIN_COURSE_SHARE
+    best: dict[tuple[str, str], Ranked] = {}
+    for r in ranked:
+        if r.variant.free_course and r.standing == "significant" and r.gain > bar:
+            best[r.key] = r
+    return list((plain | best).values())
 
 
 def material_of_variant(variant: Variant, materials: Sequence[str]) -> str:
@@ -163,16 +196,17 @@ def material_of_variant(variant: Variant, materials: Sequence[str]) -> str:
 
 
 def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significance, members: Sequence[int],
-            sizes_px: np.ndarray, sizes_channel: np.ndarray, room: float, bounds_px: tuple[float, float]) -> Ranked:
-    """bounds_px : smallest effect of a candidate that explains most of the room, and of any other"""
+            sizes_px: np.ndarray, sizes_channel: np.ndarray, room: float, bounds: tuple[float, float, float],
+            n_columns: int) -> Ranked:
+    """n_columns : without the sums behind them; bounds : smallest effect (px) of a candidate that explains most of the room, of any other, on readings (std)"""
     best = standing.best
     trial = trials[best]
-    same = [i for i in members if trials[i].variant is trial.variant]
+    same = [i for i in members if trials[i].variant is trial.variant and i < n_columns] or [best]
     amplitude, std = float(scores.expected_change[best]), float(scores.std[best])
     effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
     gain = scores.gain(same)
-    min_effect_px = bounds_px[0] if gain > MIN_ROOM_SHARE * room else bounds_px[1]
-    matters = effect_channel > MIN_CHANNEL_EFFECT_STD or effect_px > min_effect_px
+    min_effect_px = bounds[0] if gain > MIN_ROOM_SHARE * room else bounds[1]
+    matters = effect_channel > bounds[2] or effect_px > min_effect_px
     return Ranked(trial.candidate, best, trial.variant, trial.name, standing.statistic, standing.p_familywise,
                   amplitude, std, float(scores.visibility[best]), gain, float(effect_px), float(effect_channel),
                   scores.bias_uncovered(best), _cell(standing, trial.variant, amplitude, std, matters),
@@ -197,33 +231,10 @@ def _stands_out(variant: Variant, std: float) -> float:
 
 def _probe_size(variant: Variant) -> float:
     """Amplitude of a plausible effect: 1 for finite probes; of direct ones the probe's value, if it names one."""
-    if not variant.direct:
+    if not variant.direct or variant.free_course:
         return 1.0
     return max((abs(variant.probe[n] - variant.null.get(n, 0.0)) for n in variant.new if n in variant.probe),
                default=np.inf)
-
-
-def effects(evidence: Evidence, parameters: Columns, columns: Columns, scores: Scores) -> tuple[np.ndarray, np.ndarray]:
-    """Size per unit amplitude of each column, the identified parameters projected out, rms over pixels and frames.
-
-    Motion is weighed by the contrast of the texture: rms^2 = 2 sum (grad f . s)^2 / sum |grad f|^2 in a plane. Columns
-    of grey values and heights count as the motion that would change as much.
-
-    Returns
-    -------
-    px, channel : (K,), (K,) px (images), standard deviations of one reading (channels)
-    """
-    weight = evidence.channel_weight[:, None]
-    images, channels = np.zeros(columns.n), np.zeros(columns.n)
-    for t, part in enumerate(evidence.parts):
-        fields = columns.fields[t] + parameters.fields[t] @ scores.moves
-        images += np.einsum("ik,ik->k", fields, part.A @ fields)
-        if columns.pixels is not None:
-            images += np.einsum("ik,ik->k", columns.pixels[t], part.pixel.gram @ columns.pixels[t])
-        rows = columns.channels[t] + parameters.channels[t] @ scores.moves
-        channels += (weight * rows**2).sum(axis=0)
-    n_rows = max(len(evidence.parts) * len(evidence.channel_weight), 1)
-    return np.sqrt(images / max(power(evidence).sum(), 1e-300)), np.sqrt(channels / n_rows)
 
 
 def sets(screening: Screening, ranked: Sequence[Ranked]) -> list[list[str]]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from idic.diagnose.channel_left import smallest_reading
 from idic.diagnose.refit import Refit, identification_at, refit_residual
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told
 from idic.diagnose.residual.evidence import Columns
@@ -18,8 +19,9 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, thinned
 from idic.diagnose.screen.candidate import Candidate
+from idic.diagnose.screen.free_courses import with_free_courses
 from idic.diagnose.screen.score_columns import ScoreColumn, score_columns
-from idic.diagnose.screen.select import Screening, screen
+from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, screen
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.block_step import holds, judged_by_step
 from idic.diagnose.selection.imitation import with_imitated
@@ -203,10 +205,12 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
     def load(edits: Mapping[str, Any]):
         return thinned(source.load(edits), CHOICE, seed)
 
+    trials += with_free_courses(trials, here.document, found.parameters.free, source.load)
     labels, columns = score_columns(found, residual, trials, load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
     made = screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
-                  materials=[material.element_set for material in found.experiment.materials], margin=margin, further=further)
+                  materials=[material.element_set for material in found.experiment.materials], margin=margin, further=further,
+                  min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further else MIN_CHANNEL_EFFECT_STD)
     return replace(made, untestable=untestable)
 
 

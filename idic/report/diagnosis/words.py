@@ -103,7 +103,7 @@ def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> st
     shown = short_names(after)
     stems = dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
     courses = {stem: {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem} for stem in stems}
-    courses = {stem: course for stem, course in courses.items() if len(course) >= MIN_COURSE_UNKNOWNS}
+    courses = {stem: course for stem, course in courses.items() if len(course) >= MIN_COURSE_UNKNOWNS or stem.endswith("_knot")}
     said = [f"{shown[n].replace('_', ' ')} "
             + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
             for n, p in added.items() if _stem(n) not in courses and not _is_open(p)]
@@ -134,9 +134,16 @@ def _course(stem: str, entries: Mapping[str, Mapping]) -> str:
         return f"{what} not determined"
     largest = max(known, key=lambda name: abs(known[name]["value"]))
     std, unit = min(p["std"] for p in known.values()), known[largest]["unit"]
+    if stem.endswith("_knot"):  # a course that is zero at other knots
+        return f"{what} {with_std(known[largest]['value'], known[largest]['std'], unit)} at most, in frame {frame_of(largest)}"
     rms = math.sqrt(sum(p["value"] ** 2 for p in known.values()) / len(known))
     return (f"{what} {number(rms, std)} {unit} rms, {number(known[largest]['value'], std)} {unit} at most in frame "
-            f"{largest.partition('[')[2].removesuffix(']')}")
+            f"{frame_of(largest)}")
+
+
+def frame_of(name: str) -> str:
+    """The frame in the name of a degree of freedom, ``NAME[FRAME]``."""
+    return name.partition("[")[2].removesuffix("]")
 
 
 def _moves(content: Mapping) -> list[str]:

@@ -1,0 +1,115 @@
+"""Variants whose course in time the data give: the pattern of a cause times one amplitude per knot.
+
+Ramps, jumps and motions in proportion follow few courses. A load cell that wanders off and back, or a grip that swings, has
+none of them: its drift at a constant rate is zero. The free course of the same pattern (`idic.model.free_course`) holds all
+courses that are smooth over some frames, so that one test of its knots together stands for them.
+
+Of the courses that explain as much, the one with the fewest knots is taken; it is zero at the others. A reading that drifts
+in proportion to the load is another modulus: with all knots free both would be open.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+from idic.diagnose.courses import TIMED
+from idic.diagnose.screen.candidate import Candidate, Variant
+from idic.diagnose.screen.score import Scores
+from idic.errors import InputError
+from idic.model.experiment import Experiment
+from idic.model.free_course import KNOTS, without_knot
+
+MIN_KNOT_CHI2 = 9.0  # drop of chi-square that a knot must bring
+MAGNIFICATIONS = ("magnification_drift", "magnification_load")
+
+
+def with_free_courses(trials: Sequence[tuple[Candidate, Variant]], document: Mapping[str, Any], free: Collection[str],
+                      load: Callable[[Mapping[str, Any]], Experiment]) -> list[tuple[Candidate, Variant]]:
+    """One variant with a free course for every degree of freedom of these trials that has a course.
+
+    document : tables of the null; free : names of its free degrees of freedom; load : edits -> experiment
+    """
+    found: dict[str, tuple[Candidate, Variant]] = {}
+    for candidate, variant in trials:
+        stem = course_stem(variant)
+        if stem in found or (edits := free_edits(document, variant.edits, variant)) is None:
+            continue
+        try:
+            after = load(edits)
+        except InputError:  # a camera with a lens has no such course
+            continue
+        new = tuple(name for name in after.parameters.free if name not in free)
+        if len(new) > 1:
+            label = f"{stem}, with a course of its own"
+            found[stem] = candidate, Variant(label, edits, new, dict.fromkeys(new, 0.0), dict.fromkeys(new, 0.0),
+                                             direct=variant.direct, exact=variant.exact, free_course=True)
+    return list(found.values())
+
+
+def fewest_knots(scores: Scores, members: Sequence[int]) -> list[int]:
+    """Of the columns of a free course those that explain most of its drop of chi-square, less `MIN_KNOT_CHI2` each."""
+    subsets = [subset for n in range(1, len(members) + 1) for subset in combinations(members, n)]
+    return list(max(subsets, key=lambda subset: scores.gain(subset) - MIN_KNOT_CHI2 * len(subset)))
+
+
+def with_knots(variant: Variant, names: Collection[str]) -> Variant:
+    """A free course that is zero at all knots but these."""
+    if len(names) == len(variant.new):
+        return variant
+    locked = [{"name": name, "value": 0.0, "identify": False} for name in variant.new if name not in names]
+    new = tuple(name for name in variant.new if name in names)
+    return replace(variant, edits={**variant.edits, "dof": [*variant.edits["dof"], *locked]}, new=new,
+                   null=dict.fromkeys(new, 0.0), probe=dict.fromkeys(new, 0.0))
+
+
+def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: Variant) -> dict[str, Any] | None:
+    """Edits of a variant with knots in the place of its course; None where it has none to free.
+
+    document : tables of the model without the candidate
+    """
+    if len(variant.new) != 1:
+        return None
+    (name,), made = variant.new, {"dof": [dict(entry) for entry in document.get("dof", ())], **edits}
+    stem, _, last = name.rpartition(".")
+    if name.startswith("boundary.") and last in TIMED:
+        tables = copy.deepcopy(list(made["boundary"]))
+        for table in tables:
+            for component in "xyz":
+                if stem == f"boundary.{table.get('nodes')}.{component}" and isinstance(table.get(f"u{component}"), Mapping):
+                    _free(table[f"u{component}"]["corrections"], last)
+        return made | {"boundary": tables}
+    if name.startswith("channel.") and last == "drift":
+        tables = copy.deepcopy(list(made.get("channel", document["channel"])))
+        for table in tables:
+            if stem == f"channel.{table['column']}":
+                table.pop("drift_from_s", None)
+                table["drift_knots"] = KNOTS
+        return _without(made, name) | {"channel": tables}
+    if last in MAGNIFICATIONS:
+        key = "camera.0" if isinstance(document.get("camera"), list) else "camera"
+        made.pop(f"{key}.magnification_column", None)
+        return _without(made, name) | {f"{key}.magnification_knots": KNOTS}
+    return None
+
+
+def course_stem(variant: Variant) -> str:
+    """The degree of freedom of a variant without its course."""
+    name = without_knot(variant.new[0]) if variant.new else ""
+    stem, _, last = name.rpartition(".")
+    return f"{stem}.magnification" if last in MAGNIFICATIONS else name
+
+
+def _free(corrections: list[dict], kind: str) -> None:
+    """Knots in the place of the course of the last correction of a kind."""
+    number = max(i for i, entry in enumerate(corrections) if entry["kind"] == kind)
+    corrections[number] = {key: value for key, value in corrections[number].items() if key in ("kind", "towards")} | {
+        "course": "free", "knots": KNOTS}
+
+
+def _without(edits: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Edits whose [[dof]] lack a name."""
+    return {**edits, "dof": [entry for entry in edits["dof"] if entry["name"] != name]}

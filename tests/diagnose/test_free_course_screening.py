@@ -1,0 +1,128 @@
+"""A course that the data give is screened as one: its knots count together, and it stands for a candidate where no screened
+course of any candidate comes near it.
+"""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from side_twins import TIMES, Side, write_folder
+from test_evidence import N_NODES, T, made
+from test_revision import ranked
+
+from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose.screen.candidate import Variant, candidates
+from idic.diagnose.screen.effect_sizes import with_sums
+from idic.diagnose.screen.free_courses import fewest_knots, with_free_courses, with_knots
+from idic.diagnose.screen.score import null_model, score, significances
+from idic.diagnose.screen.score_columns import score_columns
+from idic.diagnose.screen.select import proposed, screen
+from idic.diagnose.screen.situation import situation
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_file import read_toml
+from idic.identify.in_memory import identify
+
+KNOTS = (1, 2, 3)  # columns of a course; 0 is a column of its own
+
+
+def scored(seed):
+    rng = np.random.default_rng(seed)
+    evidence = made(rng)
+    columns = Columns(("one", "a", "b", "c"), rng.standard_normal((T, 2 * N_NODES, 4)), rng.standard_normal((T, 1, 4)))
+    return columns, score(evidence, null_model(evidence, columns.pick([])), columns).with_sums(("course",), [KNOTS])
+
+
+def test_the_sum_of_knots_promises_what_they_promise_together_at_amplitude_one():
+    columns, scores = scored(3)
+    assert scores.gain([4]) == pytest.approx(scores.gain(KNOTS), rel=1e-9)
+    assert scores.expected_change[4] == pytest.approx(1.0) and scores.z[4] ** 2 == pytest.approx(scores.gain(KNOTS))
+    whole = with_sums(columns, scores, [KNOTS])
+    assert np.allclose(whole.fields[..., 4], columns.fields[..., 1:] @ scores.together(KNOTS))
+
+
+def test_under_noise_a_course_is_as_significant_as_chance_makes_it():
+    """Three knots promise 3 of chi-square on the mean; their statistic is unit normal all the same."""
+    groups, signs = {"alone": [0], "course": [4]}, np.zeros(5)
+    found = [significances(scored(seed)[1], groups, signs, np.random.default_rng(1), {4: KNOTS}, draws=200)["course"].statistic
+             for seed in range(150)]
+    assert abs(np.mean(found)) < 0.25 and abs(np.std(found) - 1.0) < 0.2
+
+
+def test_of_two_courses_that_explain_as_much_the_one_with_fewer_knots_is_taken():
+    """The last two knots together imitate a parameter: with all three free, the course is open."""
+    columns, scores = scored(3)
+    near = columns.fields[..., [2]] + columns.fields[..., [3]]
+    evidence, parameter = made(np.random.default_rng(3)), Columns(("E",), near + 1e-4, columns.channels[..., [0]])
+    found = score(evidence, null_model(evidence, parameter), columns)
+    pushed = replace(found, U=60.0 * found.information[:, 1] / np.sqrt(found.information[1, 1]))  # as by the first knot alone
+    assert fewest_knots(pushed, KNOTS) == [1]
+    one = Variant("drift", {"dof": [{"name": "camera.k1"}]}, ("a", "b", "c"), dict.fromkeys("abc", 0.0), free_course=True)
+    kept = with_knots(one, ["a"])
+    assert kept.new == ("a",) and [entry.get("identify", True) for entry in kept.edits["dof"]] == [True, False, False]
+    assert with_knots(one, ["a", "b", "c"]) is one
+
+
+def free(name, gain, standing="significant"):
+    one = ranked(name)
+    return replace(one, gain=gain, standing=standing, variant=replace(one.variant, free_course=True))
+
+
+def test_a_free_course_is_proposed_only_where_no_screened_course_promises_half_as_much():
+    plain = [replace(ranked("force_drift"), gain=100.0), replace(ranked("thermal_expansion"), gain=300.0)]
+    assert proposed([*plain, free("force_drift", 590.0)]) == plain
+    wandering = free("force_drift", 650.0)
+    assert set(map(id, proposed([*plain, wandering]))) == {id(plain[1]), id(wandering)}
+    assert proposed([*plain, free("force_drift", 650.0, "small")]) == plain
+    unseen = [replace(one, standing="excluded") for one in plain]
+    assert wandering in proposed([*unseen, wandering])
+
+
+@pytest.fixture(scope="module")
+def wandering(tmp_path_factory):
+    """A record whose load cell goes off and back, identified  # path, Identification, residual, situation"""
+    bump = np.exp(-((TIMES - 6.0) / 1.5) ** 2) - np.exp(-16.0)
+    path = write_folder(tmp_path_factory.mktemp("wandering") / "twin", Side(force=lambda F: F + 30.0 * bump))
+    found = identify(load_experiment(path))
+    residual = residual_evidence(found)
+    return path, found, residual, situation(found, residual, read_toml(path))
+
+
+def test_a_load_cell_that_wanders_off_and_back_is_proposed_with_its_course(wandering):
+    path, found, residual, here = wandering
+
+    def load(edits):
+        return load_experiment(path, edits)
+
+    names = ("force_drift", "force_offset", "grip_slip", "magnification", "machine_compliance")
+    trials = [(c, v) for c in candidates() if c.name in names for v in c.variants(here)]
+    trials += with_free_courses(trials, here.document, found.parameters.free, load)
+    labels, columns = score_columns(found, residual, trials, load)
+    first = max(screen(residual.evidence, residual.null, labels, columns).ranked, key=lambda r: r.gain)
+    assert first.candidate.name == "force_drift" and first.variant.free_course and first.standing == "significant"
+    course = np.interp(TIMES, [0, *(int(name[name.index("[") + 1:-1]) for name in first.start)], [0, *first.start.values()])
+    assert np.argmax(course) == 6 and course[-1] < 0.2 * course.max()  # of its size E takes a part: the load peaks there, too
+
+
+def test_a_pattern_times_its_course_is_the_response_of_the_whole_model_to_it(wandering):
+    """Without `exact` the same variant is answered by a model of its own, less that of its null, which is no change."""
+    path, found, residual, here = wandering
+    chosen = {"grip_slip": "slips slowly along x from 4.4", "grip_rotation": "turns (ux)"}
+    trials = [(c, v) for c in candidates() if c.name in chosen for v in c.variants(here) if chosen[c.name] in v.label]
+    assert {c.name for c, _ in trials} == set(chosen)
+    answers = [score_columns(found, residual, [(c, replace(v, exact=exact)) for c, v in trials], lambda edits: load_experiment(path, edits))
+               for exact in (True, False)]
+    for one, other in zip(answers[0][0], answers[1][0], strict=True):
+        assert one.name == other.name
+    size = np.abs(answers[1][1].fields).max()
+    assert np.allclose(answers[0][1].fields, answers[1][1].fields, atol=1e-9 * size)
+    assert np.allclose(answers[0][1].channels, answers[1][1].channels, atol=1e-9 * np.abs(answers[1][1].channels).max())
+
+
+def test_one_free_course_per_pattern_whatever_its_screened_courses():
+    variants = [Variant(f"drift from {k}", {"dof": [{"name": "channel.F.drift"}]}, ("channel.F.drift",), {}, {}) for k in range(3)]
+    loaded = SimpleNamespace(parameters=SimpleNamespace(free=("E", "channel.F.drift_knot[3]", "channel.F.drift_knot[6]")))
+    made_of = with_free_courses([(candidates()[0], v) for v in variants], {"channel": [{"column": "F"}]}, ("E",), lambda edits: loaded)
+    ((_, one),) = made_of
+    assert one.free_course and one.new == ("channel.F.drift_knot[3]", "channel.F.drift_knot[6]")
