@@ -101,6 +101,16 @@ def test_a_headline_says_cause_time_size_and_what_it_does_to_the_parameters():
     assert "BODY.E came out 27 % too high" in said and "2000.0 ± 4.0 MPa" in said and said.endswith(".")
 
 
+def test_a_cause_with_a_course_begins_where_its_course_does_and_its_knots_are_one_number():
+    after = {f"channel.force_N.drift_knot[{k}]": {"value": v, "std": 0.5, "unit": "N"} for k, v in ((8, 8.0), (10, 11.0))}
+    drift = CONTENT | {"named": ["force_drift"], "courses": [{"onset_frames": (5, 6)}], "candidates": [{"name": "force_drift"}],
+                       "rounds": [{"winner": "force_drift", "form": None, "new": list(after), "equals": []}],
+                       "model": {"parameters_before": {}, "parameters_after": after}}
+    said = headline(drift, {"force_drift": "force drift"})
+    assert "11.00 ± 0.50 N at most, in frame 10" in said and "from frame 6 on" in said and "knot" not in said
+    assert "from the start" in headline(drift | {"courses": [{"onset_frames": (0, 1)}]}, TITLES)
+
+
 def test_indistinguishable_names_are_joined_by_or():
     rounds = [CONTENT["rounds"][0] | {"equals": ["viscoelasticity"]}]
     assert "or Prony viscoelasticity" in headline(CONTENT | {"verdict": "set", "rounds": rounds}, TITLES)

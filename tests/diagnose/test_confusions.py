@@ -2,6 +2,7 @@
 
 import pytest
 from confusion_scenes import CONFUSIONS, write_confusion
+from course_scenes import SCENES, write_scene
 
 from idic.validation.trial.tool_run import run_tool
 
@@ -56,3 +57,14 @@ def test_an_error_that_does_not_show_is_told_with_the_shift_of_the_modulus_that_
         assert "would move E by" in entry["why"] or "would move BODY.E by" in entry["why"]
     else:
         assert "load_cell_curvature" in {*content["named"], *(n for group in content["indistinguishable"] for n in group)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_a_cause_that_goes_to_and_fro_is_named_alone_with_a_course_of_its_own(name, tmp_path):
+    """E within 1 %: knots every other frame do not follow the wandering load cell exactly."""
+    scene = write_scene(tmp_path, name, 1)
+    content = run_tool(tmp_path).content
+    assert content["named"] == [SCENES[name].name] and content["verdict"] == "single"
+    assert [one["free"] for one in content["courses"]] == [True]
+    assert abs(content["model"]["parameters_after"]["BODY.E"]["value"] / scene.values["E"] - 1.0) < 0.01

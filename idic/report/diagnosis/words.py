@@ -213,11 +213,24 @@ def _when_where(content: Mapping) -> str:
     onset, place = content["mismatch"].get("onset_frame"), content["mismatch"].get("place")
     visible = content["mismatch"].get("visible_frame")
     when = f"from frame {onset} on" if onset else "from the start" if onset == 0 else ""
-    if onset == 0 and (visible or 0) > 1:
+    if began := _began(content):
+        when = began
+    elif onset == 0 and (visible or 0) > 1:
         when += f" (visible from frame {visible} on)"
     where = f"{place}" if place else ""
     head = ", ".join(part for part in (when, where) if part)
     return f"{head}: " if head else ""
+
+
+def _began(content: Mapping) -> str:
+    """Since when the amplitude of a single selected cause differs from zero, "" where it has no course or from the start."""
+    first = [one["onset_frames"] for one in content.get("courses") or () if one.get("onset_frames")]
+    if len(content["named"]) != 1 or not first:
+        return ""
+    last_at_zero, visible = min(first)
+    if not last_at_zero:
+        return ""
+    return f"from frame {visible} on" if visible == last_at_zero + 1 else f"from between frames {last_at_zero} and {visible} on"
 
 
 def _bounds(content: Mapping) -> str:
