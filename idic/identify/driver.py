@@ -149,8 +149,9 @@ def describe_evaluation(entry: Mapping) -> str:
         then = "" if entry.get("passed_over") else "; step halved"
         return f"evaluation {entry['evaluation']:3d}  no simulation: {reason}{then}"
     rms = "" if entry.get("rms_gv") is None else f"  residual {entry['rms_gv']:.4g} (rms)"
-    return (f"evaluation {entry['evaluation']:3d}  objective {entry['phi']:.6g}{rms}"
-            f"{'' if entry.get('accepted') else '  passed over' if entry.get('passed_over') else '  rejected'}")
+    judged = ("" if entry.get("accepted") else "  with shorter increments, for comparison" if entry.get("compared")
+              else "  passed over" if entry.get("passed_over") else "  rejected")
+    return f"evaluation {entry['evaluation']:3d}  objective {entry['phi']:.6g}{rms}{judged}"
 
 
 def log_progress(say: Callable[[str], None]) -> Callable[[LoopState], None]:

@@ -29,6 +29,7 @@ from idic.identify.driver import MemoryPoints, next_local, run_loop
 from idic.identify.kept_simulation import Path, PathKeeper, response_of
 from idic.identify.loop import experiment_of, parameters_at, start
 from idic.identify.result import build_result
+from idic.identify.systematic.discretisation import is_coarse, with_mesh_error
 from idic.identify.step.state import (
     GENERALISED,
     ORDINARY,
@@ -101,7 +102,8 @@ class Identification:
     def discrepancy(self) -> DiscrepancySystem | str:
         """The normal equations with what the model may leave unexplained, or why they are not made.
 
-        One more pass over the images at the accepted point, and one law evaluation per frame.
+        One more pass over the images at the accepted point, and one law evaluation per frame; of a coarse mesh one more
+        simulation on a finer one.
         """
         experiment = experiment_of(self.experiment, self.state)
         reason = reason_against(experiment, self.point)
@@ -119,10 +121,14 @@ class Identification:
 
         wanted = set(correlated_frames(experiment, range(experiment.n_frames)))
         try:
-            return discrepancy_system(context, self.forward, self.local, (response.u for response in frames(())),
-                                      (response for response in frames(moving) if response.frame in wanted))
-        except NotConverged as found:
-            return str(found)
+            found = discrepancy_system(context, self.forward, self.local, (response.u for response in frames(())),
+                                       (response for response in frames(moving) if response.frame in wanted))
+        except NotConverged as problem:
+            return str(problem)
+        if not is_coarse(experiment) or self.point is None or self.state.accepted is None:
+            return found
+        return with_mesh_error(found, evaluate_at, experiment, self.state.accepted.values, self.local,
+                               self.state.generalised, self.point, self.state.increments.per_frame)
 
 
 def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.ndarray | None = None,

@@ -15,12 +15,13 @@ from idic.correlation.system import CorrelationSystem
 from idic.identify.step.acceptance import functional, improves, scaled_at
 from idic.identify.step.ending import failed_simulation
 from idic.identify.step.estimator import check_estimator
-from idic.identify.step.increments import without_finer
-from idic.identify.step.next_step import after_rejection, next_step
+from idic.identify.step.increments import with_comparison_judged, without_finer
+from idic.identify.step.next_step import after_rejection, leave_schedule, next_step
 from idic.identify.step.parallel_steps import damping_after
 from idic.identify.step.schedule import begins_blurred, seen_in
 from idic.identify.step.stages import resolve_stages, stage_parameters
 from idic.identify.step.state import (
+    COMPARED,
     ORDINARY,
     AcceptedPoint,
     EstimatorChoice,
@@ -81,6 +82,13 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     """
     stages = resolve_stages(experiment)
     stage, re_evaluation = stages[state.schedule.stage], state.trial.re_evaluation
+    if state.increments.status == COMPARED:
+        compared = with_comparison_judged(state, experiment, stage, evaluated, accepted, image_noise)
+        if compared.increments.per_frame is None:
+            entry = _history_entry(state, evaluated, False, True) | {"compared": True}
+            return leave_schedule(replace(compared, evaluations=state.evaluations + 1, history=(*state.history, entry)),
+                                  experiment, stage, accepted, image_noise, state.end)
+        state = compared
     points, tried, ordinary_damping = (evaluated, *parallel), trial_states(state), state.trust.damping
     halvings = max([0, *(other.halvings for other in state.trial.parallel)][:len(points)])
     best = _best(points, None if re_evaluation else accepted)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from idic.fe.mesh.refine import can_raise_order
 from idic.fe.external.solver import EXTERNAL
 from idic.identify.covariance import (
     MAX_UNDETERMINED_SHARE,
@@ -48,6 +49,8 @@ from idic.parameters import ParameterSet
 
 SCHEMA = "idic.result/1"
 MIN_IMITATED_CORRELATION = 0.95  # of an undetermined parameter with its partners; below, the noise hides its effect
+MESH_COUNTED = "the error by linear elements was estimated with quadratic ones; std counts it (mesh_bias, a part of std_model)"
+MESH_NOT_COUNTED = "std does not count the error by linear elements; idic systematic estimates it (discretisation_bias)"
 STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
 
 
@@ -99,10 +102,15 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
         if analysis.channels:
             result["noise"] |= {"channels": channel_noise_content(experiment, analysis.channels)}
             result["notes"] += channel_noise_notes(experiment, analysis.channels)
+        if experiment.solver is None and can_raise_order(experiment.mesh):
+            result["notes"].append(MESH_COUNTED if analysis.mesh_bias is not None else MESH_NOT_COUNTED)
     for p in parameters.values():
         entry = _parameter_entry(p, experiment.parameters, analysis)
         bias = time_bias(state.increments).get(p.name)
         entry["time_bias"] = None if bias is None or entry["std"] is None else bias / p.factor
+        if analysis is not None and p.free and entry["std"] is not None and analysis.mesh_bias is not None:
+            entry["mesh_bias"] = float(analysis.direction(p.name) @ analysis.mesh_bias) / p.factor
+            entry["discretisation_bias"] = entry["mesh_bias"] + (entry["time_bias"] or 0.0)
         result["parameters"][p.name] = entry
     return result
 
@@ -147,6 +155,8 @@ class Analysis:
                     discrepancy.channel_rows, compared_readings(point.system), experiment, self.channels))
             self.variances = estimate(discrepancy, self.found.inverse, self.scaled.slopes, self.scaled.b)
             self.of_model = self.found.inverse @ self.variances.covariance @ self.found.inverse
+        known = None if isinstance(discrepancy, str) else discrepancy.mesh_error
+        self.mesh_bias = None if known is None else self.found.inverse @ (self.scaled.slopes * known)  # (n,) scaled
         self.covariance = self.of_noise if self.of_model is None else self.of_noise + self.of_model
         self.share = undetermined_share(self.found)
 

@@ -19,6 +19,8 @@ from idic.correlation.frame_equations import correlated_frames, frame_system
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.errors import NotConverged
 from idic.identify.discrepancy.normal_equations import discrepancy_system
+from idic.identify.in_memory import evaluate_at
+from idic.identify.systematic.discretisation import is_coarse, with_mesh_error
 from idic.model.experiment import Stage
 from idic.model.forward import tried_increments
 from idic.parameters import ParameterSet
@@ -31,6 +33,7 @@ from idic.store.layout import BASE, SCRATCH, group_name, local_label, stored_fra
 from idic.store.path_names import path_name
 from idic.store.repeated_arrays import RepeatedReader, RepeatedWriter
 from idic.store.run_store import RunStore
+from idic.store.system_store import load_evaluation
 
 
 LOCAL = "local_du"  # influence of the frame-local unknowns: the largest record of a simulation
@@ -74,6 +77,7 @@ class CorrelationJob:
     perturbations: Mapping[str, float]  # parameter -> change of its value; empty with direct differentiation
     weights: Weights | None = None  # None: those of the run
     stage: Stage | None = None  # of the schedule, where it sees blurred images or fewer of them
+    increments: int | None = None  # as of the simulation
 
 
 def simulation_ident(job: SimulationJob) -> dict:
@@ -204,7 +208,10 @@ def correlate(job: CorrelationJob) -> CorrelationSystem | None:
 
 
 def sum_discrepancy(job: CorrelationJob) -> None:
-    """Store the normal equations of the point with what its model may leave unexplained; the job names all frames."""
+    """Store the normal equations of the point with what its model may leave unexplained, and the error of a coarse mesh.
+
+    The job names all frames; its weights are those of generalised least squares or None.
+    """
     context = open_run(job.run).at_stage(job.stage)
     parameters = context.experiment.parameters.with_values(job.values)
     local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
@@ -214,6 +221,9 @@ def sum_discrepancy(job: CorrelationJob) -> None:
             correlation_context(context, parameters, job.weights), context.forward, local,
             read_motion(context, job.evaluation),
             (response for response in read_responses(context, job) if response.frame in wanted))
+        if is_coarse(context.experiment):
+            found = with_mesh_error(found, evaluate_at, context.experiment, job.values, local, job.weights is not None,
+                                    load_evaluation(context.store, job.evaluation, context.names), job.increments)
     except NotConverged as problem:
         found = str(problem)
     save_discrepancy(context.store, job.evaluation, found)

@@ -53,6 +53,7 @@ noise_std_gv = $noise              # of one image, um
 
 $model
 [options]
+substeps = 1                       # increments per frame
 edge_margin_px = $margin
 """
 SAME = ("# The images were computed on this very mesh, with one increment per frame, so nothing but the images' noise\n"

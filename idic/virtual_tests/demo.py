@@ -60,6 +60,9 @@ uy = 0.0
 column = "force_N"
 simulated = { reaction = "RIGHT", component = "x" }
 noise_std = 5.0
+
+[options]
+substeps = 1                       # increments per frame; without this line an error estimate chooses them
 """
 
 

@@ -72,7 +72,7 @@ def virtual_boundaries(folder: Path, motion: str = '{ virtual = "dic", modes = 2
     start = text.index('nodes = "RIGHT"')
     end = text.index("[[channel]]")
     drive = f'nodes = "RIGHT"\nu = {motion}\n\n'
-    file.write_text(text[:start] + drive + text[end:] + "\n[options]\nmax_iterations = 4\n")
+    file.write_text(text[:start] + drive + text[end:].replace("[options]", "[options]\nmax_iterations = 4"))
     return folder
 
 

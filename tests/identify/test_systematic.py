@@ -41,7 +41,8 @@ def coarse(clean, tmp_path_factory):
 
 def test_the_bias_is_the_change_of_an_identification_on_the_finer_mesh(coarse):
     experiment, found = coarse
-    biases, how = discretisation_bias(experiment, found.state.accepted.values, found.local, False, found.point)
+    biases, how = discretisation_bias(in_memory.evaluate_at, experiment, found.state.accepted.values, found.local, False,
+                                      found.point)
     fine = in_memory.identify(refined(experiment).experiment)
     assert how == "elements of half the size"
     for name, bias in biases.items():
@@ -57,7 +58,8 @@ def test_quadratic_elements_find_nearly_all_of_the_bias_of_linear_ones(clean, tm
     write_inp(_linear(plate((6, 4))), path.parent / "mesh.inp", "linear")
     experiment = load_experiment(path)
     found = in_memory.identify(experiment)
-    biases, how = discretisation_bias(experiment, found.state.accepted.values, found.local, False, found.point)
+    biases, how = discretisation_bias(in_memory.evaluate_at, experiment, found.state.accepted.values, found.local, False,
+                                      found.point)
     converged = in_memory.identify(refined(refined(experiment).experiment).experiment)
     assert how == "quadratic elements" and set(biases) == {"BODY.E", "BODY.nu"}
     for name, bias in biases.items():
@@ -67,6 +69,11 @@ def test_quadratic_elements_find_nearly_all_of_the_bias_of_linear_ones(clean, tm
         # better. One step, two searches that stop within 2 % of a std: a tenth of it is nothing to anybody
         assert bias == pytest.approx(whole, abs=0.1 * abs(whole) + 0.1 * entry["std"]), name
         assert abs(whole) > 2.0 * entry["std_noise"] or name != "BODY.E"
+        # the run estimates the same by itself, and its interval counts it
+        assert entry["mesh_bias"] == entry["discretisation_bias"] == pytest.approx(bias, rel=0.02)
+        assert entry["std"] >= 0.999 * np.hypot(entry["std_noise"], entry["mesh_bias"])
+        assert entry["ci95"][0] < converged.result["parameters"][name]["value"] < entry["ci95"][1]
+    assert any("std counts it" in note for note in found.result["notes"])
 
 
 def _linear(mesh):
@@ -85,7 +92,8 @@ def test_the_bias_excludes_the_unfinished_part_of_the_search(coarse):
     experiment, found = coarse
     early = in_memory.identify(replace(experiment, options=replace(experiment.options, max_iterations=2)))
     assert early.state.status == "max_iterations"
-    biases, whole = (discretisation_bias(experiment, own.state.accepted.values, own.local, False, own.point)[0]
+    biases, whole = (discretisation_bias(in_memory.evaluate_at, experiment, own.state.accepted.values, own.local, False,
+                                         own.point)[0]
                      for own in (early, found))
     for name, bias in biases.items():
         std = found.result["parameters"][name]["std"]

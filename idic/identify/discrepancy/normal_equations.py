@@ -55,7 +55,8 @@ class DiscrepancySystem:
     names : the n parameters; M : (n + q, n + q), b : (n + q,), noise : (n + q, n + q) covariance of b, parameters in
     internal units, then the amplitudes of the components one after the other; motion_px : rms motion of the last frame,
     by the name of the component that it is the unit of; channel_rows : (n_frames, n_channels, n + q) derivatives of the
-    simulated channels, None where they are not known; of several experiments: frames and channels of one after the other
+    simulated channels, None where they are not known; of several experiments: frames and channels of one after the other;
+    mesh_error : (n,) the error of b by a coarse mesh, None where it was not estimated (`idic.identify.systematic`)
     """
 
     names: tuple[str, ...]
@@ -65,6 +66,7 @@ class DiscrepancySystem:
     components: tuple[Component, ...]
     motion_px: Mapping[str, float]
     channel_rows: np.ndarray | None = None
+    mesh_error: np.ndarray | None = None
 
     @property
     def n(self) -> int:
@@ -141,7 +143,7 @@ def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
     n, made = len(free), {name: part for name, part in parts.items() if not isinstance(part, str)}
     size = n + sum(len(part.b) - part.n for part in made.values())
     M, noise, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
-    first, components, rows = n, [], []
+    first, components, rows, mesh_error = n, [], [], np.zeros(n)
     for name, part in made.items():
         own = len(part.b) - part.n
         place = np.array([*(free.index(names[name][p]) for p in part.names), *range(first, first + own)])
@@ -151,11 +153,14 @@ def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
         M[np.ix_(place, place)] += part.M
         noise[np.ix_(place, place)] += part.noise
         b[place] += part.b
+        if part.mesh_error is not None:
+            mesh_error[place[:part.n]] += part.mesh_error
         components += [Component(f"{name}.{c.name}", c.root) for c in part.components]
         first += own
     return DiscrepancySystem(tuple(free), M, b, noise, tuple(components),
                              {f"{name}.{key}": px for name, part in made.items() for key, px in part.motion_px.items()},
-                             _one_after_the_other(rows) if len(rows) == len(made) else None)
+                             _one_after_the_other(rows) if len(rows) == len(made) else None,
+                             mesh_error if any(part.mesh_error is not None for part in made.values()) else None)
 
 
 def _one_after_the_other(rows: Sequence[np.ndarray]) -> np.ndarray:

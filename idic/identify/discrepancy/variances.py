@@ -10,7 +10,8 @@ the variances v_c are those of the whole. They add
     Cov_model(b) = A^T (sum_c v_c K_c) A                                                    (14.6)
 
 to the covariance of b. v_c >= 0; none is left where noise alone has that likelihood (Self and Liang 1987,
-doi:10.1080/01621459.1987.10478472; Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545).
+doi:10.1080/01621459.1987.10478472; Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545). The error m of b by a coarse
+mesh adds m m^T (14.7).
 """
 
 from __future__ import annotations
@@ -69,6 +70,8 @@ def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray,
     if ratio > MIN_LIKELIHOOD_RATIO:
         for v, part in zip(variances, _split(A.T, system), strict=True):
             covariance += v * part @ part.T
+    if system.mesh_error is not None:
+        covariance += np.outer(slopes * system.mesh_error, slopes * system.mesh_error)
     std = {c.name: float(np.sqrt(v)) for c, v in zip(system.components, variances, strict=True)}
     return Variances(std, ratio, covariance)
 

@@ -82,7 +82,7 @@ def end_entry(state: LoopState) -> dict:
 
 def _since_accepted(history: Sequence[Mapping]) -> list[Mapping]:
     last = max((k for k, entry in enumerate(history) if entry["accepted"]), default=-1)
-    return list(history[last + 1:])
+    return [entry for entry in history[last + 1:] if not entry["passed_over"]]
 
 
 def _change(entry: Mapping, phi: float) -> float:

@@ -1,13 +1,18 @@
 """The choice of the increments of time: as many as the identified parameters need, by halving them at a converged point.
 
-One increment per frame makes a rate-dependent law wrong by many standard deviations. A search therefore begins with one
-increment per frame, which is cheap, and continues from its end with finer ones: 1 and 2 per frame, extrapolated in time
-(`idic.fe.extrapolation`), then 2 and 4, 4 and 8, ... While a search runs its increments are frozen. The choice ends
-where halving has changed every parameter by at most `MAX_CHANGE_STD` standard deviations. The error that is left,
+One increment per frame makes a rate-dependent law wrong by many standard deviations, and plasticity where frames are few.
+A search therefore begins with one increment per frame, which is cheap, and continues from its end with finer ones: 1 and 2
+per frame, extrapolated in time (`idic.fe.extrapolation`), then 2 and 4, 4 and 8, ... While a search runs its increments are
+frozen. The choice ends where halving has changed every parameter by at most `MAX_CHANGE_STD` standard deviations. The error
+that is left,
 
     value - value without time error = (value before - value) / (2^(p+1) - 1),  p + 1 = 2
 
 after extrapolation of a law of first order, is then a third of that.
+
+Laws with a memory but without time are often exact enough with one increment per frame. At the end of their first search
+1 and 2 per frame are simulated for comparison. Where the Gauss-Newton step from there moves no parameter by more than
+`MAX_CHANGE_STD` / 3, the end of the first search is the answer, and that step its estimated error.
 """
 
 from __future__ import annotations
@@ -22,6 +27,7 @@ from idic.identify.step.acceptance import scaled_at
 from idic.identify.step.stages import stage_parameters
 from idic.identify.step.state import (
     AT_LIMIT,
+    COMPARED,
     ENOUGH,
     FAILED,
     OPEN,
@@ -61,8 +67,8 @@ def path_dependent_laws(experiment: Experiment) -> tuple[str, ...]:
 
 
 def chooses_increments(experiment: Experiment) -> bool:
-    """Whether the number of increments is found by an error estimate: a law depends on time, and no number is given."""
-    return experiment.options.substeps is None and bool(rate_dependent_laws(experiment))
+    """Whether the number of increments is found by an error estimate: a law has a memory, and no number is given."""
+    return experiment.options.substeps is None and bool(path_dependent_laws(experiment))
 
 
 def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation,
@@ -81,13 +87,18 @@ def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage
         return replace(state, increments=replace(choice, status=OPEN))
     if choice.coarser is not None:
         choice = replace(choice, coarser=None, change={name: here[name] - choice.coarser[name] for name in here})
-    if choice.change is not None and largest_change(choice, state, experiment, last, point, image_noise) <= MAX_CHANGE_STD:
-        return replace(state, increments=replace(choice, status=ENOUGH))
+    if choice.change is not None:
+        allowed = MAX_CHANGE_STD * (REMAINING_SHARE if choice.per_frame is None else 1.0)
+        if largest_change(choice, state, experiment, last, point, image_noise) <= allowed:
+            return replace(state, increments=replace(choice, status=ENOUGH))
     finer = 2 * (choice.per_frame or 1)
     if finer > max_increments(experiment):
         return replace(state, increments=replace(choice, status=AT_LIMIT))
     if experiment.options.max_iterations - state.rounds < MIN_EVALUATIONS:
         return replace(state, increments=replace(choice, status=OPEN))
+    if choice == IncrementChoice() and not rate_dependent_laws(experiment):
+        return replace(state, increments=IncrementChoice(finer, COMPARED, dict(here)),
+                       trial=Trial(dict(here), re_evaluation=True, new_increments=True))
     end = None if status == TOO_COARSE else dict(here)
     return replace(state, increments=IncrementChoice(finer, OPEN, end, choice.change), trust=TrustRegion(),
                    schedule=SchedulePosition(state.schedule.stage),
@@ -99,9 +110,34 @@ def is_too_coarse(state: LoopState, experiment: Experiment) -> bool:
 
     Its end is wrong by many standard deviations. Where the stress falls as the specimen yields, it may not exist.
     """
-    return (chooses_increments(experiment) and state.increments == IncrementChoice()
+    return (chooses_increments(experiment) and bool(rate_dependent_laws(experiment)) and state.increments == IncrementChoice()
             and experiment.options.max_iterations - state.rounds >= MIN_EVALUATIONS
             and (state.schedule.iterations >= MAX_COARSE_STEPS or state.trust.rejections >= MAX_COARSE_REJECTIONS))
+
+
+def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage, finer: Evaluation, accepted: Evaluation,
+                           image_noise: float) -> LoopState:
+    """The state after finer increments were simulated for comparison: back to one increment per frame where that is
+    enough, on with the finer ones otherwise.
+
+    Parameters
+    ----------
+    last : stage of the schedule; finer, accepted : evaluations of the accepted values, with finer increments and with one
+    """
+    if finer.system is None:
+        return replace(state, increments=IncrementChoice(None, FAILED), trial=Trial(dict(state.accepted.values)))
+    here = experiment.parameters.with_values(state.accepted.values)
+    parameters, steps = stage_parameters(here, last), []
+    for point in (finer, accepted):
+        scaled = scaled_at(point, parameters, last, image_noise)
+        steps.append(spectrum(scaled).inverse @ scaled.b)
+    moved = parameters.unpack(parameters.pack() + steps[0] - steps[1])
+    change = {name: (moved[name].value if name in moved else value) - value for name, value in here.as_values().items()}
+    one = IncrementChoice(None, ENOUGH, None, change)
+    if largest_change(one, state, experiment, last, accepted, image_noise) > REMAINING_SHARE * MAX_CHANGE_STD:
+        return replace(state, increments=replace(state.increments, status=OPEN), trust=TrustRegion(),
+                       schedule=SchedulePosition(state.schedule.stage))
+    return replace(state, increments=one, trial=Trial(dict(state.accepted.values)))
 
 
 def max_increments(experiment: Experiment) -> int:
@@ -129,43 +165,49 @@ def without_finer(state: LoopState) -> LoopState:
 
 def time_bias(choice: IncrementChoice) -> Mapping[str, float]:
     """Estimated error of the values by the increments (internal units); empty where none was estimated."""
-    return {} if choice.change is None else {name: -REMAINING_SHARE * change for name, change in choice.change.items()}
+    share = 1.0 if choice.per_frame is None else REMAINING_SHARE
+    return {} if choice.change is None else {name: -share * change for name, change in choice.change.items()}
 
 
 def increments_entry(experiment: Experiment, choice: IncrementChoice) -> dict:
     """``increments`` of result.json: the number per frame, how it was chosen, and in words.
 
-    per_frame : of the finer simulation where two are extrapolated in time; chosen : "frames" (no law depends on time),
+    per_frame : of the finer simulation where two are extrapolated in time; chosen : "frames" (no law has a memory),
     "given" (``substeps``), "error_estimate"; status : "enough", or why the error may be larger
     """
-    laws, given = rate_dependent_laws(experiment), experiment.options.substeps
+    laws, given = path_dependent_laws(experiment), experiment.options.substeps
     chosen = "given" if given is not None else "error_estimate" if laws else "frames"
     number = given or choice.per_frame or 1
     entry = {"per_frame": number, "extrapolated": choice.per_frame is not None, "chosen": chosen,
-             "status": choice.status if chosen == "error_estimate" else None, "rate_dependent_laws": list(laws)}
+             "status": choice.status if chosen == "error_estimate" else None,
+             "rate_dependent_laws": list(rate_dependent_laws(experiment)), "path_dependent_laws": list(laws)}
     return entry | {"words": describe(experiment, choice)}
 
 
 def describe(experiment: Experiment, choice: IncrementChoice) -> str:
     """The increments in one sentence part."""
     given, n = experiment.options.substeps, choice.per_frame
-    if given is not None and rate_dependent_laws(experiment):
+    if given is not None and path_dependent_laws(experiment):
         return f"{given} per frame, as given by substeps; their error was not estimated"
     if not chooses_increments(experiment):
         return f"{given or 1} per frame"
+    if n is None and choice.status == ENOUGH:
+        return (f"1 per frame, chosen by an error estimate: shorter ones would change no parameter by more than "
+                f"{REMAINING_SHARE * MAX_CHANGE_STD:g} std")
     number = "1 per frame" if n is None else f"{n} per frame, extrapolated in time from {n // 2} and {n}"
     why = f", chosen by an error estimate: halving them changed no parameter by more than {MAX_CHANGE_STD:g} std"
     return number + (why if choice.status == ENOUGH else "")
 
 
 def planned_increments(experiment: Experiment) -> tuple[str, ...]:
-    """What `idic check` says of the increments, before any simulation; nothing where no law depends on time."""
-    laws, given = ", ".join(rate_dependent_laws(experiment)), experiment.options.substeps
+    """What `idic check` says of the increments, before any simulation; nothing where no law has a memory."""
+    laws, given = ", ".join(path_dependent_laws(experiment)), experiment.options.substeps
     if not laws:
         return ()
+    on = f"law {laws} depends on {'time' if rate_dependent_laws(experiment) else 'its history'}"
     if given is not None:
-        return (f"law {laws} depends on time: {given} increment{'s' if given > 1 else ''} per frame, as given by substeps",)
-    return (f"law {laws} depends on time: the identification chooses the increments per frame by an error estimate, "
+        return (f"{on}: {given} increment{'s' if given > 1 else ''} per frame, as given by substeps",)
+    return (f"{on}: the identification chooses the increments per frame by an error estimate, "
             f"{max_increments(experiment)} at most",)
 
 
@@ -173,7 +215,7 @@ def increment_notes(experiment: Experiment, choice: IncrementChoice) -> list[str
     """How many increments were chosen and why, or that they are not known to be short enough."""
     if not chooses_increments(experiment):
         return []
-    laws, n = ", ".join(rate_dependent_laws(experiment)), choice.per_frame
+    laws, n = ", ".join(path_dependent_laws(experiment)), choice.per_frame
     if choice.status == ENOUGH:
         return [f"increments of law {laws}: {describe(experiment, choice)}"]
     changed = "" if choice.change is None else f"; the last halving changed a parameter by more than {MAX_CHANGE_STD:g} std"

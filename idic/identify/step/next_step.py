@@ -167,21 +167,21 @@ def _leave_stage(state: LoopState, experiment: Experiment, stages: Sequence[Stag
     """On to the next stage, which may move where this one cannot; the last one ends the loop."""
     number = state.schedule.stage
     if number + 1 == len(stages):
-        return _leave_schedule(state, experiment, stages[-1], point, image_noise, end)
+        return leave_schedule(state, experiment, stages[-1], point, image_noise, end)
     state = replace(state, schedule=SchedulePosition(number + 1), trust=TrustRegion())
     if not same_images(stages[number], stages[number + 1]) and state.rounds < experiment.options.max_iterations:
         return replace(state, trial=Trial(dict(state.accepted.values), re_evaluation=True))
     return next_step(state, experiment, stages, point, image_noise)
 
 
-def _leave_schedule(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation, image_noise: float,
-                    end: Ending) -> LoopState:
+def leave_schedule(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation, image_noise: float,
+                   end: Ending) -> LoopState:
     """On with finer increments, with another estimator at the same or the ordinary-least-squares solution, or the end."""
     options, present = experiment.options, state.estimator
     status = end.status
     state = with_increments_judged(state, experiment, last, point, image_noise, status)
     if state.trial.new_increments:
-        return state
+        return replace(state, end=end)  # of the search so far; the last one counts
     kind = next_estimator(present.kind, status, experiment, last.free, point, image_noise)
     left = options.max_iterations - state.rounds
     if kind == present.kind or left < 1:

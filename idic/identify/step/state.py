@@ -10,7 +10,8 @@ import numpy as np
 from idic.correlation.system import CorrelationSystem
 
 ORDINARY, GENERALISED, GENERALISED_REJECTED = "ordinary", "generalised", "generalised_rejected"
-AS_GIVEN, OPEN, ENOUGH, AT_LIMIT, FAILED = "as_given", "open", "enough", "at_limit", "failed"
+AS_GIVEN, COMPARED, OPEN, ENOUGH = "as_given", "compared", "open", "enough"
+AT_LIMIT, FAILED = "at_limit", "failed"
 
 
 @dataclass(frozen=True)
@@ -103,9 +104,10 @@ class IncrementChoice:
     """The increments of the present search (`idic.identify.step.increments`).
 
     per_frame : of the fine one of two simulations that are extrapolated in time; None: one simulation, as the options say
-    status : AS_GIVEN before any choice, OPEN while it is made, ENOUGH, or why it ended before: AT_LIMIT, FAILED
+    status : AS_GIVEN before any choice, COMPARED while one increment per frame is compared with finer ones, OPEN while the
+    choice is made, ENOUGH, or why it ended before: AT_LIMIT, FAILED
     coarser : values where the search ended with half as many, None where none has
-    change : of the values when the increments were last halved, None before
+    change : of the values when the increments were last halved, None before; predicted, where one per frame is kept
     """
 
     per_frame: int | None = None

@@ -15,21 +15,24 @@ under refinement.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 
+from idic.correlation.equations import Weights
 from idic.errors import InputError, NotConverged
 from idic.fe.mesh import element
 from idic.fe.mesh.halve import can_halve, halve
 from idic.fe.mesh.refine import is_raised_by_default, raise_order
 from idic.identify.covariance import MAX_UNDETERMINED_SHARE, scaled_system, spectrum, undetermined_share
-from idic.identify.in_memory import evaluate_at
+from idic.identify.discrepancy.normal_equations import DiscrepancySystem
 from idic.identify.step.state import Evaluation
 from idic.model.drives import DriveTable, build_drives, set_nodes
 from idic.model.experiment import Experiment, Parametrised, Prescribed, TemperatureField
+
+Evaluate = Callable[[Experiment, Mapping[str, float], np.ndarray, bool, int | None], tuple[Evaluation, Weights]]
 
 
 @dataclass(frozen=True)
@@ -72,13 +75,39 @@ def refined(experiment: Experiment) -> Refined:
     return Refined(replace(made, prescribed=prescribed, temperatures=temperatures, morphs=morphs), carry, how)
 
 
-def discretisation_bias(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
+def is_coarse(experiment: Experiment) -> bool:
+    """Whether an identification estimates its discretisation bias by itself: linear elements in the plane, as given.
+
+    Solid ones would cost more than the identification.
+    """
+    return (experiment.solver is None and experiment.options.weighting == "noise" and experiment.mesh.n_dim == 2
+            and can_raise_order(experiment.mesh))
+
+
+def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float],
+                    local: np.ndarray, generalised: bool, ended: Evaluation, increments: int | None) -> DiscrepancySystem:
+    """The normal equations of a discrepancy with the error of a coarse mesh; without it where the finer one fails.
+
+    Parameters
+    ----------
+    experiment : as its last stage sees it; the others as for `discretisation_bias`
+    """
+    try:
+        biases, _ = discretisation_bias(evaluate, replace(experiment, stages=()), values, local, generalised, ended, increments)
+    except NotConverged:
+        return found
+    bias = np.array([biases.get(name, 0.0) for name in found.names])
+    return replace(found, mesh_error=found.M[:found.n, :found.n] @ bias)
+
+
+def discretisation_bias(evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
                         generalised: bool, ended: Evaluation,
                         increments: int | None = None) -> tuple[dict[str, float], str]:
     """Bias of every free parameter that the data determine (internal units), and how the mesh was refined.
 
     Parameters
     ----------
+    evaluate : simulates and correlates a point, `idic.identify.in_memory.evaluate_at`
     values : identified, internal units
     local : (n_frames, m) mm, frame-local unknowns there
     generalised : whether generalised least squares found them
@@ -94,14 +123,14 @@ def discretisation_bias(experiment: Experiment, values: Mapping[str, float], loc
     """
     finer = refined(experiment)
     start = carried_local(build_drives(experiment), build_drives(finer.experiment), experiment, finer, local)
-    evaluated, weights = evaluate_at(finer.experiment, values, start, generalised, increments)
+    evaluated, weights = evaluate(finer.experiment, values, start, generalised, increments)
     if evaluated.system is None:
         raise NotConverged(f"the finer model does not converge: {evaluated.message}")
     return _biases(experiment, values, evaluated, ended, weights.image_noise), finer.how
 
 
-def time_step_bias(experiment: Experiment, values: Mapping[str, float], local: np.ndarray, generalised: bool,
-                   ended: Evaluation, increments: int | None = None) -> dict[str, float]:
+def time_step_bias(evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
+                   generalised: bool, ended: Evaluation, increments: int | None = None) -> dict[str, float]:
     """Bias by the increments of every free parameter that the data determine (internal units), by halving them.
 
     The test is simulated once more, extrapolated in time from the given increments and half of their length. Extrapolated
@@ -109,7 +138,7 @@ def time_step_bias(experiment: Experiment, values: Mapping[str, float], local: n
 
     Parameters
     ----------
-    values, local, generalised, ended, increments : as for `discretisation_bias`
+    evaluate, values, local, generalised, ended, increments : as for `discretisation_bias`
 
     Raises
     ------
@@ -117,7 +146,7 @@ def time_step_bias(experiment: Experiment, values: Mapping[str, float], local: n
         If the simulation with shorter increments does not converge.
     """
     finer = 2 * (increments or experiment.options.substeps or 1)
-    evaluated, weights = evaluate_at(experiment, values, local, generalised, finer)
+    evaluated, weights = evaluate(experiment, values, local, generalised, finer)
     if evaluated.system is None:
         raise NotConverged(f"no equilibrium with shorter increments: {evaluated.message}")
     whole = 1.0 if increments is None else 4.0 / 3.0

@@ -20,7 +20,7 @@ from idic.fe.solver.factorisation_cost import dissected
 from idic.fe.solver.linear import MAX_HALF_BANDWIDTH_OF_BAND_LU, MIN_OPERATIONS_PER_ENTRY
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh
-from idic.identify.step.increments import chooses_increments
+from idic.identify.step.increments import rate_dependent_laws
 from idic.materials import get_law
 from idic.model.experiment import Column, Experiment, Measured
 
@@ -154,7 +154,7 @@ def _is_linear(experiment: Experiment) -> bool:
 
 def _increments(experiment: Experiment) -> float:
     """Increments per frame; where the identification chooses them, those that most rate-dependent laws end with."""
-    return experiment.options.substeps or (_CHOSEN_INCREMENTS if chooses_increments(experiment) else 1)
+    return experiment.options.substeps or (_CHOSEN_INCREMENTS if rate_dependent_laws(experiment) else 1)
 
 
 def _measured_unknowns(experiment: Experiment) -> int:

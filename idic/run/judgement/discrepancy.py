@@ -22,6 +22,6 @@ def discrepancy_of(session: Session, state: LoopState, point: Evaluation | None)
     changes = perturbations(session.experiment, session.sensitivity, state.accepted.values, context.moving)
     weights = generalised_weights(context.weights) if point.system.generalised else None
     job = CorrelationJob(session.run, state.accepted.number, 0, session.experiment.n_frames, state.accepted.values,
-                         changes, weights, stage)
+                         changes, weights, stage, state.increments.per_frame)
     list(session.stream("discrepancy", sum_discrepancy, [job]))
     return load_discrepancy(context.store, state.accepted.number)
