@@ -19,6 +19,7 @@ from idic.model.drives import build_drives
 from idic.identify.systematic.spread import Assessment, with_bias, with_spread
 from idic.identify.systematic.treatments import AS_GIVEN, treatments
 from idic.report.treatments import treatment_table
+from idic.run.plain import identify_experiment
 from idic.run.reporting.write import write_report
 from idic.run.systematic import systematic
 from idic.store.result_file import write_result
@@ -74,6 +75,10 @@ def test_quadratic_elements_find_nearly_all_of_the_bias_of_linear_ones(clean, tm
         assert entry["std"] >= 0.999 * np.hypot(entry["std_noise"], entry["mesh_bias"])
         assert entry["ci95"][0] < converged.result["parameters"][name]["value"] < entry["ci95"][1]
     assert any("std counts it" in note for note in found.result["notes"])
+    stored = identify_experiment(path, tmp_path / "run")["parameters"]
+    for name, entry in found.result["parameters"].items():
+        for key in ("value", "std", "mesh_bias"):
+            assert stored[name][key] == pytest.approx(entry[key], rel=1e-4), (name, key)
 
 
 def _linear(mesh):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from idic.validation.misfit.page import FLOW_STRESS, PLASTIC_STRAIN, draw_misfit, outcome_of
-from idic.validation.misfit.worlds import draw, flow_stress
+from idic.materials.core.compilation import compile as compile_law
+from idic.validation.misfit.worlds import _sections, _truth_of, draw, flow_stress
 from idic.validation.pages.case_record import CaseRecord
 
 NAMES = ["sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus"]
@@ -44,3 +45,16 @@ def test_the_true_flow_stress_saturates():
     drawn = draw("hardening", 1)
     early, late = flow_stress(drawn, 0.0), flow_stress(drawn, 0.2)
     assert early == 200.0 and late == pytest.approx(200.0 + 300.0 + 25.0 * drawn.size, abs=1e-4)
+
+
+def test_the_rim_of_the_off_axis_composite_is_softer_or_stiffer_in_all_moduli():
+    drawn = draw("off_axis", 0)
+    truth, law = _truth_of(drawn), compile_law("orthotropic", "finite")
+    (body, rim), values = _sections(truth, law)
+    assert len(np.intersect1d(body.elements, rim.elements)) == 0
+    assert len(body.elements) + len(rim.elements) == len(truth.mesh.element_sets["sheet"])
+    ratio = dict(zip(law.spec.parameter_names, values["rim"] / values["sheet"], strict=True))
+    assert ratio["nu12"] == ratio["angle"] == 1.0
+    assert ratio["E1"] == ratio["E2"] == ratio["G12"] == pytest.approx(1.0 + 0.2 * drawn.size)
+    free = {name for name, entry in drawn.overrides["material"]["sheet"].items() if isinstance(entry, dict) and "identify" in entry}
+    assert free == {"E1", "E2", "nu12", "G12"}

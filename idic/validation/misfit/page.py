@@ -20,10 +20,11 @@ LINE = ("sheet.yield_stress", "sheet.hardening_modulus")
 WITHOUT_COUNTERPART = {"hardening": LINE}  # of a model in its truth
 PLASTIC_STRAIN = 0.02  # at which the flow stress stands for them, well inside the test
 FLOW_STRESS = f"σ at {100 * PLASTIC_STRAIN:.0f} % plastic strain"
-PLAIN = {"sheet.E": "E", "sheet.nu": "ν", "sheet.yield_stress": "σy", "sheet.hardening_modulus": "H"}
+PLAIN = {"sheet.E": "E", "sheet.nu": "ν", "sheet.yield_stress": "σy", "sheet.hardening_modulus": "H", "sheet.E1": "E1",
+         "sheet.E2": "E2", "sheet.nu12": "ν12", "sheet.G12": "G12"}
 IN_WORDS = {"metal": "right model, metal", "polymer": "right model, polymer", "solid": "three-dimensional truth",
             "coarse": "coarse linear mesh", "hardening": "wrong hardening form", "orthotropy": "orthotropy to 5 %",
-            "rotation": "rotated grip", "lens": "lens distortion"}
+            "rotation": "rotated grip", "lens": "lens distortion", "off_axis": "off-axis composite, other rim of the hole"}
 MAX_SHOWN_ERROR = 8.0  # standard deviations
 
 

@@ -9,6 +9,7 @@ coarse        few linear quadrilaterals around the hole, computed as given
 rotation      the moving grip turns in the plane; the model holds it straight
 lens          barrel or cushion; the model has none
 orthotropy    Young's modulus across other than along the load, which E and nu mean; the model is isotropic
+off_axis      composite with fibres at 30 degrees to the load; the rim of its hole is softer or stiffer than the model's
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import numpy as np
 from idic.fe.march import march
 from idic.fe.mesh.mesh import Block, Mesh, make_mesh
 from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.materials.core.compilation import compile as compile_law
+from idic.materials.core.compilation import CompiledLaw, compile as compile_law
 from idic.validation.studies.open_hole_strip import HIDDEN_GRIP_MM, POLYMER, POLYMER_TABLE
 from idic.virtual_tests.demo import LENGTH, RADIUS, THICKNESS, TRUTH, WIDTH, Size, strip
 from idic.virtual_tests.meshes import strip_with_hole
@@ -31,11 +32,17 @@ from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest, medium_sp
 METAL_SIZE = Size(0.2, (100, 152), (3, 3, 4), (3, 4, 2), (5, 7, 3), 1)
 POLYMER_SIZE = replace(METAL_SIZE, pixel=0.1, shape=(200, 304), user=(8, 10, 5), true=(10, 14, 6))  # the error of both
 # meshes together: 0.2 standard deviations of nu by noise; 1.4 with (4, 6, 3), which the discrepancy finds
-RIGHT, WRONG = ("metal", "polymer"), ("solid", "coarse", "hardening", "orthotropy", "rotation", "lens")
-ELASTIC = ("polymer", "orthotropy")
+RIGHT, WRONG = ("metal", "polymer"), ("solid", "coarse", "hardening", "orthotropy", "rotation", "lens", "off_axis")
+ELASTIC = ("polymer", "orthotropy", "off_axis")
 MIN_SIZE = 0.25  # of the largest error: draws are uniform from there, of either sign
 MAX_SATURATION_MPA, SATURATION_RATE = 25.0, 80.0  # of Voce's term
 MAX_ANISOTROPY = 0.05  # of Young's modulus across over that along
+COMPOSITE = {"sheet.E1": 40000.0, "sheet.E2": 9000.0, "sheet.nu12": 0.3, "sheet.G12": 4500.0}
+FIBRES_DEG = 30.0
+COMPOSITE_TABLE = {"law": "orthotropic", "kinematics": "finite", "angle": {"value": FIBRES_DEG, "unit": "deg"}} | {
+    name.partition(".")[2]: {"value": value, "identify": True} | ({} if name == "sheet.nu12" else {"unit": "MPa"})
+    for name, value in COMPOSITE.items()}  # [material.sheet]
+MAX_RIM_CHANGE, RIM_RADIUS = 0.2, 1.4  # of the moduli at the hole's rim; where the rim ends, over the radius of the hole
 MAX_ROTATION = 5e-4  # rad at the end of the test: 0.02 px at the corners of the grip
 MAX_K1 = 2.5e-6  # 1/px²: a point at the edge of the image is seen 1.1 px off
 THICKNESSES_MM, LAYERS, SOLID_MESH = (1.0, 1.5, 2.0, 3.0), 2, (4, 6, 3)
@@ -56,13 +63,14 @@ class Draw:
 
     @property
     def elastic(self) -> bool:
-        """Whether the strip is of the polymer."""
+        """Whether the strip is elastic: the polymer or the composite."""
         return self.world in ELASTIC
 
     @property
     def overrides(self) -> dict[str, Any]:
         """Of experiment.toml."""
-        found: dict[str, Any] = {"material": {"sheet": POLYMER_TABLE}} if self.elastic else dict(TRUTH)
+        table = COMPOSITE_TABLE if self.world == "off_axis" else POLYMER_TABLE
+        found: dict[str, Any] = {"material": {"sheet": table}} if self.elastic else dict(TRUTH)
         if self.world == "coarse":
             found["options.element_order"] = "as_given"
         return found | ({"experiment.thickness_mm": self.thickness_mm} if self.world == "solid" else {})
@@ -88,7 +96,8 @@ def virtual_test(drawn: Draw) -> VirtualTest:
     bare = strip(replace(pixels, true=(2, 2, 1)))  # its files, times and camera; the motion is replaced
     grip, known, camera, mesh = bare.columns[1].values, dict(TRUTH), bare.camera, bare.mesh
     if drawn.elastic:
-        grip, known = HIDDEN_GRIP_MM * bare.times / bare.times[-1], dict(POLYMER)
+        grip = HIDDEN_GRIP_MM * bare.times / bare.times[-1]
+        known = dict(COMPOSITE if drawn.world == "off_axis" else POLYMER)
     if drawn.world == "hardening":
         known = {key: known[key] for key in ("sheet.E", "sheet.nu")}
     if drawn.world == "coarse":
@@ -107,13 +116,14 @@ def virtual_test(drawn: Draw) -> VirtualTest:
 
 @dataclass(frozen=True)
 class _Truth:
-    """What happens in the laboratory."""
+    """What happens in the laboratory; rim : change of the moduli around the hole, over those elsewhere."""
 
     mesh: Mesh
     law: str
     values: Mapping[str, float]
     kind: str = "plane_stress"
     rotation: float = 0.0
+    rim: float = 0.0
 
 
 def _truth_of(drawn: Draw) -> _Truth:
@@ -128,6 +138,9 @@ def _truth_of(drawn: Draw) -> _Truth:
         shear = 0.5 * np.sqrt(along * across) / (1.0 + polymer["nu"])
         return _Truth(mesh, "orthotropic",
                       {"E1": along, "E2": across, "nu12": polymer["nu"], "G12": shear, "angle": 0.0})
+    if drawn.world == "off_axis":
+        stiffness = {name.partition(".")[2]: value for name, value in COMPOSITE.items()}
+        return _Truth(mesh, "orthotropic", stiffness | {"angle": np.deg2rad(FIBRES_DEG)}, rim=MAX_RIM_CHANGE * drawn.size)
     if drawn.world == "hardening":
         return _Truth(mesh, "j2_voce", metal | {"Q": MAX_SATURATION_MPA * drawn.size, "b": SATURATION_RATE})
     if drawn.world == "solid":
@@ -148,12 +161,25 @@ def _solved(truth: _Truth, grip: np.ndarray, times: np.ndarray, thickness: float
     basis = np.zeros((len(dofs), 2))
     basis[:n, 0], basis[:n, 1], basis[n:2 * n, 1] = 1.0, -y, x - x.mean()
     law = compile_law(truth.law, "finite")
-    model = Model(mesh=mesh, kind=truth.kind, sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
+    sections, values = _sections(truth, law)
+    model = Model(mesh=mesh, kind=truth.kind, sections=sections,
                   thickness=thickness, channels=(Reaction(d * right, 2.0 if d == 3 else 1.0),),
                   constraints=Constraints(dofs, basis, np.column_stack([grip, truth.rotation * grip / grip[-1]])))
-    values = np.array([truth.values[name] for name in law.spec.parameter_names])
-    states = [(state.u.copy(), state.channels[0]) for state in march(model, {"sheet": values}, times)]
+    states = [(state.u.copy(), state.channels[0]) for state in march(model, values, times)]
     return np.array([u for u, _ in states]), np.array([force for _, force in states])
+
+
+def _sections(truth: _Truth, law: CompiledLaw) -> tuple[tuple[Section, ...], dict[str, np.ndarray]]:
+    """The strip, and the rim of its hole where that differs; with the values of both."""
+    whole = truth.mesh.element_sets["sheet"]
+    values = np.array([truth.values[name] for name in law.spec.parameter_names])
+    if not truth.rim:
+        return (Section("sheet", law, whole),), {"sheet": values}
+    centres = np.concatenate([truth.mesh.nodes[block.connectivity].mean(axis=1) for block in truth.mesh.blocks])
+    near = np.hypot(*centres[whole].T) < RIM_RADIUS * RADIUS
+    moduli = np.array([name in ("E1", "E2", "G12") for name in law.spec.parameter_names])
+    return ((Section("sheet", law, whole[~near]), Section("rim", law, whole[near])),
+            {"sheet": values, "rim": np.where(moduli, (1.0 + truth.rim) * values, values)})
 
 
 def _solid(thickness: float) -> Mesh:
