@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.fe.mesh.refine import can_raise_order
+from idic.fe.mesh.refine import is_raised_by_default
 from idic.fe.external.solver import EXTERNAL
 from idic.identify.covariance import (
     MAX_UNDETERMINED_SHARE,
@@ -102,7 +102,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
         if analysis.channels:
             result["noise"] |= {"channels": channel_noise_content(experiment, analysis.channels)}
             result["notes"] += channel_noise_notes(experiment, analysis.channels)
-        if experiment.solver is None and can_raise_order(experiment.mesh):
+        if experiment.solver is None and is_raised_by_default(experiment.mesh):
             result["notes"].append(MESH_COUNTED if analysis.mesh_bias is not None else MESH_NOT_COUNTED)
     for p in parameters.values():
         entry = _parameter_entry(p, experiment.parameters, analysis)

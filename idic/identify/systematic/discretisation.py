@@ -81,7 +81,7 @@ def is_coarse(experiment: Experiment) -> bool:
     Solid ones would cost more than the identification.
     """
     return (experiment.solver is None and experiment.options.weighting == "noise" and experiment.mesh.n_dim == 2
-            and can_raise_order(experiment.mesh))
+            and is_raised_by_default(experiment.mesh))
 
 
 def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float],
