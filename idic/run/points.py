@@ -138,6 +138,8 @@ def simulate_trials(trials: Sequence[tuple[Session, LoopState]], timing: Timing)
     """
     began = time.perf_counter()
     jobs = [_simulations(session, state) for session, state in trials]
+    threads = trials[0][0].runner.threads_for(sum(map(len, jobs)))
+    jobs = [[replace(job, threads=threads) for job in own] for own in jobs]
     reports = iter(list(trials[0][0].stream("simulate", simulate, [job for own in jobs for job in own])))
     reports = [[next(reports) for _ in own] for own in jobs]
     repeated = [_with_other_increments(own, said) for own, said in zip(jobs, reports, strict=True)]

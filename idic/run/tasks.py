@@ -18,6 +18,7 @@ from idic.correlation.equations import Weights
 from idic.correlation.frame_equations import correlated_frames, frame_system
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.errors import NotConverged
+from idic.fe.solver.threads import solver_threads
 from idic.identify.discrepancy.normal_equations import discrepancy_system
 from idic.identify.in_memory import evaluate_at
 from idic.identify.systematic.discretisation import is_coarse, with_mesh_error
@@ -53,6 +54,7 @@ class SimulationJob:
     shifted: int | None = None  # the frame-local unknown that is shifted (external solver)
     warm_start: tuple[int, Mapping[str, float]] | None = None  # accepted point for the warm start, and its values
     increments: int | None = None  # per frame, extrapolated in time; None: those of the options
+    threads: int = 1  # of factorisations; the result does not depend on it
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def simulate(job: SimulationJob) -> SimulationReport:
     reason = ""
     for attempt in _attempts(context, job):
         try:
-            with context.store.building(name, ident, once=True) as folder:
+            with solver_threads(job.threads), context.store.building(name, ident, once=True) as folder:
                 steps = _write_frames(context, attempt, parameters, local, folder)
                 write_array(folder, "steps", steps)
             return SimulationReport(job.label, "", tuple(steps), time.perf_counter() - began)

@@ -76,7 +76,7 @@ def open_cluster(
             client = stack.enter_context(_local(distributed, workers or default_workers(), memory_limit))
         else:
             client = stack.enter_context(connected(scheduler))
-        yield DaskRunner(client, preload, limits)
+        yield DaskRunner(client, preload, limits, here=scheduler is None)
 
 
 def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str | None) -> int | None:
@@ -133,12 +133,13 @@ class DaskRunner:
 
     preload : modules that the workers import at once; the first job is sent after these imports. A worker decodes jobs
         in one thread and runs them in another, and Python fails where both import a package for the first time.
+    here : the workers are processes of this machine, a core each
     """
 
     sees_files = True
 
-    def __init__(self, client, preload: Sequence[str] = (), limits: TaskLimits | None = None):
-        self._client, self._limits = client, limits or TaskLimits()
+    def __init__(self, client, preload: Sequence[str] = (), limits: TaskLimits | None = None, here: bool = False):
+        self._client, self._limits, self._here = client, limits or TaskLimits(), here
         self._imports = {  # the references keep Dask from dropping the tasks
             worker: client.submit(_import_modules, tuple(preload), workers=[worker], key=f"import-{worker}", pure=False)
             for worker in client.nthreads() if preload
@@ -158,6 +159,10 @@ class DaskRunner:
     def workers(self) -> int:
         """Number of threads of all workers together."""
         return max(1, sum(self._client.nthreads().values()))
+
+    def threads_for(self, n_jobs: int) -> int:
+        """See `TaskRunner.threads_for`: the cores of idle workers of this machine."""
+        return max(1, self.workers // max(1, n_jobs)) if self._here else 1
 
     @property
     def client(self):

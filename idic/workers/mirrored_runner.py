@@ -114,6 +114,9 @@ class MirroredRunner:
     def dashboard(self) -> str | None:
         return self._inner.dashboard
 
+    def threads_for(self, n_jobs: int) -> int:
+        return self._inner.threads_for(n_jobs)
+
     def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False) -> Iterator[Any]:
         """See `TaskRunner.stream`; the files of a job are in the RUN before its result comes."""
         if not jobs:

@@ -29,6 +29,10 @@ class TaskRunner(Protocol):
     def dashboard(self) -> str | None:
         """Address of its page, None without one."""
 
+    def threads_for(self, n_jobs: int) -> int:
+        """Threads for each of so many jobs, so that cores which the user gave to idic are not idle."""
+        ...
+
     @property
     def sees_files(self) -> bool:
         """Whether the jobs see the disk of this process; otherwise only what `idic.workers.exchange` sends."""
@@ -95,6 +99,10 @@ class SerialRunner:
     workers: int = 1
     dashboard: str | None = None
     sees_files: bool = True
+
+    def threads_for(self, n_jobs: int) -> int:
+        """See `TaskRunner.threads_for`: one process, one core."""
+        return 1
 
     def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False) -> Iterator[Any]:
         """See `TaskRunner.stream`."""

@@ -9,7 +9,9 @@ from scipy.sparse.linalg import SuperLU, splu
 from test_factorisation_cost import brick, dofs_of, plate
 
 from idic.fe.assembly import kernels
+from idic.fe.solver import multifrontal, substitution
 from idic.fe.solver.linear import SingularMatrix, factorise, make_pattern
+from idic.fe.solver.threads import solver_threads
 
 
 def assembled(mesh, prescribed=(), shift=20.0):
@@ -62,3 +64,39 @@ def test_a_singular_matrix_is_refused():
         factorise(pattern, np.zeros_like(values))
     with pytest.raises(SingularMatrix, match="not finite"):
         factorise(pattern, np.full_like(values, np.nan))
+
+
+def test_threads_give_the_same_bits(monkeypatch):
+    """Also with triangles so small that all ways of solving with them occur."""
+    monkeypatch.setattr(substitution, "MIN_FRONTS_FOR_THREADS", 1)
+    monkeypatch.setattr(substitution, "MIN_PIVOTS_WITHOUT_LOCK", 20)
+    pattern, values, _ = assembled(brick(8, 7, 6), range(0, 300, 7))
+    rhs = np.random.default_rng(0).random((pattern.n, 3))
+    alone = factorise(pattern, values.copy())
+    expected = alone.solve(rhs)
+    for n in (2, 3):
+        assert len(multifrontal.independent_parts(pattern.fronts, n)) >= n
+        with solver_threads(n):
+            together = factorise(pattern, values.copy())
+            for own, theirs in zip(together.lu, alone.lu, strict=True):
+                assert np.array_equal(own.lu, theirs.lu) and np.array_equal(own.lower, theirs.lower)
+                assert np.array_equal(own.upper, theirs.upper) and np.array_equal(own.pivots, theirs.pivots)
+            assert np.array_equal(together.solve(rhs), expected)
+            assert np.array_equal(together.solve(rhs[:, 0]), alone.solve(rhs[:, 0]))
+
+
+def test_parts_are_whole_subtrees_of_about_equal_work():
+    pattern, _, _ = assembled(brick(8, 7, 6))
+    parts = multifrontal.independent_parts(pattern.fronts, 2)
+    covered = [k for first, end in parts for k in range(first, end)]
+    assert len(set(covered)) == len(covered)
+    for first, end in parts:
+        below = {child for k in range(first, end) for child in pattern.fronts[k].children}
+        assert below == set(range(first, end - 1))  # all but its own root
+
+
+def test_a_singular_matrix_is_refused_with_threads_too():
+    pattern, values, _ = assembled(plate(6, 6))
+    values[pattern.indices == 5] = 0.0
+    with solver_threads(2), pytest.raises(SingularMatrix):
+        factorise(pattern, values)

@@ -17,7 +17,7 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.fe.solver import band, dissection, multifrontal
+from idic.fe.solver import band, dissection, multifrontal, substitution
 from idic.fe.assembly import kernels
 
 MAX_HALF_BANDWIDTH_OF_BAND_LU = {2: 180, 3: 400}  # by dimension; beyond, fronts are faster (10 000 dofs)
@@ -114,7 +114,7 @@ class Factor:
             return np.zeros_like(rhs)
         if isinstance(self.lu, tuple):
             columns = rhs.reshape(self.pattern.n, -1)
-            return multifrontal.solve(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
+            return substitution.solve(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
         if self.pivots is None:
             return self.lu.solve(np.ascontiguousarray(rhs))
         kl = self.pattern.half_bandwidth
@@ -133,7 +133,7 @@ class Factor:
             return np.zeros_like(rhs)
         if isinstance(self.lu, tuple):
             columns = rhs.reshape(self.pattern.n, -1)
-            return multifrontal.solve_transposed(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
+            return substitution.solve_transposed(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
         if self.pivots is None:
             return self.lu.solve(np.ascontiguousarray(rhs), "T")
         kl = self.pattern.half_bandwidth
@@ -254,7 +254,7 @@ def _sparse_factor(pattern: Pattern, values: np.ndarray) -> Factor:
     fronts = multifrontal.factor(pattern.fronts, values)
     if fronts is not None:
         factor, rhs = Factor(pattern, fronts), np.cos(np.arange(pattern.n, dtype=float))
-        if multifrontal.backward_error(matrix, factor.solve(rhs), rhs) <= MAX_BACKWARD_ERROR:
+        if substitution.backward_error(matrix, factor.solve(rhs), rhs) <= MAX_BACKWARD_ERROR:
             return factor
     try:
         return Factor(pattern, splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.01, options={"SymmetricMode": True}))

@@ -15,10 +15,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.blas import dgemm, dtrsm
+from scipy.linalg.blas import dgemm
 from scipy.linalg.lapack import dgetrf, dlaswp
 
 from idic.fe.assembly.kernels import kernel
+from idic.fe.solver.threads import pool_of_threads, solve_triangle
+
+MAX_IMBALANCE = 1.1  # the longest of the threads over their mean
 
 
 @dataclass(frozen=True)
@@ -97,26 +100,70 @@ def _local(equations: np.ndarray, first: int, end: int, boundary: np.ndarray) ->
 
 
 def factor(fronts: Sequence[Front], values: np.ndarray) -> tuple[FrontFactor, ...] | None:
-    """Factors of the matrix with these stored values; None where a front is singular."""
-    factors, updates = [], {}
-    for k, front in enumerate(fronts):
+    """Factors of the matrix with these stored values; None where a front is singular.
+
+    With threads (`idic.fe.solver.threads`) parts of the tree that do not see each other are factorised side by side. Every front
+    is computed as without.
+    """
+    work, pool = _Elimination(fronts, values), pool_of_threads()
+    if pool is None:
+        return tuple(work.factors) if all(work.eliminate(k) for k in range(len(fronts))) else None
+    parts = independent_parts(fronts, pool._max_workers)
+    beneath = {k for first, end in parts for k in range(first, end)}
+    whole = list(pool.map(lambda part: all(work.eliminate(k) for k in range(*part)), parts))
+    if not all(whole) or not all(work.eliminate(k) for k in range(len(fronts)) if k not in beneath):
+        return None
+    return tuple(work.factors)
+
+
+class _Elimination:
+    """The fronts of one matrix; a front is eliminated after its children."""
+
+    def __init__(self, fronts: Sequence[Front], values: np.ndarray):
+        self._fronts, self._values = fronts, values
+        self._updates: dict[int, np.ndarray] = {}  # what a front leaves on its boundary
+        self.factors: list[FrontFactor] = [None] * len(fronts)  # type: ignore[list-item]
+
+    def eliminate(self, k: int) -> bool:
+        """Eliminate front `k`; False where it is singular."""
+        front = self._fronts[k]
         s, b = front.end - front.first, len(front.boundary)
         blocks, update = np.zeros(s * (s + 2 * b)), np.zeros(b * b)
-        blocks[front.targets] = values[front.sources]
+        blocks[front.targets] = self._values[front.sources]
         for child, places in zip(front.children, front.embeddings, strict=True):
-            extend(blocks, update, s, b, updates.pop(child), places)
+            extend(blocks, update, s, b, self._updates.pop(child), places)
         lu, pivots, info = dgetrf(_columns(blocks[:s * s], s), overwrite_a=1)
         if info != 0:
-            return None
+            return False
         lower, upper = _columns(blocks[s * s:s * (s + b)], b), _columns(blocks[s * (s + b):], s)
         if b:
-            upper = dtrsm(1.0, lu, dlaswp(upper, pivots, overwrite_a=1), lower=1, diag=1, overwrite_b=1)
-            lower = dtrsm(1.0, lu, lower, side=1, overwrite_b=1)
-            updates[k] = dgemm(-1.0, lower, upper, 1.0, _columns(update, b), overwrite_c=1).ravel(order="K")
-        else:
-            updates[k] = update
-        factors.append(FrontFactor(lu, pivots, lower, upper))
-    return tuple(factors)
+            upper = dlaswp(upper, pivots, overwrite_a=1)
+            solve_triangle(lu, upper, right=False, lower=True)
+            solve_triangle(lu, lower, right=True, lower=False)
+            update = dgemm(-1.0, lower, upper, 1.0, _columns(update, b), overwrite_c=1).ravel(order="K")
+        self._updates[k] = update
+        self.factors[k] = FrontFactor(lu, pivots, lower, upper)
+        return True
+
+
+def independent_parts(fronts: Sequence[Front], n: int) -> list[tuple[int, int]]:
+    """Spans of fronts, whole subtrees that take `n` threads about the same time together; the largest first."""
+    first, work = list(range(len(fronts))), [0.0] * len(fronts)
+    above = [False] * len(fronts)
+    for k, front in enumerate(fronts):
+        s, b = float(front.end - front.first), float(len(front.boundary))
+        work[k] = s**3 / 3 + s**2 * b + s * b**2 + sum(work[child] for child in front.children)
+        for child in front.children:
+            first[k], above[child] = min(first[k], first[child]), True
+    parts = [k for k in range(len(fronts)) if not above[k]]
+    while True:
+        parts.sort(key=lambda k: -work[k])
+        loads = [0.0] * n
+        for k in parts:
+            loads[loads.index(min(loads))] += work[k]
+        if max(loads) <= MAX_IMBALANCE * sum(loads) / n or not fronts[parts[0]].children or len(parts) > 8 * n:
+            return [(first[k], k + 1) for k in parts]
+        parts = [*parts[1:], *fronts[parts[0]].children]
 
 
 def _columns(flat: np.ndarray, rows: int) -> np.ndarray:
@@ -146,43 +193,3 @@ def extend(blocks, update, s, b, child, places):
             at = (column - s) * b - s
             for i in range(inside, m):
                 update[at + places[i]] += child[source + i]
-
-
-def solve(fronts: Sequence[Front], factors: Sequence[FrontFactor], rhs: np.ndarray) -> np.ndarray:
-    """Solutions for right-hand sides (n, m)."""
-    x = np.array(rhs, dtype=float, order="F")
-    for front, f in zip(fronts, factors, strict=True):
-        y = dtrsm(1.0, f.lu, dlaswp(x[front.first:front.end], f.pivots), lower=1, diag=1)
-        x[front.first:front.end] = y
-        if len(front.boundary):
-            x[front.boundary] -= dgemm(1.0, f.lower, y)
-    for front, f in zip(reversed(fronts), reversed(factors), strict=True):
-        y = x[front.first:front.end]
-        if len(front.boundary):
-            y = y - dgemm(1.0, f.upper, x[front.boundary])
-        x[front.first:front.end] = dtrsm(1.0, f.lu, y)
-    return x
-
-
-def solve_transposed(fronts: Sequence[Front], factors: Sequence[FrontFactor], rhs: np.ndarray) -> np.ndarray:
-    """Solutions with the transposed matrix for right-hand sides (n, m)."""
-    x = np.array(rhs, dtype=float, order="F")
-    for front, f in zip(fronts, factors, strict=True):
-        y = dtrsm(1.0, f.lu, x[front.first:front.end], trans_a=1)
-        x[front.first:front.end] = y
-        if len(front.boundary):
-            x[front.boundary] -= dgemm(1.0, f.upper, y, trans_a=1)
-    for front, f in zip(reversed(fronts), reversed(factors), strict=True):
-        y = x[front.first:front.end]
-        if len(front.boundary):
-            y = y - dgemm(1.0, f.lower, x[front.boundary], trans_a=1)
-        y = dtrsm(1.0, f.lu, y, lower=1, diag=1, trans_a=1)
-        x[front.first:front.end] = dlaswp(y, f.pivots, inc=-1)
-    return x
-
-
-def backward_error(matrix, solution: np.ndarray, rhs: np.ndarray) -> float:
-    """Residual of ``matrix x = rhs`` relative to the size of its terms, largest values: about 1e-16 if x is exact."""
-    largest = float(abs(matrix).sum(axis=1).max())
-    size = largest * float(np.abs(solution).max()) + float(np.abs(rhs).max())
-    return float(np.abs(matrix @ solution - rhs).max()) / size if size > 0.0 else 0.0

@@ -1,0 +1,109 @@
+"""Solutions with the factors of fronts: substitution from the leaves of the tree to its root and back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg.blas import dgemm, dtrsm
+from scipy.linalg.lapack import dlaswp
+
+from idic.fe.solver.multifrontal import Front, FrontFactor, independent_parts
+from idic.fe.solver.threads import pool_of_threads, solve_triangle
+
+MIN_FRONTS_FOR_THREADS = 200  # a solution reads each front once: smaller trees are not worth it
+MIN_PIVOTS_WITHOUT_LOCK = 128  # of a triangle that is worth a call without the interpreter's lock
+
+
+def solve(fronts: Sequence[Front], factors: Sequence[FrontFactor], rhs: np.ndarray) -> np.ndarray:
+    """Solutions for right-hand sides (n, m); with threads side by side as in `factor`, with the same bits."""
+    x, pool = np.array(rhs, dtype=float, order="F"), pool_of_threads()
+    if pool is None or len(fronts) < MIN_FRONTS_FOR_THREADS:
+        _forward(fronts, factors, x)
+        _backward(fronts, factors, x)
+        return x
+    parts = independent_parts(fronts, pool._max_workers)
+    beneath = {k for first, end in parts for k in range(first, end)}
+    above = [(k, k + 1) for k in range(len(fronts)) if k not in beneath]
+    left = dict(zip(parts, pool.map(lambda span: _forward_beneath(fronts, factors, x, span), parts), strict=True))
+    for span in sorted([*parts, *above]):  # what reaches the fronts above is subtracted in the order of the fronts
+        if span in left:
+            for equations, share in left[span]:
+                x[equations] -= share
+        else:
+            _forward(fronts[slice(*span)], factors[slice(*span)], x)
+    for span in reversed(above):
+        _backward(fronts[slice(*span)], factors[slice(*span)], x)
+    list(pool.map(lambda span: _backward(fronts[slice(*span)], factors[slice(*span)], x), parts))
+    return x
+
+
+def _forward(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.ndarray) -> None:
+    """Forward substitution."""
+    for front, f in zip(fronts, factors, strict=True):
+        y = _with_lower(f, dlaswp(x[front.first:front.end], f.pivots))
+        x[front.first:front.end] = y
+        if len(front.boundary):
+            x[front.boundary] -= dgemm(1.0, f.lower, y)
+
+
+def _forward_beneath(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.ndarray,
+                     span: tuple[int, int]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Forward substitution in a span; returns what it takes from later equations, in order."""
+    beyond, end = [], fronts[span[1] - 1].end
+    for k in range(*span):
+        front, f = fronts[k], factors[k]
+        y = _with_lower(f, dlaswp(x[front.first:front.end], f.pivots))
+        x[front.first:front.end] = y
+        if len(front.boundary):
+            share, inside = dgemm(1.0, f.lower, y), int(np.searchsorted(front.boundary, end))
+            x[front.boundary[:inside]] -= share[:inside]
+            beyond.append((front.boundary[inside:], share[inside:]))
+    return beyond
+
+
+def _backward(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.ndarray) -> None:
+    """Backward substitution."""
+    for front, f in zip(reversed(fronts), reversed(factors), strict=True):
+        y = x[front.first:front.end]
+        if len(front.boundary):
+            y = y - dgemm(1.0, f.upper, x[front.boundary])
+        if len(y) < MIN_PIVOTS_WITHOUT_LOCK:
+            y = dtrsm(1.0, f.lu, y)
+        else:
+            y = np.array(y, order="F")
+            solve_triangle(f.lu, y, right=False, lower=False)
+        x[front.first:front.end] = y
+
+
+def _with_lower(f: FrontFactor, y: np.ndarray) -> np.ndarray:
+    """L11^-1 y; a large triangle without the interpreter's lock."""
+    if len(y) < MIN_PIVOTS_WITHOUT_LOCK:
+        return dtrsm(1.0, f.lu, y, lower=1, diag=1)
+    y = np.array(y, order="F")
+    solve_triangle(f.lu, y, right=False, lower=True)
+    return y
+
+
+def solve_transposed(fronts: Sequence[Front], factors: Sequence[FrontFactor], rhs: np.ndarray) -> np.ndarray:
+    """Solutions with the transposed matrix for right-hand sides (n, m)."""
+    x = np.array(rhs, dtype=float, order="F")
+    for front, f in zip(fronts, factors, strict=True):
+        y = dtrsm(1.0, f.lu, x[front.first:front.end], trans_a=1)
+        x[front.first:front.end] = y
+        if len(front.boundary):
+            x[front.boundary] -= dgemm(1.0, f.upper, y, trans_a=1)
+    for front, f in zip(reversed(fronts), reversed(factors), strict=True):
+        y = x[front.first:front.end]
+        if len(front.boundary):
+            y = y - dgemm(1.0, f.lower, x[front.boundary], trans_a=1)
+        y = dtrsm(1.0, f.lu, y, lower=1, diag=1, trans_a=1)
+        x[front.first:front.end] = dlaswp(y, f.pivots, inc=-1)
+    return x
+
+
+def backward_error(matrix, solution: np.ndarray, rhs: np.ndarray) -> float:
+    """Residual of ``matrix x = rhs`` relative to the size of its terms, largest values: about 1e-16 if x is exact."""
+    largest = float(abs(matrix).sum(axis=1).max())
+    size = largest * float(np.abs(solution).max()) + float(np.abs(rhs).max())
+    return float(np.abs(matrix @ solution - rhs).max()) / size if size > 0.0 else 0.0
