@@ -12,6 +12,7 @@ from test_evidence import N_NODES, T, made
 from test_revision import ranked
 
 from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.residual.grey_value_effects import LIGHT, columns_of_kind
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.screen.candidate import Variant, candidates
 from idic.diagnose.screen.effect_sizes import with_sums
@@ -126,3 +127,9 @@ def test_one_free_course_per_pattern_whatever_its_screened_courses():
     made_of = with_free_courses([(candidates()[0], v) for v in variants], {"channel": [{"column": "F"}]}, ("E",), lambda edits: loaded)
     ((_, one),) = made_of
     assert one.free_course and one.new == ("channel.F.drift_knot[3]", "channel.F.drift_knot[6]")
+
+
+def test_a_lamp_changes_contrast_and_offset_together():
+    names = (("gain", 0), ("gain", 2), ("offset", 0), ("offset", 2), ("blur", 0))
+    assert np.array_equal(columns_of_kind(names, LIGHT, 90.0), [[1, 0], [0, 1], [90, 0], [0, 90], [0, 0]])
+    assert np.array_equal(columns_of_kind(names, "blur", 90.0), [[0], [0], [0], [0], [1]])

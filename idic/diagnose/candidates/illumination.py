@@ -1,4 +1,6 @@
-"""Nonuniform illumination: gain and offset with hats over the image, growing with time or the motion, or to and fro.
+"""Nonuniform illumination: light, contrast and offset with hats over the image, growing with time or the motion, or to and fro.
+
+A lamp multiplies the grey values; haze takes contrast about their mean; stray light adds to them.
 
 What is alike all over a frame is no candidate: gain and offset of every frame are among the unknowns already.
 """
@@ -8,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.residual.grey_value_effects import LIGHT
 from idic.model.free_course import hats, knot_frames
 
 PATCHES_PER_SIDE = 4  # along the longer side of the visible region, in the refit
@@ -22,14 +25,13 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     size = float(min(np.ptp(seen, axis=0).max(), max(experiment.image_shape)) / PATCHES_PER_SIDE)
     edits = {"options.brightness": "patch", "options.patch_px": max(size, 16.0)}
     found = []
-    for kind in ("gain", "offset"):
-        found += [Variant(f"{kind} of the light grows with {name}", edits, (), {}, pixels=(kind, course[None]))
+    for kind, what in ((LIGHT, "the light"), ("gain", "the contrast"), ("offset", "the offset of the light")):
+        found += [Variant(f"{what} grows with {name}", edits, (), {}, pixels=(kind, course[None]))
                   for name, course in courses(situation)]
-        if experiment.n_frames > COURSE_KNOTS:
-            own = hats(experiment.times, experiment.reference,
-                       knot_frames(experiment.n_frames, experiment.reference, COURSE_KNOTS))
-            found.append(Variant(f"{kind} of the light has a course of its own", edits, (), {}, pixels=(kind, own),
-                                 free_course=True))
+    if experiment.n_frames > COURSE_KNOTS:
+        own = hats(experiment.times, experiment.reference,
+                   knot_frames(experiment.n_frames, experiment.reference, COURSE_KNOTS))
+        found.append(Variant("the light has a course of its own", edits, (), {}, pixels=(LIGHT, own), free_course=True))
     return tuple(found)
 
 

@@ -24,6 +24,7 @@ from idic.images.quality.noise_covariance import sum_gain
 from idic.images.stack import ArrayStack
 
 GAIN, OFFSET, BLUR = "gain", "offset", "blur"
+LIGHT = "light"  # a factor of the grey values: gain about their mean, and the mean times as much offset
 HAT_CELLS = 3  # hats along the longer side of the visible region, less one
 
 
@@ -98,6 +99,20 @@ def pixel_parts(context: CorrelationContext, basis: PixelBasis, maps: Sequence[t
         border = np.hstack([pushed.T @ own, bright]) * inverse * basis.weight[:, None]
         parts.append(PixelPart(pushed[seen] * inverse * basis.weight, gram, q, border))
     return parts
+
+
+def columns_of_kind(names: Sequence[tuple[str, int]], kind: str, mean: float) -> np.ndarray:
+    """Amplitudes of the pixel columns of every hat of a kind  # (k, n_hats)
+
+    mean : of the grey values of the reference image
+    """
+    parts = {GAIN: 1.0, OFFSET: mean} if kind == LIGHT else {kind: 1.0}
+    places = sorted({number for name, number in names if name in parts})
+    found = np.zeros((len(names), len(places)))
+    for i, (name, number) in enumerate(names):
+        if name in parts:
+            found[i, places.index(number)] = parts[name]
+    return found
 
 
 def sums_against(context: CorrelationContext, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,6 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from idic.correlation.channels import channel_equations
 from idic.correlation.context import FrameResponse
 from idic.correlation.frame_equations import global_columns, nodal_gradient
 from idic.diagnose.residual.evidence import Columns, joined
+from idic.diagnose.residual.grey_value_effects import columns_of_kind
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.course_columns import timed, times_courses, unit_values
@@ -71,15 +71,16 @@ def score_columns(found: Identification, residual: ResidualEvidence, trials: Seq
 
 
 def _of_grey_values(residual: ResidualEvidence, variant: Variant) -> Columns:
-    """One column per hat of the variant's kind and course in time."""
+    """One column per hat of the variant's kind and course in time; none where grey values take no part."""
     evidence, (kind, courses) = residual.evidence, variant.pixels
-    chosen = [i for i, (name, _) in enumerate(evidence.pixel_names) if name == kind]
-    n_frames, n_channels, n = *residual.channels.shape, len(chosen) * len(courses)
-    pixels = np.zeros((n_frames, len(evidence.pixel_names), n))
-    for k, (course, i) in enumerate(product(courses, chosen)):
-        pixels[:, i, k] = course[evidence.frames]
-    names = tuple(f"{variant.label}, place {evidence.pixel_names[i][1] + 1} of {len(chosen)}" for _ in courses for i in chosen)
-    return Columns(names, np.zeros((n_frames, len(evidence.seen), n)), np.zeros((n_frames, n_channels, n)), pixels)
+    if not evidence.pixel_names:
+        return residual.null.pick([])
+    mean = float(residual.context.reference.f.mean())  # type: ignore[union-attr]
+    ways = columns_of_kind(evidence.pixel_names, kind, mean)
+    pixels = np.einsum("ct,kn->tkcn", courses[:, evidence.frames], ways).reshape(len(evidence.frames), len(ways), -1)
+    n, shape = pixels.shape[2], residual.channels.shape
+    names = tuple(f"{variant.label}, place {i + 1} of {ways.shape[1]}" for _ in courses for i in range(ways.shape[1]))
+    return Columns(names, np.zeros((shape[0], len(evidence.seen), n)), np.zeros((*shape, n)), pixels)
 
 
 def _stepped(found: Identification, residual: ResidualEvidence, trials: Sequence[tuple[Candidate, Variant]], load: Load,
