@@ -75,7 +75,7 @@ def _of_grey_values(residual: ResidualEvidence, variant: Variant) -> Columns:
     evidence, (kind, courses) = residual.evidence, variant.pixels
     if not evidence.pixel_names:
         return residual.null.pick([])
-    mean = float(residual.context.reference.f.mean())  # type: ignore[union-attr]
+    mean = float(residual.context.reference.f.mean())  # type: ignore[attr-defined]
     ways = columns_of_kind(evidence.pixel_names, kind, mean)
     pixels = np.einsum("ct,kn->tkcn", courses[:, evidence.frames], ways).reshape(len(evidence.frames), len(ways), -1)
     n, shape = pixels.shape[2], residual.channels.shape
