@@ -3,12 +3,7 @@
     hardening = [{ kind = "voce", Q = 80.0, b = { value = 15.0, identify = true } }, { kind = "linear", H = 500.0 }]
 
 becomes ``law = "elastoplastic(voce+linear)"`` with hardening_1_Q, hardening_1_b and hardening_2_H, which is a form that
-experiment.toml may have too. `idic.materials.composed` has the terms and their equations. A free hardening curve,
-
-    hardening = [{ kind = "free", knots = 8, range = 0.2, H = 1000.0 }]
-
-becomes ``free8`` with hardening_1_range and the flow stresses hardening_1_s2 ... hardening_1_s8 at its knots, identified and
-starting on the straight line of slope H (MPa); s3 = ... gives one its own value. A factor of the temperature,
+experiment.toml may have too. `idic.materials.composed` has the terms and their equations. Free curves: ``free_curves.py``. A factor of the temperature,
 
     temperature = [{ of = "yield_stress", kind = "linear", slope = { value = -1e-3, unit = "1/K", identify = true } }]
 
@@ -23,17 +18,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.free_curves import free_hardening, free_rubber
 from idic.materials.composed.elastoplastic import NAME as COMPOSED
 from idic.materials.composed.elastoplastic import composed_name
-from idic.materials.composed.free_curve import bends, knots, level_names
-from idic.materials.composed.terms import DEFAULT_KNOTS, GROUPS, KNOTS, LISTS, TIMES, kinds_of, term_of
+from idic.materials.composed.free_rubber import NAME as RUBBER
+from idic.materials.composed.terms import GROUPS, LISTS, TIMES, kinds_of, term_of
 from idic.materials.core.law import get_law
 from idic.model.experiment import Material
-from idic.parameters import Parameter, SmoothnessPrior
-from idic.readers.units import factor_between
+from idic.parameters import Parameter
 
-START_SLOPE = 1000.0  # MPa, of a free hardening curve
-LAST_KNOT = 0.2  # plastic strain
 TURNED_SHARE = 0.02  # of the range of a course: less is noise of the log
 
 
@@ -49,8 +42,10 @@ def with_flat_terms(raw: Mapping, file: str) -> dict:
     materials = raw.get("material")
     if not isinstance(materials, Mapping):
         return dict(raw)
-    made = {name: _flat(table, file, f"material.{name}")
-            if isinstance(table, Mapping) and table.get("law") == COMPOSED else table for name, table in materials.items()}
+    written = {COMPOSED: _flat, RUBBER: free_rubber}
+    made = {name: written[table["law"]](table, file, f"material.{name}")
+            if isinstance(table, Mapping) and table.get("law") in (COMPOSED, RUBBER) else table
+            for name, table in materials.items()}
     return {key: made if key == "material" else value for key, value in raw.items()}
 
 
@@ -67,7 +62,7 @@ def _flat(table: Mapping, file: str, key: str) -> dict:
             place = f"{key}.{group}" + (f"[{number - 1}]" if isinstance(given, list) else "")
             kind = _kind(entry, group, file, place)
             if kind == "free":
-                kind, entry = _free_curve(entry, table.get("yield_stress"), file, place)
+                kind, entry = free_hardening(entry, table.get("yield_stress"), file, place)
             elif group == "temperature":
                 kind, entry = _factor(kind, entry, file, place)
             kinds.append(kind)
@@ -103,40 +98,6 @@ def _factor(kind: str, entry: Mapping, file: str, key: str) -> tuple[str, dict]:
                          expected='of = "flow_stress", or a list of parameters', found="no such key" if of is None else repr(of)[:80],
                          remedy='write e.g.  of = "yield_stress"')
     return TIMES.join([kind, *names]), {name: value for name, value in entry.items() if name != "of"}
-
-
-def _free_curve(entry: Mapping, yield_stress: object, file: str, key: str) -> tuple[str, dict]:
-    """A free curve as the kind with its number of knots and a start value at every knot."""
-    n, slope, last = entry.get("knots", DEFAULT_KNOTS), entry.get("H", START_SLOPE), entry.get("range", LAST_KNOT)
-    if not isinstance(n, int) or isinstance(n, bool) or not KNOTS[0] <= n <= KNOTS[1]:
-        raise InputError("a free curve needs its number of knots", file=file, key=f"{key}.knots",
-                         expected=f"a whole number, {KNOTS[0]} to {KNOTS[1]}", found=repr(n)[:80],
-                         remedy=f"{DEFAULT_KNOTS} suit most metals; more show a sharper bend")
-    for name, value in (("H", slope), ("range", last)):
-        if not isinstance(value, (int, float)) or isinstance(value, bool) or not value > 0:
-            raise InputError("a free curve starts on a straight line", file=file, key=f"{key}.{name}",
-                             expected="a number above zero" + (" (MPa)" if name == "H" else ""), found=repr(value)[:80],
-                             remedy=f"write  {name} = {START_SLOPE if name == 'H' else LAST_KNOT}")
-    first = yield_stress if isinstance(yield_stress, Mapping) else {"value": yield_stress}
-    start, unit = first.get("value"), first.get("unit")
-    if not isinstance(start, (int, float)) or isinstance(start, bool):
-        start, unit = START_SLOPE, None  # the missing yield stress is told with the other parameters
-    per_unit = factor_between(unit, "MPa", file=file, key=f"{key}.yield_stress") if isinstance(unit, str) else 1.0
-    levels = {f"s{k + 1}": {"value": float(start * per_unit + slope * p), "unit": "MPa", "identify": True}
-              for k, p in enumerate(knots(last, n)) if k > 0}
-    own = {name: value for name, value in entry.items() if name not in ("knots", "H")}
-    return f"free{n}", {"range": last} | levels | own
-
-
-def smoothness_priors(materials: Sequence[Material], parameters: Sequence[Parameter]) -> tuple[SmoothnessPrior, ...]:
-    """The stated smoothness of every free hardening curve, in units of the mean slope of its start."""
-    values, made = {p.name: p.value for p in parameters}, []
-    for material in materials:
-        names = level_names(material.law, material.element_set)
-        if names:
-            rows = bends(values[f"{material.element_set}.hardening_1_range"], np.array([values[name] for name in names]))
-            made.append(SmoothnessPrior(names, tuple(tuple(row) for row in rows.tolist())))
-    return tuple(made)
 
 
 def course_notes(materials: Sequence[Material], parameters: Sequence[Parameter],

@@ -232,6 +232,51 @@ class HardeningCurve:
 
 
 @dataclass(frozen=True)
+class RubberMode:
+    """Nominal stress over stretch of an incompressible body in one mode: stretch, stress, std (m,) -, MPa, MPa."""
+
+    mode: str
+    stretch: np.ndarray
+    stress: np.ndarray
+    std: np.ndarray
+
+
+@dataclass(frozen=True)
+class RubberSlope:
+    """Derivative of an energy by an invariant (less 3): invariant, value, std (m,) -, MPa, MPa; knots (n,) -."""
+
+    name: str
+    invariant: np.ndarray
+    value: np.ndarray
+    std: np.ndarray
+    knots: np.ndarray
+
+    def value_at(self, invariant: np.ndarray) -> np.ndarray:
+        return np.interp(invariant, self.invariant, self.value)
+
+
+@dataclass(frozen=True)
+class RubberCurve:
+    """An identified free rubber energy.
+
+    Attributes
+    ----------
+    name : element set
+    modes, slopes : up to the invariants that the specimen has reached
+    reached : (float, float)
+        I1 - 3 and I2 - 3 that 99 % of the nodes stay within.
+    fits : tuple of ClassicalFit
+        The classical forms, the nearest first.
+    """
+
+    name: str
+    modes: tuple[RubberMode, ...]
+    slopes: tuple[RubberSlope, ...]
+    reached: tuple[float, float]
+    fits: tuple[ClassicalFit, ...]
+
+
+@dataclass(frozen=True)
 class TemperatureFactor:
     """An identified factor of the temperature on parameters of a law.
 
@@ -378,6 +423,7 @@ class RunRecord:
     curves: tuple[LawCurve, ...] = ()
     hardening: tuple[HardeningCurve, ...] = ()
     temperature_factors: tuple[TemperatureFactor, ...] = ()
+    rubber: tuple[RubberCurve, ...] = ()
     practice: Practice | None = None
     camera_floor_px: np.ndarray | None = None
     points: PointMaps | None = None

@@ -148,3 +148,28 @@ def test_a_load_that_never_turns_back_is_told_where_two_mechanisms_look_alike():
     assert ["back stress" in note for note in notes] == [True, False] and "damage" in notes[1]
     assert course_notes([record], parameters, [there, back]) == course_notes([record], parameters, []) == []
     assert course_notes([record], [replace(p, free=False) for p in parameters], [there]) == []
+
+
+RUBBER = {"law": "free_rubber", "kappa": 600.0, "I1": {"knots": 5, "range": 4.0, "C10": 0.4, "g3": 0.5}, "I2": {"knots": 3, "range": 3.0}}
+
+
+def read_rubber(**changes):
+    raw = {**tables(), "material": {"SPECIMEN": RUBBER | changes}}
+    made, parameters, _ = material("SPECIMEN", validated(with_overrides(raw, None), "e").material["SPECIMEN"], "e")
+    return made, {p.name.removeprefix("SPECIMEN."): p for p in parameters}
+
+
+def test_a_free_rubber_starts_as_neo_hookes_law_with_identified_derivatives():
+    made, found = read_rubber()
+    assert made.law == "free_rubber(5+3)" and read_rubber(I2=None)[0].law == "free_rubber(5)"
+    assert [found[f"I1_g{k}"].value for k in (1, 3, 5)] == [0.4, 0.5, 0.4] and found["I1_g5"].free
+    assert found["I2_g2"].value == 0.0 and not found["I1_range"].free
+
+
+@pytest.mark.parametrize(("changes", "key"), [
+    ({"I1": {"knots": 2, "range": 4.0}}, "I1.knots"), ({"I1": {"knots": 4}}, "I1.range"), ({"I1": None}, "I1"),
+    ({"I1": {"range": 4.0, "C01": 1.0}}, "I1.C01"), ({"I1": {"range": 4.0, "C10": 0}}, "I1.C10")])
+def test_a_wrong_free_rubber_is_told_with_its_place(changes, key):
+    with pytest.raises(InputError) as error:
+        read_rubber(**changes)
+    assert error.value.key == f"material.SPECIMEN.{key}" and error.value.remedy

@@ -16,41 +16,12 @@ import math
 
 import numpy as np
 
+from idic.materials.composed.on_knots import on_knots, on_knots_change
 from idic.materials.core.inner import inner
 
 NONE, LINEAR, VOCE, POWER, FREE = 0, 1, 2, 3, 16  # a free curve of n knots is FREE + n
 NORTON, PERZYNA, JOHNSON_COOK = 1, 2, 3
 YIELD = 2
-
-
-@inner
-def free_curve(n, first, p, params):
-    """(s - yield_stress, slope of s) at p of a free curve with n knots; real or complex."""
-    low, last, steepness = params[YIELD] + 0.0 * p, 0.0 * params[first], 0.0 * (params[first] + p)
-    for k in range(1, n):
-        knot = params[first] * (k / (n - 1.0)) ** 2
-        high = params[first + k] if params[first + k].real > low.real else low
-        steepness = (high - low) / (knot - last)
-        if p.real < knot.real or k == n - 1:
-            break
-        low, last = high + 0.0 * p, knot
-    return low + steepness * (p - last) - params[YIELD], steepness
-
-
-@inner
-def free_curve_change(n, first, p, params, d):
-    """Change of s - yield_stress with yield_stress, range, s2 ... sn at fixed p; real."""
-    low, dlow, last, dlast, steepness, change = params[YIELD], d[YIELD], 0.0, 0.0, 0.0, 0.0
-    for k in range(1, n):
-        share = (k / (n - 1.0)) ** 2
-        knot, dknot = params[first] * share, d[first] * share
-        high, dhigh = (params[first + k], d[first + k]) if params[first + k] > low else (low, dlow)
-        steepness = (high - low) / (knot - last)
-        change = (dhigh - dlow - steepness * (dknot - dlast)) / (knot - last)
-        if p < knot or k == n - 1:
-            break
-        low, dlow, last, dlast = high, dhigh, knot, dknot
-    return dlow + change * (p - last) - steepness * dlast - d[YIELD]
 
 
 @inner
@@ -67,8 +38,8 @@ def flow_stress(hardening, p, params):
             sigma += params[first] * (1.0 - decay)
             slope += params[first] * params[first + 1] * decay
         elif kind >= FREE:  # range, s2 ... sn
-            part, theta = free_curve(kind - FREE, first, p, params)
-            sigma += part
+            value, theta = on_knots(kind - FREE, first, YIELD, first + 1, True, p, params)
+            sigma += value - params[YIELD]
             slope += theta
         elif p.real > 0.0:  # K, n
             power = params[first] * p ** params[first + 1]
@@ -89,7 +60,7 @@ def flow_stress_change(hardening, p, params, d):
             decay = math.exp(-params[first + 1] * p)
             change += (1.0 - decay) * d[first] + params[first] * p * decay * d[first + 1]
         elif kind >= FREE:
-            change += free_curve_change(kind - FREE, first, p, params, d)
+            change += on_knots_change(kind - FREE, first, YIELD, first + 1, True, p, params, d) - d[YIELD]
         elif p > 0.0:
             change += p ** params[first + 1] * (d[first] + params[first] * math.log(p) * d[first + 1])
     return change

@@ -6,8 +6,9 @@ The flow stress is linear in its values at the knots (``flow_stress.py``):  s(p)
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -58,13 +59,18 @@ def bends(last: float, levels: np.ndarray) -> np.ndarray:
     return np.diff(slopes, axis=0) / (SMOOTHNESS * max(levels[-1] - levels[0], 1e-3 * levels[0]) * (1.0 / last))
 
 
+def even_bends(n: int, size: float) -> np.ndarray:
+    """As `bends` for values at evenly spread knots, of a curve of that size  # (n - 2, n)"""
+    return np.diff(np.eye(n), 2, axis=0) / (SMOOTHNESS * size / (n - 1.0))
+
+
 @dataclass(frozen=True)
 class ClassicalFit:
     """A classical form beside a free curve.
 
     Attributes
     ----------
-    form : "linear" | "voce" | "ludwik" | "swift" | "power"
+    form : "linear" | "voce" | "ludwik" | "swift" | "power", or one of rubber (``rubber_forms.py``)
     parameters : {name: value} MPa and -
     chi2 : float
         What the form loses: the weighted square distance from the free curve, in its covariance.
@@ -83,49 +89,62 @@ class ClassicalFit:
     stress: np.ndarray
 
 
-FORMS: dict[str, tuple[tuple[str, ...], Callable[..., np.ndarray]]] = {
-    "linear": (("yield_stress", "H"), lambda p, s, H: s + H * p),
-    "voce": (("yield_stress", "Q", "b"), lambda p, s, Q, b: s + Q * (1.0 - np.exp(-b * p))),
-    "ludwik": (("yield_stress", "K", "n"), lambda p, s, K, n: s + K * p**n),
-    "swift": (("K", "strain_0", "n"), lambda p, K, strain_0, n: K * (strain_0 + p) ** n),
-    "power": (("K", "n"), lambda p, K, n: K * np.maximum(p, 1e-12) ** n),
+@dataclass(frozen=True)
+class Form:
+    """A classical form: names of its parameters, ``curve(points, *parameters)``, starts of the search for (reach of the points).
+
+    stresses : its parameters in MPa, started in units of the largest stress; lowest : lower bound of all parameters
+    """
+
+    names: tuple[str, ...]
+    curve: Callable[..., np.ndarray]
+    starts: Callable[[float], Sequence[tuple[float, ...]]]
+    stresses: tuple[str, ...]
+    lowest: float = 0.0
+
+
+_S, _H, _Q, _K = "yield_stress", "H", "Q", "K"
+FORMS = {
+    "linear": Form((_S, _H), lambda p, s, H: s + H * p, lambda r: [(1.0, 0.5)], (_S, _H)),
+    "voce": Form((_S, _Q, "b"), lambda p, s, Q, b: s + Q * (1.0 - np.exp(-b * p)),
+                 lambda r: [(1.0, 0.3, b / r) for b in np.geomspace(0.5, 30, STARTS)], (_S, _Q)),
+    "ludwik": Form((_S, _K, "n"), lambda p, s, K, n: s + K * p**n,
+                   lambda r: [(0.9, 0.5, n) for n in np.linspace(0.1, 1.2, STARTS)], (_S, _K)),
+    "swift": Form((_K, "strain_0", "n"), lambda p, K, strain_0, n: K * (strain_0 + p) ** n,
+                  lambda r: [(1.5, e * r, 0.2) for e in np.geomspace(1e-3, 1.0, STARTS)], (_K,)),
+    "power": Form((_K, "n"), lambda p, K, n: K * np.maximum(p, 1e-12) ** n,
+                  lambda r: [(1.5, n) for n in np.linspace(0.05, 0.6, STARTS)], (_K,)),
 }
-STARTING: dict[str, Callable[[float], list[tuple[float, ...]]]] = {
-    "linear": lambda r: [(1.0, 0.5)],
-    "voce": lambda r: [(1.0, 0.3, b / r) for b in np.geomspace(0.5, 30, STARTS)],
-    "ludwik": lambda r: [(0.9, 0.5, n) for n in np.linspace(0.1, 1.2, STARTS)],
-    "swift": lambda r: [(1.5, e * r, 0.2) for e in np.geomspace(1e-3, 1.0, STARTS)],
-    "power": lambda r: [(1.5, n) for n in np.linspace(0.05, 0.6, STARTS)]}
 
 
-def classical_fits(p: np.ndarray, stress: np.ndarray, covariance: np.ndarray,
-                   at: Sequence[int]) -> tuple[ClassicalFit, ...]:
+def classical_fits(p: np.ndarray, stress: np.ndarray, covariance: np.ndarray, at: Sequence[int] | np.ndarray,
+                   forms: Mapping[str, Form] = MappingProxyType(FORMS)) -> tuple[ClassicalFit, ...]:
     """Every classical form fitted to a free curve in its covariance, the best first.
 
     Parameters
     ----------
-    p, stress : (m,) plastic strain, flow stress in MPa
+    p, stress : (m,) points of the curve, stress in MPa
     covariance : (m, m) MPa^2
-    at : places of the points that are compared, at most as many as the curve has parameters
+    at : places of the points that are compared; more of them than the curve has parameters add nothing
     """
     at = np.asarray(at)
     values, vectors = np.linalg.eigh(covariance[np.ix_(at, at)])
     kept = values > WHITENING_RANK * values[-1]
     white = vectors[:, kept].T / np.sqrt(values[kept])[:, None]
-    size, reach = float(np.max(np.abs(stress))), float(p[-1])
+    size, reach = float(np.max(np.abs(stress))), float(np.max(p))
     fits = []
-    for form, (names, curve) in FORMS.items():
+    for name, form in forms.items():
         best = None
-        for start in STARTING[form](reach):
-            scale = np.array([size if name in ("yield_stress", "H", "Q", "K") else 1.0 for name in names])
+        for start in form.starts(reach):
+            scale = np.array([size if own in form.stresses else 1.0 for own in form.names])
             found = least_squares(
-                lambda z, curve=curve, scale=scale: white @ (curve(p[at], *(z * scale)) - stress[at]),
-                start, bounds=(0.0, np.inf), x_scale=np.maximum(np.abs(start), 1e-6), max_nfev=2000)
+                lambda z, form=form, scale=scale: white @ (form.curve(p[at], *(z * scale)) - stress[at]),
+                start, bounds=(form.lowest, np.inf), x_scale=np.maximum(np.abs(start), 1e-6), max_nfev=2000)
             if best is None or found.cost < best[0]:
                 best = (found.cost, found.x * scale)
         assert best is not None  # every form has a start
-        loss, freedom = 2.0 * float(best[0]), int(kept.sum()) - len(names)
+        loss, freedom = 2.0 * float(best[0]), int(kept.sum()) - len(form.names)
         inside = freedom > 0 and loss <= chdtri(freedom, 1.0 - NOISE_PROBABILITY)
-        fits.append(ClassicalFit(form, dict(zip(names, map(float, best[1]), strict=True)), loss, freedom, bool(inside),
-                                 curve(p, *best[1])))
+        fits.append(ClassicalFit(name, dict(zip(form.names, map(float, best[1]), strict=True)), loss, freedom, bool(inside),
+                                 form.curve(p, *best[1])))
     return tuple(sorted(fits, key=lambda fit: fit.chi2))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.materials.composed.free_curve import knots, knots_of
+from idic.materials.composed.rubber_card import rubber_card
 from idic.materials.composed.written_terms import WrittenTerm, flow_stress, terms_of, values_at
 from idic.materials.core.law import EXPANSION
 
@@ -45,6 +46,11 @@ def material_card(name: str, law: str, values: Mapping[str, float], program: str
     temperatures : °C, increasing, of the tables of a law whose parameters depend on it; between them the programs interpolate
         linearly
     """
+    rubber = rubber_card(law, values)
+    if rubber is not None:
+        lines, missing = rubber
+        head = [f"** {law}, units mm, N, MPa", *(f"** NOT IN THIS CARD: {what}" for what in missing)]
+        return Card("\n".join([*head, f"*MATERIAL, NAME={name}", *lines, *_expansion(values)]) + "\n", tuple(missing))
     terms = terms_of(law, values)
     if terms is None:
         return Card(f"*MATERIAL, NAME={name}\n", (f"law {law}: neither program has such a law",))
@@ -60,11 +66,14 @@ def material_card(name: str, law: str, values: Mapping[str, float], program: str
         lines, missing = lines + more, missing + lacking
     if factors and not tabled:
         missing.append(f"temperature: the values are those at {values['reference_temperature']:g} °C")
-    if values.get(EXPANSION.name):
-        lines += ["*EXPANSION", _row(values[EXPANSION.name])]
+    lines = lines + _expansion(values)
     head = [f"** {line}" for line in (f"{law}, units mm, N, MPa, s; Kirchhoff flow stress read as Cauchy stress",
                                       *(f"NOT IN THIS CARD: {what}" for what in missing))]
     return Card("\n".join([*head, *before, f"*MATERIAL, NAME={name}", *lines]) + "\n", tuple(missing))
+
+
+def _expansion(values: Mapping[str, float]) -> list[str]:
+    return ["*EXPANSION", _row(values[EXPANSION.name])] if values.get(EXPANSION.name) else []
 
 
 def _row(*numbers: float) -> str:

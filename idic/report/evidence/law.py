@@ -83,7 +83,7 @@ def _curve(experiment, material: Material, names, parameters: ParameterSet, resu
 def _direction(experiment: Experiment, material: Material, motions: np.ndarray) -> tuple[int, int]:
     """Axis of the mesh nearest to the largest mean strain of the set, and whether it is stretched (1) or pressed (-1)."""
     mesh, largest, found = experiment.mesh, 0.0, (0, 1)
-    nodes = _nodes_of(mesh, mesh.element_sets[material.element_set])
+    nodes = nodes_of(mesh, mesh.element_sets[material.element_set])
     for u in motions:
         F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]
         mean = green_strain(F[np.isfinite(F).all(axis=(1, 2))]).mean(axis=0)
@@ -97,7 +97,7 @@ def _direction(experiment: Experiment, material: Material, motions: np.ndarray) 
 def _largest_strain(experiment: Experiment, material: Material, motions: np.ndarray) -> float:
     """The largest change of length, as a part of it, that nearly all nodes of the set stay within."""
     mesh, largest = experiment.mesh, MIN_CURVE_STRAIN
-    nodes = _nodes_of(mesh, mesh.element_sets[material.element_set])
+    nodes = nodes_of(mesh, mesh.element_sets[material.element_set])
     for u in motions:
         F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]
         stretch = np.linalg.svd(F[np.isfinite(F).all(axis=(1, 2))], compute_uv=False)
@@ -105,7 +105,8 @@ def _largest_strain(experiment: Experiment, material: Material, motions: np.ndar
     return largest
 
 
-def _nodes_of(mesh, elements: np.ndarray) -> np.ndarray:
+def nodes_of(mesh, elements: np.ndarray) -> np.ndarray:
+    """The nodes of some elements, each once."""
     found = [block.connectivity[elements[(elements >= block.first) & (elements < block.first + len(block.connectivity))]
                                 - block.first].ravel() for block in mesh.blocks]
     return np.unique(np.concatenate(found))

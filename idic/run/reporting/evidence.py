@@ -15,6 +15,7 @@ from idic.report.evidence.free_dic import FreeMotions, free_motions, noise_floor
 from idic.report.evidence.law import law_curves
 from idic.report.evidence.points import point_maps_of
 from idic.report.evidence.practice import frame_views, practice_of
+from idic.report.evidence.rubber import rubber_curves
 from idic.report.evidence.section import section_fields, with_profiles, with_section_floor
 from idic.report.record import Sensitivities
 from idic.run.context import RunContext, correlation_context
@@ -62,13 +63,14 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
             floor = with_section_floor(floor, experiment, reference, at_rest[:, 0])
     sources = ["given" if source == "given" else f"{source} of the log"
                for source in context.settings.get("channel_noise_source", ())]
-    points = None
+    points, motions = None, np.array([simulated(k) for k in shown])
     if isinstance(reference, FieldReference):
         points = point_maps_of(experiment, shared.camera, reference, shown, plane)
     return dict(
         points=points,
         free=free,
-        curves=law_curves(experiment, parameters, result, np.array([simulated(k) for k in shown])),
+        curves=law_curves(experiment, parameters, result, motions),
+        rubber=rubber_curves(experiment, parameters, result, motions),
         practice=practice_of(experiment, reference, result, floor, sources),
         views=views,
     )

@@ -1,0 +1,96 @@
+"""Identified free rubber energies: stress in three modes and derivatives by the invariants, with bands, and classical forms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from idic.fe.fields import nodal_deformation
+from idic.materials.composed.free_curve import basis, classical_fits, knots
+from idic.materials.composed.free_rubber import INVARIANTS, knots_of_rubber, level_names
+from idic.materials.composed.rubber_forms import MODES, classical_forms, invariants, stress_matrix
+from idic.model.experiment import Experiment, Material
+from idic.parameters import ParameterSet
+from idic.report.evidence.hardening import covariance_of
+from idic.report.evidence.law import nodes_of
+from idic.report.record import RubberCurve, RubberMode, RubberSlope
+
+POINTS = 40  # of a drawn curve
+COMPARED = 8  # stretches per mode at which classical forms are compared
+REACHED_PERCENTILE = 99.0  # percent of the nodes: the few at corners of the mesh strain more than anything that was seen
+SMALLEST_STRETCH, LARGEST_STRETCH = 1.02, 10.0  # of the curves: below, all forms are one
+
+
+def rubber_curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+                  motions: np.ndarray) -> tuple[RubberCurve, ...]:
+    """One record per material with a free energy of which something was identified.
+
+    Parameters
+    ----------
+    parameters : the identified values, internal units
+    motions : (n_frames, n_nodes, dim) mm
+        Simulated displacement of some frames, from which the largest invariants are taken.
+    """
+    return tuple(_curves(experiment, parameters, result, motions))
+
+
+def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping, motions: np.ndarray) -> Iterator[RubberCurve]:
+    for material in experiment.materials:
+        counts = tuple(n for n in knots_of_rubber(material.law) if n)
+        if not counts:
+            continue
+        own = INVARIANTS[:len(counts)]
+        names = [f"{material.element_set}.{name}" for invariant, n in zip(own, counts, strict=True) for name in level_names(invariant, n)]
+        known = [i for i, name in enumerate(names)
+                 if (result["parameters"].get(name) or {}).get("std") and name in result["correlation"]["names"]]
+        if not known:
+            continue
+        last = tuple(parameters[f"{material.element_set}.{invariant}_range"].value for invariant in own)
+        levels = np.array([parameters[name].value for name in names])
+        covariance = np.zeros((len(names), len(names)))
+        covariance[np.ix_(known, known)] = covariance_of(result, parameters, [names[i] for i in known])
+        reached = _reached(experiment, material, motions)
+        modes, rows, where = [], [], []
+        for mode in MODES:
+            end = _largest_stretch(mode, reached[:len(counts)])
+            stretch = np.linspace(SMALLEST_STRETCH, end, POINTS)
+            J = stress_matrix(mode, stretch, last, counts)
+            modes.append((mode, stretch, J @ levels, _std(J, covariance)))
+            some = np.linspace(SMALLEST_STRETCH, end, COMPARED + 1)[1:]
+            rows.append(stress_matrix(mode, some, last, counts))
+            where += [(mode, value) for value in some]
+        J, places = np.vstack(rows), np.arange(len(where), dtype=float)
+        forms = classical_forms(np.array([mode for mode, _ in where]), np.array([value for _, value in where]))
+        fits = classical_fits(places, J @ levels, J @ covariance @ J.T, range(len(where)), forms)
+        cut = np.cumsum([0, *counts])
+        slopes = []
+        for k, (invariant, n, end) in enumerate(zip(own, counts, last, strict=True)):
+            x = np.linspace(0.0, min(reached[k], end), POINTS)
+            B, part = basis(x, end, n), slice(cut[k], cut[k + 1])
+            slopes.append(RubberSlope(invariant, x, B @ levels[part], _std(B, covariance[part, part]), knots(end, n)))
+        yield RubberCurve(material.element_set, tuple(RubberMode(*one) for one in modes), tuple(slopes), reached, fits)
+
+
+def _std(J: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", J, covariance, J), 0.0))
+
+
+def _reached(experiment: Experiment, material: Material, motions: np.ndarray) -> tuple[float, float]:
+    """I1 - 3 and I2 - 3 that nearly all nodes of the set stay within; a plane body keeps its volume."""
+    mesh, nodes = experiment.mesh, nodes_of(experiment.mesh, experiment.mesh.element_sets[material.element_set])
+    found = [0.0, 0.0]
+    for u in motions:
+        F = nodal_deformation(mesh, u[:, :mesh.n_dim])[nodes]
+        s = np.linalg.svd(F[np.isfinite(F).all(axis=(1, 2))], compute_uv=False)[:, :2]
+        squares = np.column_stack([s**2, 1.0 / np.prod(s, axis=1) ** 2])
+        for k, values in enumerate((squares.sum(axis=1) - 3.0, (1.0 / squares).sum(axis=1) - 3.0)):
+            found[k] = max(found[k], float(np.percentile(values, REACHED_PERCENTILE)))
+    return found[0], found[1]
+
+
+def _largest_stretch(mode: str, reached: tuple[float, ...]) -> float:
+    """The stretch of a mode at which an invariant leaves what the test has reached."""
+    stretch = np.linspace(SMALLEST_STRETCH, LARGEST_STRETCH, 2000)
+    inside = np.all([x <= end for x, end in zip(invariants(mode, stretch), reached, strict=False)], axis=0)
+    return float(max(stretch[inside].max(initial=SMALLEST_STRETCH), 1.01 * SMALLEST_STRETCH))
