@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.composed_law import course_notes
-from idic.experiment_file.free_curves import smoothness_priors
+from idic.experiment_file.laws.composed_law import course_notes
+from idic.experiment_file.laws.free_curves import smoothness_priors
 from idic.experiment_file.tables.measured_fields import field_camera, laid_on_outline, noise_of_fields
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
                                                check_visible)

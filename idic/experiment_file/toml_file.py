@@ -14,7 +14,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from idic.errors import InputError
-from idic.experiment_file.composed_law import with_flat_terms
+from idic.experiment_file.laws.composed_law import with_flat_terms
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_errors import input_error, shortened
 from idic.readers.delimited.text_files import text_of

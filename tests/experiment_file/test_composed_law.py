@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.experiment_file.composed_law import course_notes
+from idic.experiment_file.laws.composed_law import course_notes
 from idic.experiment_file.tables.dofs import material
 from idic.experiment_file.toml_file import to_toml, validated, with_overrides
 

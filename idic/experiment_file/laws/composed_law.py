@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.free_curves import free_hardening, free_rubber
+from idic.experiment_file.laws.free_curves import free_hardening, free_rubber
 from idic.materials.composed.elastoplastic import NAME as COMPOSED
 from idic.materials.composed.elastoplastic import composed_name
 from idic.materials.composed.free_rubber import NAME as RUBBER
