@@ -31,7 +31,9 @@ import numpy as np
 
 from idic.correlation.context import CorrelationContext
 from idic.correlation.equations import Weights
-from idic.correlation.system import CorrelationSystem, FrameRecord, OpenSums, solve_positive
+from idic.correlation.system import CorrelationSystem, FrameRecord, LocalEquations, OpenSums, solve_positive
+
+MAX_DENSE_UNKNOWNS = 6000  # frame-local ones, in one matrix (0.3 GB): beyond, frame by frame, with the same values within rounding
 
 
 def ordinary_variance(references: int) -> float:
@@ -85,6 +87,8 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, v
     c : (n_shared,)
     """
     n, frames = len(system.names), sums.frames
+    if sum(len(f.rhs) for f in frames) > MAX_DENSE_UNKNOWNS:
+        return _frame_by_frame(system, sums, c, variance, n_images, gram)
     columns = np.hstack([sums.columns, *(f.columns for f in frames)])  # w S, frame-local unknowns after the shared ones
     product = np.hstack([sums.product, *(f.product for f in frames)])
     noisy = np.hstack([sums.noisy, *(f.kappa[:, None] * f.product for f in frames)])
@@ -104,6 +108,55 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, v
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
                      shared=system.shared[:0], M=A[:n, :n] - A[:n, n:] @ slope, b=b[:n] - slope.T @ b[n:],
                      spread=spread, frames=_with_steps(system.frames, step, slope))
+    return closed, gram(columns - sums.visible[:, None] * pattern) / n_images
+
+
+def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, variance: float, n_images: int,
+                    gram: Callable[[np.ndarray], np.ndarray]) -> tuple[CorrelationSystem, np.ndarray]:
+    """The same for many frame-local unknowns, without a matrix of all of them.
+
+    With blocks B of the frames and U = [pattern, product]^T of their unknowns, A = B - variance/2 U J U^T, J exchanges the two
+    halves: its inverse follows from a matrix of 2 n_shared rows (Sherman, Morrison and Woodbury). Memory does not grow with
+    the frames beyond `sums`, which may lie on disk.
+    """
+    n, r, half = len(system.names), len(c), 0.5 * variance
+    pattern = c[:, None] * sums.columns
+    inner, outer = np.zeros((2 * r, 2 * r)), np.zeros((2 * r, n + 1))
+    inner[:r, r:] = inner[r:, :r] = np.eye(r) / half
+
+    def sides(f: LocalEquations) -> tuple[np.ndarray, np.ndarray]:
+        own, product = c[:, None] * f.columns, np.asarray(f.product)
+        coupled = f.cross - half * (own.T @ sums.product + product.T @ pattern)
+        return np.hstack([own.T, product.T]), np.column_stack([coupled, f.rhs - variance * own.T @ sums.residual])
+
+    for f in sums.frames:
+        U, Y = sides(f)
+        solved = solve_positive(f.matrix, np.hstack([U, Y]))
+        inner -= U.T @ solved[:, :2 * r]
+        outer += U.T @ solved[:, 2 * r:]
+    outer = np.linalg.solve(inner, outer)
+    taken = variance * pattern.T @ sums.product
+    M, b = sums.matrix - 0.5 * (taken + taken.T), sums.rhs - variance * pattern.T @ sums.residual
+    own, columns, noisy, steps, slopes = sums.noise.copy(), sums.columns.copy(), sums.noisy.copy(), [], []
+    for f in sums.frames:
+        U, Y = sides(f)
+        solved = solve_positive(f.matrix, Y + U @ outer)
+        slope, step = solved[:, :n], solved[:, n]
+        M -= Y[:, :n].T @ slope
+        b -= slope.T @ Y[:, n]
+        crossed = f.noise_cross.T @ slope
+        own += slope.T @ f.noise @ slope - crossed - crossed.T
+        columns -= f.columns @ slope
+        noisy -= f.kappa[:, None] * (f.product @ slope)
+        steps.append(step)
+        slopes.append(slope)
+    pattern = c[:, None] * columns
+    crossed = variance * pattern.T @ noisy
+    spread = own - crossed - crossed.T + variance * gram(np.sqrt(sums.kappa)[:, None] * pattern)
+    plain = system.phi_image / ordinary_variance(n_images)
+    closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
+                     shared=system.shared[:0], M=M, b=b, spread=spread,
+                     frames=_with_steps(system.frames, np.concatenate(steps), np.vstack(slopes)))
     return closed, gram(columns - sums.visible[:, None] * pattern) / n_images
 
 

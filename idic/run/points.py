@@ -26,6 +26,7 @@ from idic.run.postprocess import postprocess, write_interrupted
 from idic.run.prepare import write_description
 from idic.run.search import start_values
 from idic.run.session import Session, Timing
+from idic.run.spool import Spool, open_spool
 from idic.run.tasks import CorrelationJob, SimulationJob, correlate, simulate
 from idic.store.arrays import read_array, write_array
 from idic.store.layout import BASE, chunk_frames, group_name, local_label
@@ -88,7 +89,8 @@ class RunPoints:
         context = session.context.at_stage(stage)
         weights = generalised_weights(context.weights) if trial.generalised else context.weights
         shared = correlation_context(context, context.experiment.parameters.with_values(trial.trial.values), weights)
-        system, gram = closed_system(shared, sum_system(session, trial, weights, stage))
+        with open_spool(context.store.run) as spool:
+            system, gram = closed_system(shared, sum_system(session, trial, weights, stage, spool))
         self.timing.image_s += time.perf_counter() - began
         increments = len(read_array(context.store.group(group_name(trial.evaluations, BASE)), "steps"))
         return Evaluation(trial.evaluations, system, gram, increments=increments)
@@ -188,13 +190,15 @@ def _frozen_steps(session: Session, state: LoopState) -> tuple[float, ...] | Non
     return tuple(float(t) for t in read_array(group, "steps"))
 
 
-def sum_system(session: Session, state: LoopState, weights=None, stage: Stage | None = None) -> CorrelationSystem:
-    """M, b and the functional of the stored trial."""
+def sum_system(session: Session, state: LoopState, weights=None, stage: Stage | None = None,
+               spool: Spool | None = None) -> CorrelationSystem:
+    """M, b and the functional of the stored trial; spool : takes the large arrays of generalised least squares."""
     n, size = session.experiment.n_frames, chunk_frames(session.experiment.n_frames)
     jobs = [CorrelationJob(session.run, state.evaluations, first, min(first + size, n), state.trial.values,
                            _changes(session, state), weights, stage) for first in range(0, n, size)]
     parts = session.stream("correlate", correlate, jobs)
-    return reduce_systems(part for part in parts if part is not None)  # one at a time: they hold sums over all nodes
+    kept = (part if spool is None else spool.kept(part) for part in parts if part is not None)
+    return reduce_systems(kept)  # one at a time: they hold sums over all nodes
 
 
 def _scale_paper_weights(session: Session, state: LoopState) -> None:

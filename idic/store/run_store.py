@@ -205,8 +205,9 @@ class RunStore:
             )
 
     def _remove_leftovers(self) -> None:
-        for file in self.run.glob(".*.json.*tmp"):  # of the state, the description, the result
-            file.unlink(missing_ok=True)
+        for pattern in (".*.json.*tmp", ".sums-*.tmp"):  # of the state, the description, the result; of an evaluation
+            for file in self.run.glob(pattern):
+                file.unlink(missing_ok=True)
         for base, folders, names in os.walk(self.path):
             for name in [name for name in names if name.startswith(".") and name.endswith(".tmp")]:
                 (Path(base) / name).unlink(missing_ok=True)

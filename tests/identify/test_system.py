@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from idic.correlation.equations import BasisEquations, ChannelEquations, FrameEquations, Weights
+from idic.correlation import shared_noise
 from idic.correlation.shared_noise import close, generalised_weights, ordinary_variance
 from idic.correlation.system import CorrelationSystem, eliminate, reduce_systems
 from idic.identify.covariance import covariance, scaled_system, spectrum
@@ -167,9 +168,11 @@ def test_generalised_least_squares_are_the_best_there_are(lost):
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.3], ids=["all pixels", "30 % lost here and there"])
-def test_generalised_least_squares_with_unknowns_of_every_frame_solve_for_the_pattern_too(lost):
+@pytest.mark.parametrize("most", [6000, 0], ids=["in one matrix", "frame by frame"])
+def test_generalised_least_squares_with_unknowns_of_every_frame_solve_for_the_pattern_too(lost, most, monkeypatch):
     """Against one dense problem in everything: parameters, grip noise and brightness of each frame, every pixel of the
     pattern. Grips that the channel and a prior see too, and columns that differ from frame to frame."""
+    monkeypatch.setattr(shared_noise, "MAX_DENSE_UNKNOWNS", most)
     rng, frames = np.random.default_rng(8), 5
     weights, local_size = generalised_weights(WEIGHTS), M + NB
     size = N + frames * local_size + PIXELS

@@ -18,6 +18,7 @@ import numpy as np
 
 from idic.fe.solver.factorisation_cost import dissected
 from idic.fe.solver.linear import MAX_HALF_BANDWIDTH_OF_BAND_LU, MIN_OPERATIONS_PER_ENTRY
+from idic.correlation.shared_noise import MAX_DENSE_UNKNOWNS
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh
 from idic.identify.step.increments import rate_dependent_laws
@@ -164,13 +165,16 @@ def _measured_unknowns(experiment: Experiment) -> int:
 
 
 def _generalised(experiment: Experiment, n_frames: int) -> float:
-    """Bytes of generalised least squares: two columns of nodal values per unknown of a frame."""
+    """Bytes of generalised least squares: a matrix of the unknowns of all frames, or where they are many of the nodal values."""
     edges = _measured_unknowns(experiment)
     if experiment.options.estimator == "ordinary" or (experiment.options.estimator == "auto" and not edges):
         return 0.0
     logged = sum(isinstance(entry.drive, Column) and entry.drive.noise_std > 0.0 for entry in experiment.prescribed)
     unknowns = 2 * len(experiment.views) + logged + edges
-    return 16.0 * n_frames * unknowns * experiment.mesh.n_nodes * experiment.mesh.n_dim
+    n, values = n_frames * unknowns, experiment.mesh.n_nodes * experiment.mesh.n_dim
+    if n <= MAX_DENSE_UNKNOWNS:
+        return 24.0 * n * (n + values)
+    return 24.0 * (2 * values) ** 2  # their columns lie on disk
 
 
 def _bytes_per_pixel(experiment: Experiment) -> int:
