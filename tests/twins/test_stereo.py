@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pinhole_twin import scores
+from scipy.spatial.transform import Rotation
 
 from idic.correlation.context import CorrelationContext, FrameResponse
 from idic.correlation.experiment_reference import build_reference, camera_at
@@ -17,7 +18,7 @@ from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 from idic.identify.weights import noise_weights
 from idic.model.forward import build_forward
-from idic.virtual_tests.stereo.plate import TRUTH, Size, plate_test, write_plate
+from idic.virtual_tests.stereo.plate import REDUCED, TRUTH, Size, plate_test, write_plate
 
 SMALL = Size(0.2, (100, 156), (2, 2, 2), (2, 3, 2, 1), (3, 4, 2, 1))
 
@@ -62,6 +63,27 @@ def test_exchanged_images_are_refused(folder, tmp_path):
     with pytest.raises(InputError, match="swapped"):
         load_experiment(swapped)
     assert not any("different grey values" in note for note in load_experiment(folder).notes)
+
+
+@pytest.mark.slow  # half a minute of processor time
+def test_errors_of_the_calibration_come_back_with_its_deviations(tmp_path):
+    """The file says 0.1 degrees more between the cameras and 0.3 % more focal length; its deviations are of that size."""
+    test = plate_test(REDUCED)
+    left, right = test.rig.cameras
+    turn = Rotation.from_rotvec([0.0, np.deg2rad(0.1), 0.0]).as_matrix()
+    believed = replace(test.rig, cameras=(
+        replace(left, fx=1.003 * left.fx, fy=1.003 * left.fy),
+        replace(right, fx=1.003 * right.fx, fy=1.003 * right.fy, rotation=turn @ right.rotation,
+                translation_mm=turn @ right.translation_mm)))
+    stated = {f"{number}.{name}": 0.003 * left.fx for number in (0, 1) for name in ("fx", "fy")} | {"1.rotation_y": 0.1}
+    file = write_plate(tmp_path, test, believed=believed, deviations=stated)
+    file.write_text(file.read_text().replace('calibration = "calibration.json"', 'calibration = "calibration.json"\nidentify_calibration = true'))
+    found = identify(load_experiment(file)).result
+    true = TRUTH | {"left.fx": left.fx, "left.fy": left.fy, "right.fx": right.fx, "right.fy": right.fy, "right.rotation_y": -0.1}
+    assert found["status"] == "converged"
+    assert max(abs(score) for score in scores(found, true).values()) < 2.0
+    assert found["parameters"]["left.fx"]["std_noise"] < 0.3 * 0.003 * left.fx  # the images say more than the file
+    assert found["parameters"]["right.rotation_y"]["std_noise"] < 0.1 * 0.1
 
 
 @pytest.mark.slow

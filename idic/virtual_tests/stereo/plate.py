@@ -25,6 +25,7 @@ LENGTH, WIDTH, RADIUS, THICKNESS = 28.0, 16.0, 3.0, 4.0  # mm
 TRUTH = {"BODY.E": 70000.0, "BODY.nu": 0.3, "BODY.yield_stress": 200.0, "BODY.hardening_modulus": 1500.0}
 FORCE_NOISE_N, GRIP_NOISE_MM = 10.0, 0.0002
 SPECKLE_PX = 1.6  # sigma of the dots
+INCREMENTS = 4  # of the true simulation per frame
 CALIBRATION = "calibration.json"
 
 TOML = """\
@@ -97,8 +98,8 @@ class Size:
     angles: tuple[float, ...] = (-12.0, 12.0)
 
 
-FULL = Size(0.08, (250, 390), (4, 4, 6), (3, 5, 3, 2), (5, 8, 5, 3))
-REDUCED = Size(0.16, (125, 195), (3, 3, 4), (2, 3, 2, 1), (4, 5, 3, 2))
+FULL = Size(0.08, (250, 390), (4, 4, 6), (3, 5, 3, 1), (4, 6, 4, 2))
+REDUCED = Size(0.16, (125, 195), (3, 3, 4), (2, 3, 2, 1), (3, 4, 3, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,14 +125,21 @@ def plate_test(size: Size) -> PlateTest:
 
 
 def plate(around: int, radial: int, beside: int, layers: int) -> Mesh:
-    """The plate of hex8, its front at z = 0; sets LEFT, RIGHT, BODY, faces FRONT, REST."""
-    flat = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad4", around, radial, beside)
+    """The plate of hex20, its front at z = 0, the hole round; sets LEFT, RIGHT, BODY, faces FRONT, REST."""
+    flat = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around, radial, beside)
     n, quads = len(flat.nodes), flat.blocks[0].connectivity
-    heights = np.linspace(-THICKNESS, 0.0, layers + 1)
-    nodes = np.concatenate([np.column_stack([flat.nodes, np.full(n, z)]) for z in heights])
-    hexes = np.concatenate([np.hstack([quads + k * n, quads + (k + 1) * n]) for k in range(layers)])
-    sets = {name: np.concatenate([own + k * n for k in range(layers + 1)]) for name, own in flat.node_sets.items()}
-    mesh = make_mesh(nodes, [("hex8", hexes)], node_sets=sets, element_sets={"BODY": np.arange(len(hexes))})
+    corners = np.unique(quads[:, :4])
+    planes = np.linspace(-THICKNESS, 0.0, 2 * layers + 1)
+    kept = [np.arange(n) if k % 2 == 0 else corners for k in range(len(planes))]  # a brick has no node in the middle of a face
+    first = np.cumsum([0, *(len(nodes) for nodes in kept)])
+    number = np.full((len(planes), n), -1)
+    for k, own in enumerate(kept):
+        number[k, own] = first[k] + np.arange(len(own))
+    nodes = np.concatenate([np.column_stack([flat.nodes[own], np.full(len(own), z)]) for own, z in zip(kept, planes, strict=True)])
+    bricks = np.concatenate([np.hstack([number[2 * k][quads[:, :4]], number[2 * k + 2][quads[:, :4]], number[2 * k][quads[:, 4:]],
+                                        number[2 * k + 2][quads[:, 4:]], number[2 * k + 1][quads[:, :4]]]) for k in range(layers)])
+    sets = {name: np.setdiff1d(number[:, own], [-1]) for name, own in flat.node_sets.items()}
+    mesh = make_mesh(nodes, [("hex20", bricks)], node_sets=sets, element_sets={"BODY": np.arange(len(bricks))})
     faces = boundary_faces(mesh)
     on_front = np.array([np.abs(mesh.nodes[mesh.face_nodes(face), 2]).max() < 1e-9 for face in faces])
     return replace(mesh, edge_sets={"FRONT": faces[on_front], "REST": faces[~on_front]})
@@ -192,15 +200,17 @@ def _grip_motion(elastic: int, yielding: int, plastic: int) -> np.ndarray:
 
 
 def _solve(mesh: Mesh, grip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """True displacements (n_frames, n_nodes, 3) mm and force (n_frames,) N."""
+    """True displacements (n_frames, n_nodes, 3) mm and force (n_frames,) N, in `INCREMENTS` per frame."""
+    times = np.linspace(0.0, len(grip) - 1.0, INCREMENTS * (len(grip) - 1) + 1)
+    fine = np.interp(times, np.arange(len(grip)), grip)
     left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
     dofs = np.concatenate([3 * right, *(3 * right + k for k in (1, 2)), *(3 * left + k for k in (0, 1, 2))])
     basis = np.zeros((len(dofs), 1))
     basis[:len(right)] = 1.0
     law = compile_law("j2_linear", "finite")
     model = Model(mesh=mesh, kind="solid", sections=(Section("BODY", law, mesh.element_sets["BODY"]),),
-                  constraints=Constraints(dofs, basis, grip[:, None]), channels=(Reaction(3 * right),))
+                  constraints=Constraints(dofs, basis, fine[:, None]), channels=(Reaction(3 * right),))
     values = np.array([TRUTH[f"BODY.{name}"] for name in law.spec.parameter_names])
-    states = [(state.u.copy(), state.channels[0])
-              for state in march(model, {"BODY": values}, np.arange(len(grip), dtype=float))]
+    frames = range(0, len(fine), INCREMENTS)
+    states = [(state.u.copy(), state.channels[0]) for k, state in enumerate(march(model, {"BODY": values}, times)) if k in frames]
     return np.array([u for u, _ in states]), np.array([force for _, force in states])
