@@ -15,7 +15,8 @@ from idic.diagnose.residual.heldout import Fit, grid_of, pooled
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT
-from idic.diagnose.selection.rivals import MAX_PARALLEL_REFITS, alternatives, judged_on_both, next_wave, refitted, undecided
+from idic.diagnose.selection.both_copies import judged_on_both, undecided
+from idic.diagnose.selection.rivals import MAX_PARALLEL_REFITS, alternatives, next_wave, refitted
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import Ranked
 from idic.diagnose.residual.excess_left import ExcessLeft

@@ -1,4 +1,4 @@
-"""Rivals of a round: which candidates are refitted, in which order and from where, and whether both copies judge them."""
+"""Rivals of a round: which candidates are refitted, in which order and from where."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.refit import MAX_STARTS, EarlyStop, Refit, warm_start
-from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, refit_of_one
-from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import Ranked, Screening
-from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
 from idic.diagnose.selection.rival import Rival
 
 MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the better the bar is known
@@ -96,36 +94,6 @@ def same_family_rivals(screening: Screening, rivals: Sequence[Rival], bends: boo
                                     and r.material == best.ranked.material]
     hidden = [r for r in laws if r.candidate.hidden_by_yield_law and r not in akin]
     return akin + (hidden if bends and rivals and not found else [])
-
-
-def undecided(rivals: Sequence[Rival]) -> list[Rival]:
-    """Rivals that both copies judge: all, if none is significant on one copy and one is where it was fitted.
-
-    One copy shows a faint effect by seven tenths of the standard deviations that the recording does.
-    """
-    near = [r for r in rivals if r.refitted.usable and r.achieved > 0.0]
-    clear = any(r.passes and r.heldout > MIN_EXCESS_Z**2 for r in near)
-    return near if not clear and any(r.achieved > r.min_heldout_drop for r in near) else []
-
-
-def judged_on_both(source: ExperimentSource, null: Refit, rivals: Sequence[Rival], screening: Screening, refits: Refits,
-                   grid: Grid, seed: int) -> tuple[tuple[Rival, ...], Fit | None]:
-    """Rivals refitted to the copy for judging and judged on the other one too: no copy judges a fit to itself.
-
-    The candidates were chosen on one of the two, so the bar is twice as high (`Rival.min_heldout_drop`).
-
-    Returns
-    -------
-    The rivals with their drops on both copies, and the null's fit on the second copy. Without an answer of the null there,
-    the rivals are unchanged and the fit is None.
-    """
-    (there,) = refits([refit_of_one(source, "null", null, grid, seed, swapped=True)])
-    if not there.usable:
-        return tuple(rivals), None
-    near = undecided(rivals)
-    answers = refits([_swapped(source, there, r, variant_of(r, screening), grid, seed) for r in near])
-    both = {id(r): _judged_twice(r, there, answer) for r, answer in zip(near, answers, strict=True)}
-    return tuple(both.get(id(r), r) for r in rivals), there.judgement
 
 
 def next_wave(waiting: Sequence[Ranked], first: bool) -> list[Ranked]:
@@ -209,6 +177,7 @@ def variant_of(rival: Rival, screening: Screening) -> Variant:
     variants = [trial.variant for trial in screening.trials if trial.candidate.name == rival.name]
     return next(v for v in variants if v.label == rival.refitted.label)
 
+
 def _is_slow(ranked: Ranked) -> bool:
     """Whether its simulations take long: a body begins to tear."""
     return ranked.candidate.slow
@@ -234,21 +203,3 @@ def _rival(ranked: Ranked, answer: Refit, null: Refit) -> Rival:
         return Rival(ranked, answer, ranked.gain, float("nan"), float("nan"))
     return Rival(ranked, answer, ranked.gain, null.choice.chi2 - answer.choice.chi2,
                  null.judgement.chi2 - answer.judgement.chi2)
-
-
-def _swapped(source: ExperimentSource, null: Refit, rival: Rival, variant: Variant, grid: Grid, seed: int) -> RefitJob:
-    """A rival on the copy for judging: from its probe, and from where it ended on the other one; the better of both.
-
-    The other copy judges it: what started there counts only where the search has left its start (`Start.borrowed`).
-    """
-    labels, edits = (f"{variant.label}, from the other copy", variant.label), {**variant.edits, **variant.refit}
-    probe = {**null.values, **(variant.null if variant.direct else variant.probe)}
-    return RefitJob(rival.name, source, labels, (edits, edits), (rival.refitted.values, probe), null.local, grid,
-                    -np.inf, seed, swapped=True, borrowed=labels[0])
-
-
-def _judged_twice(rival: Rival, null: Refit, answer: Refit) -> Rival:
-    if not answer.usable:
-        return replace(rival, failed_on_one_copy=True)
-    return replace(rival, heldout=rival.heldout + null.judgement.chi2 - answer.judgement.chi2, crossed_judgement=answer.judgement,
-                   achieved_on_other=null.choice.chi2 - answer.choice.chi2)

@@ -24,11 +24,12 @@ from idic.diagnose.screen.score_columns import ScoreColumn, score_columns
 from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, screen
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.block_step import holds, judged_by_step
+from idic.diagnose.selection.both_copies import judged_on_both, undecided
 from idic.diagnose.selection.imitation import with_imitated
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.revision import Workplace, min_further_drop, revised
 from idic.diagnose.selection.rival import Round, judge
-from idic.diagnose.selection.rivals import edits_of, judged_on_both, refitted, undecided
+from idic.diagnose.selection.rivals import edits_of, refitted
 from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 
