@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.system import CorrelationSystem, LocalEquations
+from idic.correlation.system import CorrelationSystem, LocalEquations, OpenSums
 
 SPOOLED = ("matrix", "noise", "columns", "product", "kappa")  # of `LocalEquations`: the large ones
 MIN_BYTES = 1_000_000  # of a part; less stays in memory
@@ -24,7 +24,7 @@ class Spool:
 
     def kept(self, system: CorrelationSystem) -> CorrelationSystem:
         """The same part of the sums, its large arrays on disk."""
-        frames = () if system.sums is None else system.sums.frames
+        frames = system.sums.frames if isinstance(system.sums, OpenSums) else ()
         if sum(_size(frame) for frame in frames) * 8 < MIN_BYTES:
             return system
         begin = self._file.seek(0, 2)

@@ -1,6 +1,6 @@
 """Sums of generalised least squares on disk: the same bits, and memory that does not grow with the frames."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from idic.correlation.system import CorrelationSystem, LocalEquations, OpenSums
 from idic.correlation import shared_noise
 from idic.correlation.shared_noise import close, generalised_weights
 from idic.correlation.equations import Weights
-from idic.correlation.system import FrameRecord, reduce_systems
+from idic.correlation.system import FrameRecord, SharedSums, reduce_systems
 from idic.run import spool
 from idic.run.spool import open_spool
 
@@ -55,5 +55,7 @@ def test_little_stays_in_memory(tmp_path):
     one = part(np.random.default_rng(0), 0)
     with open_spool(tmp_path) as kept:
         assert kept.kept(one) is one
-        plain = replace(one, sums=None)
-        assert kept.kept(plain) is plain
+        shared = SharedSums(*(np.zeros(SHARED) for _ in fields(SharedSums)))  # of ordinary least squares
+        for sums in (None, shared):
+            plain = replace(one, sums=sums)
+            assert kept.kept(plain) is plain
