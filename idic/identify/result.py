@@ -106,7 +106,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
             result["notes"].append(MESH_COUNTED if analysis.mesh_bias is not None else MESH_NOT_COUNTED)
     for p in parameters.values():
         entry = _parameter_entry(p, experiment.parameters, analysis)
-        bias = time_bias(state.increments).get(p.name)
+        bias = time_bias(experiment, state.increments).get(p.name)
         entry["time_bias"] = None if bias is None or entry["std"] is None else bias / p.factor
         if analysis is not None and p.free and entry["std"] is not None and analysis.mesh_bias is not None:
             entry["mesh_bias"] = float(analysis.direction(p.name) @ analysis.mesh_bias) / p.factor

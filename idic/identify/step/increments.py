@@ -3,16 +3,16 @@
 One increment per frame makes a rate-dependent law wrong by many standard deviations, and plasticity where frames are few.
 A search therefore begins with one increment per frame, which is cheap, and continues from its end with finer ones: 1 and 2
 per frame, extrapolated in time (`idic.fe.extrapolation`), then 2 and 4, 4 and 8, ... While a search runs its increments are
-frozen. The choice ends where halving has changed every parameter by at most `MAX_CHANGE_STD` standard deviations. The error
-that is left,
+frozen. The choice ends where the error that is left,
 
     value - value without time error = (value before - value) / (2^(p+1) - 1),  p + 1 = 2
 
-after extrapolation of a law of first order, is then a third of that.
+after extrapolation of a law of first order, is at most `MAX_ERROR_STD` standard deviations of every parameter.
 
 Laws with a memory but without time are often exact enough with one increment per frame. At the end of their first search
-1 and 2 per frame are simulated for comparison. Where the Gauss-Newton step from there moves no parameter by more than
-`MAX_CHANGE_STD` / 3, the end of the first search is the answer, and that step its estimated error.
+1 and 2 per frame are simulated for comparison. The Gauss-Newton step from there is the estimated error of one increment.
+Where it is small enough, the end of the first search is the answer. Otherwise 1 and 2 leave an eighth of it at most
+(docs/time-step.md), and mostly suffice.
 """
 
 from __future__ import annotations
@@ -41,8 +41,9 @@ from idic.identify.step.state import (
 from idic.materials import get_law
 from idic.model.experiment import Experiment, Stage
 
-MAX_CHANGE_STD = 0.75  # of a parameter by the last halving, standard deviations: leaves a quarter of one
+MAX_ERROR_STD = 0.25  # of a parameter by the increments, standard deviations
 REMAINING_SHARE = 1.0 / 3.0  # of the change by halving: the error after it, of second order
+REMAINING_SHARE_WITHOUT_TIME = 1.0 / 8.0  # after 1 and 2 per frame, of the change from 1: laws without time (1/50 to 1/10 measured)
 MAX_INCREMENTS = 64  # per frame, of the finer simulation
 MAX_INCREMENTS_OF_TEST = 5000  # of the finer simulation, all frames; the first halving is always tried
 MIN_EVALUATIONS = 4  # left for a search with finer increments, that it converges
@@ -87,10 +88,9 @@ def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage
         return replace(state, increments=replace(choice, status=OPEN))
     if choice.coarser is not None:
         choice = replace(choice, coarser=None, change={name: here[name] - choice.coarser[name] for name in here})
-    if choice.change is not None:
-        allowed = MAX_CHANGE_STD * (REMAINING_SHARE if choice.per_frame is None else 1.0)
-        if largest_change(choice, state, experiment, last, point, image_noise) <= allowed:
-            return replace(state, increments=replace(choice, status=ENOUGH))
+    if choice.change is not None and (
+            largest_change(choice, state, experiment, last, point, image_noise) <= max_change(experiment, choice)):
+        return replace(state, increments=replace(choice, status=ENOUGH))
     finer = 2 * (choice.per_frame or 1)
     if finer > max_increments(experiment):
         return replace(state, increments=replace(choice, status=AT_LIMIT))
@@ -134,10 +134,23 @@ def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage
     moved = parameters.unpack(parameters.pack() + steps[0] - steps[1])
     change = {name: (moved[name].value if name in moved else value) - value for name, value in here.as_values().items()}
     one = IncrementChoice(None, ENOUGH, None, change)
-    if largest_change(one, state, experiment, last, accepted, image_noise) > REMAINING_SHARE * MAX_CHANGE_STD:
+    if largest_change(one, state, experiment, last, accepted, image_noise) > max_change(experiment, one):
         return replace(state, increments=replace(state.increments, status=OPEN), trust=TrustRegion(),
                        schedule=SchedulePosition(state.schedule.stage))
     return replace(state, increments=one, trial=Trial(dict(state.accepted.values)))
+
+
+def remaining_share(experiment: Experiment, choice: IncrementChoice) -> float:
+    """Error that is left over the change of a parameter that is known of a choice."""
+    if choice.per_frame is None:
+        return 1.0
+    first_of_a_law_without_time = choice.per_frame == 2 and not rate_dependent_laws(experiment)
+    return REMAINING_SHARE_WITHOUT_TIME if first_of_a_law_without_time else REMAINING_SHARE
+
+
+def max_change(experiment: Experiment, choice: IncrementChoice) -> float:
+    """Largest change of a parameter with which a choice is enough, standard deviations."""
+    return MAX_ERROR_STD / remaining_share(experiment, choice)
 
 
 def max_increments(experiment: Experiment) -> int:
@@ -163,9 +176,9 @@ def without_finer(state: LoopState) -> LoopState:
         state.increments, per_frame=coarser if coarser > 1 else None, coarser=None, status=FAILED))
 
 
-def time_bias(choice: IncrementChoice) -> Mapping[str, float]:
+def time_bias(experiment: Experiment, choice: IncrementChoice) -> Mapping[str, float]:
     """Estimated error of the values by the increments (internal units); empty where none was estimated."""
-    share = 1.0 if choice.per_frame is None else REMAINING_SHARE
+    share = remaining_share(experiment, choice)
     return {} if choice.change is None else {name: -share * change for name, change in choice.change.items()}
 
 
@@ -193,9 +206,9 @@ def describe(experiment: Experiment, choice: IncrementChoice) -> str:
         return f"{given or 1} per frame"
     if n is None and choice.status == ENOUGH:
         return (f"1 per frame, chosen by an error estimate: shorter ones would change no parameter by more than "
-                f"{REMAINING_SHARE * MAX_CHANGE_STD:g} std")
+                f"{max_change(experiment, choice):g} std")
     number = "1 per frame" if n is None else f"{n} per frame, extrapolated in time from {n // 2} and {n}"
-    why = f", chosen by an error estimate: halving them changed no parameter by more than {MAX_CHANGE_STD:g} std"
+    why = f", chosen by an error estimate: halving them changed no parameter by more than {max_change(experiment, choice):g} std"
     return number + (why if choice.status == ENOUGH else "")
 
 
@@ -218,7 +231,7 @@ def increment_notes(experiment: Experiment, choice: IncrementChoice) -> list[str
     laws, n = ", ".join(path_dependent_laws(experiment)), choice.per_frame
     if choice.status == ENOUGH:
         return [f"increments of law {laws}: {describe(experiment, choice)}"]
-    changed = "" if choice.change is None else f"; the last halving changed a parameter by more than {MAX_CHANGE_STD:g} std"
+    changed = "" if choice.change is None else f"; the last halving changed a parameter by more than {max_change(experiment, choice):g} std"
     why = {AT_LIMIT: f"{max_increments(experiment)} are the limit here: record more frames where the load changes fast, or give substeps",
            FAILED: "no equilibrium was found with shorter ones: give substeps, or check the loads",
            }.get(choice.status, "the search ended before shorter ones were tried: raise max_iterations")
