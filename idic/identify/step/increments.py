@@ -213,11 +213,13 @@ def describe(experiment: Experiment, choice: IncrementChoice) -> str:
 
 
 def planned_increments(experiment: Experiment) -> tuple[str, ...]:
-    """What `idic check` says of the increments, before any simulation; nothing where no law has a memory."""
+    """What `idic check` says of the increments, before any simulation; nothing where no law has a memory, or where they are
+    given to one without time."""
     laws, given = ", ".join(path_dependent_laws(experiment)), experiment.options.substeps
-    if not laws:
+    in_time = bool(rate_dependent_laws(experiment))
+    if not laws or (given is not None and not in_time):
         return ()
-    on = f"law {laws} depends on {'time' if rate_dependent_laws(experiment) else 'its history'}"
+    on = f"law {laws} depends on {'time' if in_time else 'its history'}"
     if given is not None:
         return (f"{on}: {given} increment{'s' if given > 1 else ''} per frame, as given by substeps",)
     return (f"{on}: the identification chooses the increments per frame by an error estimate, "
