@@ -140,7 +140,7 @@ def _truth_of(drawn: Draw) -> _Truth:
                       {"E1": along, "E2": across, "nu12": polymer["nu"], "G12": shear, "angle": 0.0})
     if drawn.world == "off_axis":
         stiffness = {name.partition(".")[2]: value for name, value in COMPOSITE.items()}
-        return _Truth(mesh, "orthotropic", stiffness | {"angle": np.deg2rad(FIBRES_DEG)}, rim=MAX_RIM_CHANGE * drawn.size)
+        return _Truth(mesh, "orthotropic", stiffness | {"angle": FIBRES_DEG}, rim=MAX_RIM_CHANGE * drawn.size)
     if drawn.world == "hardening":
         return _Truth(mesh, "j2_voce", metal | {"Q": MAX_SATURATION_MPA * drawn.size, "b": SATURATION_RATE})
     if drawn.world == "solid":
