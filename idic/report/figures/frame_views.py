@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.collections import LineCollection
-from matplotlib.image import imsave
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage, imsave
 
 from idic.report import words
 from idic.report.figures.maps import RESIDUAL_RANGE, residual_window
@@ -30,18 +31,32 @@ class Slide:
     pictures: tuple[Picture, ...]
 
 
+@dataclass(frozen=True)
+class _Sheet:
+    """A figure that is laid out once; from frame to frame only its image and its lines change."""
+
+    figure: Figure
+    shown: AxesImage
+    lines: LineCollection | None = None
+
+
+Sheets = dict[tuple, _Sheet]  # by what decides on their layout
+
+
 def slides(record: RunRecord) -> tuple[Slide, ...]:
     """One per frame of ``record.views``."""
     if record.nodes_px is None:
         return ()
     views = [view for view in record.views if view.profile is not None or not is_profile(record)]
-    return tuple(_slide(record, view) for view in views)
+    sheets: Sheets = {}
+    return tuple(_slide(record, view, sheets) for view in views)
 
 
-def _slide(record: RunRecord, view: FrameView) -> Slide:
-    pictures = [_image(record, view) if view.profile is None else _profile(record, view)]
-    if view.residual is not None and np.isfinite(view.residual).any():
-        pictures.append(_residual(record, view))
+def _slide(record: RunRecord, view: FrameView, sheets: Sheets) -> Slide:
+    with look():
+        pictures = [_image(record, view, sheets) if view.profile is None else _profile(record, view)]
+        if view.residual is not None and np.isfinite(view.residual).any():
+            pictures.append(_residual(record, view, sheets))
     return Slide(view.frame, _words(record, view.frame), tuple(pictures))
 
 
@@ -62,43 +77,58 @@ def _words(record: RunRecord, frame: int) -> str:
 
 
 def _profile(record: RunRecord, view: FrameView) -> Picture:
-    with look():
-        figure = new_figure(VIEW_WIDTH_INCH, MAX_VIEW_HEIGHT_INCH)
-        height_profile(figure, record, view)
-        return _jpeg(figure, f"frame_{view.frame:04d}", "height, mean over the image rows")
+    figure = new_figure(VIEW_WIDTH_INCH, MAX_VIEW_HEIGHT_INCH)
+    height_profile(figure, record, view)
+    return _jpeg(figure, f"frame_{view.frame:04d}", "height, mean over the image rows")
 
 
-def _image(record: RunRecord, view: FrameView) -> Picture:
+def _image(record: RunRecord, view: FrameView, sheets: Sheets) -> Picture:
     """The frame in its own pixels with the elements where the simulation has moved them."""
     finite = view.image[np.isfinite(view.image)]
     low, high = np.percentile(finite, (0.5, 99.5)) if len(finite) else (0.0, 1.0)
-    rows, columns = view.image.shape
-    with look():
-        figure, axis = _axis(columns / rows)
-        axis.imshow(view.image, cmap="gray", vmin=low, vmax=max(high, low + 1e-12), interpolation="nearest")
-        corners = [view.nodes_px[cell[:3 if kind.startswith("tri") else 4]]
-                   for kind, cells in record.cells for cell in cells]
-        axis.add_collection(LineCollection([np.concatenate([own, own[:1]]) for own in corners], colors=ORANGE,
-                                           linewidths=OUTLINE_WIDTH_PT))
-        axis.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
-        return _jpeg(figure, f"frame_{view.frame:04d}", "image, simulated mesh")
+    corners = [view.nodes_px[cell[:3 if kind.startswith("tri") else 4]]
+               for kind, cells in record.cells for cell in cells]
+    key = ("image", view.image.shape)
+    if key not in sheets:
+        sheets[key] = _image_sheet(view.image)
+    sheet = sheets[key]
+    sheet.shown.set(data=view.image, clim=(low, max(high, low + 1e-12)))
+    sheet.lines.set_segments([np.concatenate([own, own[:1]]) for own in corners])
+    return _jpeg(sheet.figure, f"frame_{view.frame:04d}", "image, simulated mesh")
 
 
-def _residual(record: RunRecord, view: FrameView) -> Picture:
+def _image_sheet(image: np.ndarray) -> _Sheet:
+    rows, columns = image.shape
+    figure, axis = _axis(columns / rows)
+    shown = axis.imshow(image, cmap="gray", interpolation="nearest")
+    lines = axis.add_collection(LineCollection([], colors=ORANGE, linewidths=OUTLINE_WIDTH_PT))
+    axis.set(xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
+    return _Sheet(figure, shown, lines)
+
+
+def _residual(record: RunRecord, view: FrameView, sheets: Sheets) -> Picture:
     levels = record.noise_level
     sigma = np.nan if levels is None else levels[view.frame]
     sigma = sigma if np.isfinite(sigma) else (np.nan if levels is None else np.nanmedian(levels))
     known = bool(np.isfinite(sigma))
     reach = RESIDUAL_RANGE if known else float(np.nanpercentile(np.abs(view.residual), 99)) or 1.0
-    left, right, top, bottom = residual_window(view.residual[None])
-    with look():
-        figure, axis = _axis((right - left) / (bottom - top))
-        shown = axis.imshow(view.residual / (sigma if known else 1.0), cmap=DIVERGING, vmin=-reach, vmax=reach,
-                            interpolation="nearest")
-        axis.set(xlim=(left, right), ylim=(bottom, top))
-        figure.colorbar(shown, ax=axis, location="bottom", shrink=0.7, aspect=30, pad=0.02, extend="both",
-                        label="residual / σ [–]" if known else f"residual [{record.value_unit}]")
-        return _jpeg(figure, f"left_{view.frame:04d}", "residual in the reference image")
+    window, scaled = residual_window(view.residual[None]), view.residual / (sigma if known else 1.0)
+    key = (*window, known, reach)
+    if key not in sheets:
+        unit = "residual / σ [–]" if known else f"residual [{record.value_unit}]"
+        sheets[key] = _residual_sheet(scaled, window, reach, unit)
+    sheet = sheets[key]
+    sheet.shown.set_data(scaled)
+    return _jpeg(sheet.figure, f"left_{view.frame:04d}", "residual in the reference image")
+
+
+def _residual_sheet(scaled: np.ndarray, window: tuple[float, ...], reach: float, label: str) -> _Sheet:
+    left, right, top, bottom = window
+    figure, axis = _axis((right - left) / (bottom - top))
+    shown = axis.imshow(scaled, cmap=DIVERGING, vmin=-reach, vmax=reach, interpolation="nearest")
+    axis.set(xlim=(left, right), ylim=(bottom, top))
+    figure.colorbar(shown, ax=axis, location="bottom", shrink=0.7, aspect=30, pad=0.02, extend="both", label=label)
+    return _Sheet(figure, shown)
 
 
 def _axis(aspect: float):
@@ -118,4 +148,5 @@ def _jpeg(figure, name: str, title: str) -> Picture:
     figure.canvas.draw()  # savefig lays out and draws twice, to the same end
     imsave(buffer, figure.canvas.buffer_rgba(), format="jpeg", dpi=DPI,
            pil_kwargs={"quality": JPEG_QUALITY, "optimize": True})
+    figure.set_layout_engine("none")  # it is laid out
     return Picture(name, title, "", buffer.getvalue(), "jpeg")
