@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,9 +19,12 @@ from idic.model.experiment import Noise, Options
 
 SHAPE = (260, 300)
 MESH = grid(20, 20, 280, 240, 13)  # 340 elements of 169 px
-MAP = build_pixel_map(MESH.nodes, MESH.blocks, CAMERA, SHAPE)
 SIGMA, N_FRAMES = 2.0, 6
-AT = np.column_stack([MAP.ix, MAP.iy])
+
+
+@cache
+def pixels():
+    return build_pixel_map(MESH.nodes, MESH.blocks, CAMERA, SHAPE)
 
 
 def sums_of(rng, blur_px=0.0, raised=None, frames=range(N_FRAMES)):
@@ -33,7 +37,7 @@ def sums_of(rng, blur_px=0.0, raised=None, frames=range(N_FRAMES)):
         if blur_px:
             image = ndimage.gaussian_filter(image, blur_px)
             image /= image.std()
-        return SIGMA * image[MAP.iy, MAP.ix]
+        return SIGMA * image[pixels().iy, pixels().ix]
 
     reference = noise()
     found = []
@@ -41,20 +45,20 @@ def sums_of(rng, blur_px=0.0, raised=None, frames=range(N_FRAMES)):
         r = reference - noise()
         if raised is not None and k in raised[2]:
             r = np.where(raised[0], raised[1] * r, r)
-        every = np.ones(MAP.n_pixels, dtype=bool)
-        found.append(element_sums(MAP, ResidualMap(r.astype(np.float32), every, np.ones(MAP.n_pixels)), SIGMA))
+        every = np.ones(len(r), dtype=bool)
+        found.append(element_sums(pixels(), ResidualMap(r.astype(np.float32), every, np.ones(len(r))), SIGMA))
     return found
 
 
 def ring(column, row, inner, outer):
-    distance = np.hypot(*(AT - (column, row)).T)
+    distance = np.hypot(pixels().ix - column, pixels().iy - row)
     return (distance >= inner) & (distance < outer)
 
 
 @pytest.mark.parametrize("blur_px", [0.0, 0.6, 1.2])
 def test_noise_is_no_cluster_white_or_correlated(blur_px):
     rng = np.random.default_rng(3)
-    assert not any(local_residual(MAP, sums_of(rng, blur_px)).is_cluster for _ in range(15))
+    assert not any(local_residual(pixels(), sums_of(rng, blur_px)).is_cluster for _ in range(15))
 
 
 def test_a_ring_of_misfit_is_a_cluster_though_the_mean_is_noise():
@@ -62,7 +66,7 @@ def test_a_ring_of_misfit_is_a_cluster_though_the_mean_is_noise():
     sums = sums_of(rng, raised=(ring(150, 130, 20, 45), np.sqrt(1.5), range(N_FRAMES)))
     mean = sum(one.chi2.sum() for one in sums) / sum(one.pixels.sum() for one in sums)
     assert mean < 1.1  # what a verdict by the mean calls noise
-    found = local_residual(MAP, sums)
+    found = local_residual(pixels(), sums)
     assert found.is_cluster and found.z > 8.0
     assert abs(np.hypot(found.column - 150, found.row - 130) - 32) < 25
     assert found.chi2 > 1.2 and found.typical_chi2 == pytest.approx(1.0, abs=0.03) and 0.02 < found.share < 0.15
@@ -71,14 +75,14 @@ def test_a_ring_of_misfit_is_a_cluster_though_the_mean_is_noise():
 def test_a_cluster_at_the_end_of_the_test_is_found_in_its_part():
     rng = np.random.default_rng(5)
     late = sums_of(rng, raised=(ring(80, 80, 0, 30), np.sqrt(2.0), range(15, 20)), frames=range(20))
-    found = local_residual(MAP, late)
+    found = local_residual(pixels(), late)
     assert found.is_cluster and found.part == 3
     assert np.hypot(found.column - 80, found.row - 80) < 30
 
 
 def test_a_residual_that_is_raised_everywhere_is_no_cluster():
     rng = np.random.default_rng(6)
-    found = local_residual(MAP, sums_of(rng, raised=(np.ones(MAP.n_pixels, dtype=bool), 1.4, range(N_FRAMES))))
+    found = local_residual(pixels(), sums_of(rng, raised=(np.ones(pixels().n_pixels, dtype=bool), 1.4, range(N_FRAMES))))
     assert not found.is_cluster and found.typical_chi2 == pytest.approx(1.96, rel=0.05)
 
 
