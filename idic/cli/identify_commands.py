@@ -40,6 +40,8 @@ def identify(
         metavar="STAGE", help="Pause when this stage of the schedule is done; --resume goes on with the next.")] = None,
     overrides: Overrides = None,
     prefect: UsePrefect = True,
+    report: Annotated[bool, typer.Option(
+        "--report/--no-report", help="--no-report: results only; idic report RUN makes the page and its figures.")] = True,
     allow_external: AllowExternal = None,
     store: FileStore = None,
 ) -> None:
@@ -49,8 +51,8 @@ def identify(
         if method is not None:
             overrides = [*(overrides or ()), f"options.method={method.value.replace('-', '_')}"]
         result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, prefect, memory_limit,
-                           pause_after, store)
-        _show_result(result, out, began)
+                           pause_after, store, report)
+        _show_result(result, out, began, report=report)
         if "paused_after_stage" in result:
             typer.echo(paused(result["paused_after_stage"]), err=True)
         raise typer.Exit(exit_code(result["status"]))
@@ -78,18 +80,21 @@ def demo(
 
 
 def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, overrides, prefect: bool,
-              memory_limit=None, pause_after: int | None = None, store: str | None = None) -> dict:
+              memory_limit=None, pause_after: int | None = None, store: str | None = None,
+              report: bool = True) -> dict:
     from rich.console import Console
 
     from idic.cli.progress import progress_view
 
     settings = read_overrides(overrides)
-    with _server(prefect), progress_view(Console(stderr=True, soft_wrap=True), out, STAGES) as view:  # it starts while we import
+    console, stages = Console(stderr=True, soft_wrap=True), STAGES if report else STAGES[:-1]
+    with _server(prefect), progress_view(console, out, stages) as view:  # it starts while we import
         if prefect:
             from idic_flows.identify import run_identification as run
             from idic.run.warm_up import import_meanwhile
 
-            import_meanwhile("idic.run.reporting.write")
+            if report:
+                import_meanwhile("idic.run.reporting.write")
         else:
             from idic.run.plain import identify_plainly as run
         from idic.run.plain import Console as Callbacks
@@ -109,14 +114,13 @@ def _server(prefect: bool) -> AbstractContextManager:
     return start_server()
 
 
-def _show_result(result: dict, run: Path, began: float, truth_file: Path | None = None) -> None:
+def _show_result(result: dict, run: Path, began: float, truth_file: Path | None = None, report: bool = True) -> None:
     import json
 
     from rich.console import Console
 
     from idic.cli.progress import progress_view
     from idic.cli.tables import remarks, result_table, summary_line
-    from idic.run.reporting.write import write_report
 
     truth = json.loads(truth_file.read_text(encoding="utf-8")) if truth_file is not None else None
     console = Console(soft_wrap=True)
@@ -124,10 +128,15 @@ def _show_result(result: dict, run: Path, began: float, truth_file: Path | None 
     console.print(result_table(result, truth))
     for text in remarks(result):
         console.print(text, highlight=False, markup=False)
+    console.print(f"results  {user_path(run / 'result.json')}", highlight=False)
+    if not report:
+        return
+    from idic.run.reporting.write import write_report
+
     with progress_view(Console(stderr=True, soft_wrap=True), run, STAGES, time.monotonic() - began) as view:
         view.stage("report")
         page = write_report(run)
-    console.print(f"results  {user_path(run / 'result.json')}\nreport   {user_path(page)}", highlight=False)
+    console.print(f"report   {user_path(page)}", highlight=False)
 
 
 def _clear_earlier_demo(out: Path) -> None:

@@ -261,7 +261,7 @@ def test_a_full_disk_ends_a_run_with_a_message_and_resume_goes_on(small, tmp_pat
     if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", disk], capture_output=True).returncode:
         pytest.skip("may not mount")
     try:
-        arguments = ("identify", small.experiment, "--out", disk / "run", "--no-prefect")
+        arguments = ("identify", small.experiment, "--out", disk / "run", "--no-report", "--no-prefect")
         code, said = finish(command_line(*arguments))
         assert code == 2 and "No space left" in said and "Traceback" not in said, said
         assert said.rstrip().endswith("--no-prefect --resume")  # how to go on

@@ -68,8 +68,9 @@ def test_a_small_identification_and_its_diagnosis_load_no_server_and_no_cluster(
 
 def test_it_gives_the_bits_of_the_flow(strip, plain):
     run, *_ = plain
-    answer = here("identify", strip / "test", "--out", strip / "flow", "--workers", "0")
+    answer = here("identify", strip / "test", "--out", strip / "flow", "--workers", "0", "--no-report")
     assert answer.exit_code == 0, answer.stderr
+    assert "report" not in answer.stdout + answer.stderr and not (strip / "flow" / "report.html").exists()
     without, with_flow = (json.loads((folder / "result.json").read_text()) for folder in (run, strip / "flow"))
     assert numbers(without) == numbers(with_flow)
     one, other = (zarr.open_group(folder / "run.zarr", mode="r") for folder in (run, strip / "flow"))

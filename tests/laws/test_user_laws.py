@@ -70,7 +70,7 @@ def test_a_test_is_identified_with_the_law_of_the_page(scratch, monkeypatch):
     truth = {"C1": 2.5, "C2": 0.5, "kappa": 100.0}
     twin = Twin(law="yeoh_2", truth=truth, grip=tuple(np.linspace(0.0, 1.6, 6)), force_noise=0.02)
     write_folder(scratch / "test", twin, RUBBER + GRIPS)
-    done = idic("--laws", "my_law.py", "identify", "test", "--out", "run", "--no-prefect", cwd=scratch)
+    done = idic("--laws", "my_law.py", "identify", "test", "--out", "run", "--no-report", "--no-prefect", cwd=scratch)
     assert done.returncode == 0, done.stderr
     import json
 
