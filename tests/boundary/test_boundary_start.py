@@ -11,7 +11,7 @@ sys.path.append(str(Path(__file__).parents[1] / "identify"))
 
 from twin_bodies import CAMERA, SHAPE, TIMES, held_left, plate  # noqa: E402
 from twin_bodies import experiment as body  # noqa: E402
-from twin_runs import ELASTIC, FORCE, TRUTH, Twin, clean_images, identify, solved, write_folder  # noqa: E402
+from twin_runs import ELASTIC, FORCE, TRUTH, Twin, clean_images, identify, judged, solved, write_folder  # noqa: E402
 
 from idic.dic.boundary import boundary_start, with_boundary_start  # noqa: E402
 from idic.errors import InputError  # noqa: E402
@@ -172,6 +172,6 @@ def test_measured_edges_are_generalised_where_the_model_leaves_nothing_but_noise
     """A lens whose distortion (3 px at the corners) nobody has told the model of leaves more than half of the noise."""
     twin = Twin(camera=replace(Twin().camera, k1=k1))
     measured = CUTS.replace("u = DRIVE", 'u = "measured"')
-    _, result = identify(write_folder(tmp_path / "test", twin, ELASTIC + measured + FORCE), tmp_path / "run")
+    result = judged(write_folder(tmp_path / "test", twin, ELASTIC + measured + FORCE))
     assert result["status"] == "converged" and result["estimator"] == chosen
     assert (result["residual"]["image_chi2_dof"] > 1.4) == (chosen == "ordinary")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import time
 from types import SimpleNamespace
 
 import pytest
@@ -33,11 +32,10 @@ def undisturbed(tmp_path_factory, script_folder):
 
 @pytest.fixture(scope="session")
 def small(tmp_path_factory, script_folder):
-    """Of 11 small frames that start near the truth: experiment, run, result, M and b, seconds."""
+    """Of 11 small frames that start near the truth: experiment, run, result, M and b."""
     folder = tmp_path_factory.mktemp("small")
     write_small_strip(folder / "experiment")
-    began = time.monotonic()
     code, said = finish(plain_run(folder / "experiment", folder / "run", 0))
     assert code == 0, said
     return SimpleNamespace(experiment=folder / "experiment", run=folder / "run", result=outcome(folder / "run"),
-                           system=stored_system(folder / "run"), seconds=time.monotonic() - began)
+                           system=stored_system(folder / "run"))

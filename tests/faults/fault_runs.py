@@ -16,6 +16,7 @@ from idic.store.result_file import read_result
 from idic.workers.dask_settings import ONE_THREAD
 
 SECONDS = 600.0  # a run takes 10 s on a quiet machine, minutes on one with ten times as many processes as cores
+BEGINNING = 0.25  # share of a run before its first evaluation
 PLAIN = """
 import sys
 if __name__ == "__main__":
@@ -57,6 +58,22 @@ def wait_for_evaluation(run: Path, process: subprocess.Popen, number: int) -> No
         assert process.poll() is None, finish(process)
         assert time.monotonic() < end, "the run did not get so far"
         time.sleep(0.02)
+
+
+def is_at(run: Path, process: subprocess.Popen, share: float, whole: int) -> bool:
+    """Wait until a share of a run of `whole` evaluations is done, and no clock of a busy machine; False: it has ended.
+
+    share : 0 the start of the process, then the evaluations, 1 the last; around them in seconds, 5 to a whole
+    """
+    end, wanted = time.monotonic() + SECONDS, int(share * whole) if share > BEGINNING else -1
+    while evaluations(run) < min(wanted, whole) and process.poll() is None:
+        assert time.monotonic() < end, "the run did not get so far"
+        time.sleep(0.02)
+    try:
+        process.wait(5.0 * (share if wanted < 0 else max(share - 1.0, (share * whole) % 1.0 / whole)))
+    except subprocess.TimeoutExpired:
+        return True
+    return False
 
 
 def evaluations(run: Path) -> int:

@@ -190,7 +190,7 @@ def test_other_kinds_of_runs_go_on_after_kills(kinds, tmp_path, kind, seed):
     from test_kills import campaign
 
     whole = kinds(kind)
-    campaign(SimpleNamespace(**vars(whole), seconds=20.0), tmp_path, seed, kills=3, ways=("plain", "workers"))
+    campaign(whole, tmp_path, seed, kills=3, ways=("plain", "workers"))
 
 
 def spoilt_text(text: str, generator) -> str:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fault_runs import finish, kill, outcome, plain_run, stored_system
+from fault_runs import evaluations, finish, is_at, kill, outcome, plain_run, stored_system
 
 pytestmark = pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="mounts file systems")
 SIZE = 64 << 20  # bytes
@@ -64,27 +64,25 @@ def content_after_a_cut(file: Path, copy: Path) -> None:
     raise AssertionError("the disk does not come to rest")
 
 
-def cut(small, disk: Path, at: Path, seconds: float) -> Path | None:
-    """The disk as a power cut after some seconds of a run leaves it; None where the run was over before."""
+def cut(small, disk: Path, at: Path, share: float) -> Path | None:
+    """The disk as a power cut after a share of a run leaves it; None where the run was over before."""
     with mounted(disk, at):
         process = plain_run(small.experiment, at / "run", 0)
-        try:
-            process.wait(seconds)
+        if not is_at(at / "run", process, share, evaluations(small.run)):
             finish(process)
             shutil.rmtree(at / "run")
             return None
-        except subprocess.TimeoutExpired:
-            process.send_signal(signal.SIGSTOP)
-            content_after_a_cut(disk, disk.with_name("after.img"))
-            kill(process)
+        process.send_signal(signal.SIGSTOP)
+        content_after_a_cut(disk, disk.with_name("after.img"))
+        kill(process)
     return disk.with_name("after.img")
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 12))])
 def test_a_run_goes_on_after_a_power_cut_with_the_same_bits(small, disk, tmp_path, seed):
-    seconds, at, after = np.random.default_rng(seed).uniform(0.3, 1.0) * small.seconds, tmp_path / "mounted", None
+    share, at, after = np.random.default_rng(seed).uniform(0.3, 1.0), tmp_path / "mounted", None
     while after is None:
-        after, seconds = cut(small, disk, at, seconds), 0.7 * seconds  # the machine may be less busy than it was
+        after, share = cut(small, disk, at, share), 0.7 * share
     with mounted(after, at):
         state = at / "run" / "state.json"
         assert not state.exists() or "sha256" in json.loads(state.read_text()), "half a checkpoint"

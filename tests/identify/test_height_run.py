@@ -132,6 +132,6 @@ def test_a_simulated_folder_of_height_images_gives_its_parameters_back(tmp_path)
     image = tifffile.imread(path.parent / "images" / "frame_005.tif")
     assert image.dtype == np.float32 and np.isnan(image[0, 0])  # beside the specimen there is nothing
     assert json.loads((path.parent / "truth.json").read_text())["noise_std_gv"] == pytest.approx(0.03)
-    result = idic.identify_experiment(path, tmp_path / "run", overrides={"BODY.C10": 3.6, "BODY.kappa": 50.0})
+    result = idic.identify(path, overrides={"BODY.C10": 3.6, "BODY.kappa": 50.0})
     for name, true in truth.items():
         assert abs(result["parameters"][name]["value"] - true) < 3 * result["parameters"][name]["std"]

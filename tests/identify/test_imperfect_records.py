@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import tifffile
 from twin_bodies import PIXEL
-from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, identify, solved, write_folder
+from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, judged, solved, write_folder
 
 from idic.images.camera import Camera
 from idic.report.words import left_out, not_explained
@@ -61,7 +61,7 @@ def test_the_noise_of_a_channel_is_estimated_where_it_is_not_given(tmp_path):
     times = np.arange(14.0)
     twin = Twin(grip=tuple(0.12 * (times / 13)), times=tuple(times))
     toml = ELASTIC + GRIPS + FORCE.replace("noise_std = 1.0\n", "")
-    _, result = identify(write_folder(tmp_path / "test", twin, toml), tmp_path / "run")
+    result = judged(write_folder(tmp_path / "test", twin, toml))
     # 11 third differences that share readings: a median of so few is known to some 40 %
     assert 0.3 < result["residual"]["channel_noise_std"]["force_N"] < 2.5
     assert_true(result, BODY)
@@ -80,8 +80,8 @@ def test_an_excluded_frame_plays_no_part_and_is_listed_as_excluded(clean, tmp_pa
     path = write_folder(tmp_path / "test", Twin(), WHOLE, clean, experiment="exclude_frames = [3]\n")
     _, good = solved(path)
     spoil(path, 3)
-    state, result = identify(path, tmp_path / "run")
-    assert state.status == "converged"
+    result = judged(path)
+    assert result["status"] == "converged"
     assert [frame["status"] for frame in result["frames"]] == ["ok", "ok", "ok", "excluded", "ok", "ok"]
     for name, entry in good["parameters"].items():
         assert result["parameters"][name]["value"] == pytest.approx(entry["value"], rel=1e-12)
@@ -90,8 +90,8 @@ def test_an_excluded_frame_plays_no_part_and_is_listed_as_excluded(clean, tmp_pa
 def test_a_black_frame_is_lost_and_its_sums_do_not_count(clean, plain, tmp_path):
     path = write_folder(tmp_path / "test", Twin(), WHOLE, clean)
     spoil(path, 2, lambda image: np.zeros_like(image))
-    state, result = identify(path, tmp_path / "run")
-    assert state.status == "converged"
+    result = judged(path)
+    assert result["status"] == "converged"
     assert result["frames"][2]["status"] == "lost"
     assert_true(result, BODY)
     # the other four frames see what five saw, and the standard deviation owns up to the loss
@@ -101,8 +101,8 @@ def test_a_black_frame_is_lost_and_its_sums_do_not_count(clean, plain, tmp_path)
 def test_a_frame_that_the_model_cannot_explain_is_named(clean, tmp_path):
     path = write_folder(tmp_path / "test", Twin(), WHOLE, clean)
     spoil(path, 4, lambda image: np.roll(image, 3, axis=0))  # somebody hit the camera
-    state, result = identify(path, tmp_path / "run")
-    assert state.status in ("converged", "stalled") and state.evaluations < 25  # no endless search for the impossible
+    result = judged(path)
+    assert result["status"] in ("converged", "stalled") and result["forward_runs"] < 25  # no endless search for the impossible
     assert result["frames"][4]["status"] == "unexplained"
     assert [frame["status"] for frame in result["frames"][:4]] == ["ok"] * 4
 
@@ -111,7 +111,7 @@ def test_frames_are_named_where_the_model_explains_only_a_few(clean, tmp_path):
     """The log of the grip is half as large again from the third frame on: the images alone are explained throughout."""
     wrong = Twin(grip=tuple(grip * (1.5 if k > 1 else 1.0) for k, grip in enumerate(Twin().grip)))
     path = write_folder(tmp_path / "test", wrong, WHOLE, clean, camera="# noise_std_gv is left to a free FE-DIC\n")
-    _, result = identify(path, tmp_path / "run")
+    result = judged(path)
     assert result["residual"]["free_dic_chi2_dof"] < 1.5
     named = [frame["status"] for frame in result["frames"]]
     assert named == ["ok"] * 2 + ["unexplained"] * 4, [frame["chi2_dof"] for frame in result["frames"]]
@@ -121,7 +121,7 @@ def test_frames_are_named_where_the_model_explains_only_a_few(clean, tmp_path):
 
 def test_images_are_taken_in_the_order_of_their_numbers(clean, plain, tmp_path):
     names = [f"shot{k}.tif" for k in (8, 9, 10, 11, 100, 101)]
-    _, result = identify(write_folder(tmp_path / "test", Twin(), WHOLE, clean, names), tmp_path / "run")
+    result = judged(write_folder(tmp_path / "test", Twin(), WHOLE, clean, names))
     assert [frame["label"] for frame in result["frames"]] == names
     expected = plain[2]["parameters"]["BODY.E"]["value"]
     assert result["parameters"]["BODY.E"]["value"] == pytest.approx(expected, rel=1e-12)
@@ -130,7 +130,7 @@ def test_images_are_taken_in_the_order_of_their_numbers(clean, plain, tmp_path):
 def test_a_reference_in_the_middle_leaves_earlier_frames_out(tmp_path):
     grip = (0.0, 0.0, 0.04, 0.08, 0.12)
     twin = Twin(grip=grip, times=(0.0, 1.0, 2.0, 3.0, 4.0))
-    _, result = identify(write_folder(tmp_path / "test", twin, WHOLE, experiment="reference = 1\n"), tmp_path / "run")
+    result = judged(write_folder(tmp_path / "test", twin, WHOLE, experiment="reference = 1\n"))
     assert [frame["status"] for frame in result["frames"]] == ["excluded", "ok", "ok", "ok", "ok"]
     assert_true(result, BODY)
 
@@ -139,7 +139,7 @@ def test_a_reference_in_the_middle_leaves_earlier_frames_out(tmp_path):
 def test_frames_whose_mean_is_the_reference_are_references_and_not_left_out(tmp_path):
     twin = Twin(grip=(0.0, 0.0, 0.06, 0.12), times=(0.0, 1.0, 2.0, 3.0))
     path = write_folder(tmp_path / "test", twin, WHOLE, experiment="reference = [0, 1]")
-    _, result = identify(path, tmp_path / "run")
+    result = judged(path)
     assert [f["reference"] for f in result["frames"]] == [True, True, False, False]
     assert all(f["status"] == "ok" for f in result["frames"]) and left_out(result) == ""
     assert_true(result, BODY)
@@ -147,8 +147,8 @@ def test_frames_whose_mean_is_the_reference_are_references_and_not_left_out(tmp_
 
 def test_gain_and_offset_that_change_from_frame_to_frame_do_no_harm(clean, plain, tmp_path):
     gains = ((1.0, 0.0), (0.95, 3.0), (1.04, -2.0), (0.9, 5.0), (0.85, 12.0), (1.02, 0.0))
-    state, result = identify(write_folder(tmp_path / "test", Twin(gains=gains), WHOLE, clean), tmp_path / "run")
-    assert state.status == "converged"
+    result = judged(write_folder(tmp_path / "test", Twin(gains=gains), WHOLE, clean))
+    assert result["status"] == "converged"
     assert_true(result, BODY)
     assert result["residual"]["image_chi2_dof"] < 1.15  # noise is not scaled with the light: dim frames look quieter
     assert result["parameters"]["BODY.nu"]["std"] == pytest.approx(plain[2]["parameters"]["BODY.nu"]["std"], rel=0.1)
@@ -186,9 +186,9 @@ def test_unknown_noise_of_the_grip_in_every_frame_makes_fit_and_error_bars_hones
     twin = Twin(grip=tuple(0.1 * times / 11), times=tuple(times), grip_noise=0.004, noise=1.0)
     clean = clean_images(twin)
     known = GRIPS.replace('"grip_mm"', '"grip_mm", noise_std = 0.004')
-    _, naive = identify(write_folder(tmp_path / "naive", twin, WHOLE, clean), tmp_path / "run1")
-    state, honest = identify(write_folder(tmp_path / "honest", twin, ELASTIC + known + FORCE, clean), tmp_path / "run2")
-    assert state.status == "converged"
+    naive = judged(write_folder(tmp_path / "naive", twin, WHOLE, clean))
+    honest = judged(write_folder(tmp_path / "honest", twin, ELASTIC + known + FORCE, clean))
+    assert honest["status"] == "converged"
     assert honest["residual"]["image_chi2_dof"] < 1.1 < naive["residual"]["image_chi2_dof"]
     # what the images say about the grip (0.01 px) is better than its log (0.07 px), so the force becomes explicable
     assert honest["residual"]["channel_chi2_dof"]["force_N"] < 3.0 < naive["residual"]["channel_chi2_dof"]["force_N"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tifffile
 from twin_bodies import PIXEL, plate
-from twin_runs import FORCE, GRIPS, SHAPE, THICKNESS, Twin, clean_image, dense_speckle, identify, painted, solved, write_folder
+from twin_runs import FORCE, GRIPS, SHAPE, THICKNESS, Twin, clean_image, dense_speckle, judged, painted, solved, write_folder
 
 from idic.fe.march import march
 from idic.fe.model import Constraints, Direction, Model, Reaction, Section
@@ -80,7 +80,7 @@ def errors(result, names, by="std"):
 
 def test_stiffness_and_expansion_are_found_with_the_infrared_images(tmp_path, records):
     path = folder_of(tmp_path, records, MATERIAL + EXPANSION, True)
-    _, result = identify(path, tmp_path / "run")
+    result = judged(path)
     assert result["status"] == "converged"
     off = errors(result, TRUTH)
     assert all(abs(e) < 3.0 for e in off.values()), off

@@ -133,7 +133,7 @@ m = { value = 3.0, identify = true }
     fast = replace(slow, seed=4, times=tuple(1.0 * k for k in range(6)))
     paths = [write_folder(tmp_path / name, twin, law + GRIPS + FORCE)
              for name, twin in (("slow", slow), ("fast", fast))]
-    alone = [idic.identify_experiment(path, tmp_path / f"run-{k}") for k, path in enumerate(paths)]
+    alone = [idic.identify(path) for path in paths]
     assert {entry["name"] for entry in alone[0]["not_identifiable"]} == {"BODY.eta", "BODY.m"}
     both = idic.identify_experiment(paths, tmp_path / "run-both")
     assert both["status"] == "converged" and not both["not_identifiable"]
