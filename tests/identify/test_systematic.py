@@ -18,9 +18,10 @@ from idic.identify.systematic.discretisation import carried_local, discretisatio
 from idic.model.drives import build_drives
 from idic.identify.systematic.spread import Assessment, with_bias, with_spread
 from idic.identify.systematic.treatments import AS_GIVEN, treatments
+from idic.report.page import render_page
 from idic.report.treatments import treatment_table
 from idic.run.plain import identify_experiment
-from idic.run.reporting.write import write_report
+from idic.run.reporting.write import load_record
 from idic.run.systematic import systematic
 from idic.store.result_file import write_result
 from idic.virtual_tests.meshes import write_inp
@@ -139,11 +140,11 @@ def test_a_finished_run_gets_both_and_its_worst_treatments_are_listed(clean, tmp
             assert entry["systematic_std"] > 0.0 and entry["discretisation_bias"] != 0.0
             # fixed ends and a camera square on are right here: other treatments find the same within their wider noise
             assert entry["systematic_std"] < 10.0 * entry["std"]
-    page = write_report(tmp_path / "run").read_text(encoding="utf-8")
+    page = render_page(load_record(tmp_path / "run"), ())  # without figures
     assert "8 other treatments of boundary and camera" in page and page.count("the camera may be tilted: tilt_x") == 3
     far = {name: 2.0 * entry["value"] for name, entry in result["parameters"].items() if entry["free"]}
     write_result(tmp_path / "run", with_spread(result, [Assessment("other edges", "as given", "converged", far)]))
-    page = write_report(tmp_path / "run").read_text(encoding="utf-8")
+    page = render_page(load_record(tmp_path / "run"), ())  # without figures
     assert "Converged, but no parameter is determined" in page and "moves by 100 %" in page
     assert page.count("1 other treatment of boundary and camera") == 3  # its table, and a line for each parameter
 
