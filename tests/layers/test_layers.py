@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tomllib
 from collections import Counter
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -65,8 +66,13 @@ MODULES = dict(modules())
 every_module = pytest.mark.parametrize("name, file", [pytest.param(*module, id=module[0]) for module in MODULES.items()])
 
 
+@cache
 def imports(name, file):
     """Every module that a file imports, deferred imports included, as absolute names."""
+    return tuple(_imports(name, file))
+
+
+def _imports(name, file):
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):

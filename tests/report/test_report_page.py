@@ -209,9 +209,9 @@ def test_correlations_and_biases_above_the_error_bars_are_said():
 def test_an_image_called_still_that_has_moved_is_told():
     floor = {"px": 0.02, "bound_px": 0.03, "length_px": 50.0, "frames": [1, 2], "labels": ["a.tif", "b.tif"],
              "drift_px": [0.01, 0.17], "source": "declared"}
-    moved = render_page(make_record(result={**make_result(), "camera_floor": floor}))
+    moved = render_page(make_record(result={**make_result(), "camera_floor": floor}), ())
     assert "b.tif has moved by 0.17 px" in moved and "a.tif has moved" not in moved
-    still = render_page(make_record(result={**make_result(), "camera_floor": floor | {"drift_px": [0.01, 0.02]}}))
+    still = render_page(make_record(result={**make_result(), "camera_floor": floor | {"drift_px": [0.01, 0.02]}}), ())
     assert "has moved by" not in still
 
 

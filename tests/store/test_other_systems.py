@@ -6,6 +6,7 @@ import ast
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import pytest
@@ -101,15 +102,16 @@ def test_peak_memory_is_known_without_the_resource_module(monkeypatch):
     assert peak_memory.peak_memory_mb() == pytest.approx(known)
 
 
-def sources() -> list[Path]:
+@cache
+def sources() -> list[tuple[Path, ast.Module]]:
     root = Path(idic.__file__).parent
-    return sorted([*root.rglob("*.py"), *(root.parent / "flows").rglob("*.py")])
+    files = sorted([*root.rglob("*.py"), *(root.parent / "flows").rglob("*.py")])
+    return [(file, ast.parse(file.read_text(encoding="utf-8"))) for file in files]
 
 
 def test_modules_of_one_system_alone_are_imported_where_their_absence_is_caught():
     found = []
-    for file in sources():
-        tree = ast.parse(file.read_text(encoding="utf-8"))
+    for file, tree in sources():
         caught = {id(line) for block in ast.walk(tree) if isinstance(block, ast.Try) for line in block.body}
         for line in ast.walk(tree):
             names = [a.name for a in line.names] if isinstance(line, ast.Import) else [line.module] if isinstance(
@@ -122,13 +124,11 @@ def test_modules_of_one_system_alone_are_imported_where_their_absence_is_caught(
 def test_functions_of_posix_alone_stand_behind_a_question():
     """In a function that asks for the system (``os.name``), for the function (``hasattr``) or catches its absence."""
     found = []
-    for file in sources():
-        tree = ast.parse(file.read_text(encoding="utf-8"))
+    for file, tree in sources():
         for function in [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]:
             used = [node.attr for node in ast.walk(function) if isinstance(node, ast.Attribute) and node.attr in ONLY_POSIX
                     and isinstance(node.value, ast.Name) and node.value.id == "os"]
-            text = ast.unparse(function)
-            if used and not any(asked in text for asked in ("os.name", "hasattr", "AttributeError")):
+            if used and not any(asked in ast.unparse(function) for asked in ("os.name", "hasattr", "AttributeError")):
                 found.append(f"{file.name}: {function.name} {used}")
     assert not found
 
