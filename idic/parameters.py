@@ -181,9 +181,6 @@ class ParameterSet(Mapping[str, Parameter]):
             raise KeyError(f"no such parameter: {', '.join(sorted(unknown))}")
         return ParameterSet((replace(p, free=p.name in names) for p in self.values()), self.joint)
 
-    def extended(self, parameters: Iterable[Parameter]) -> ParameterSet:
-        return ParameterSet([*self.values(), *parameters], self.joint)
-
     # scaled vectors -------------------------------------------------------------------------------
     def pack(self) -> np.ndarray:
         """Scaled values of the free parameters  # (n_free,)"""

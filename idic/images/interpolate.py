@@ -113,11 +113,6 @@ def noise_gain(fraction_x: np.ndarray, fraction_y: np.ndarray, degree: int = 3, 
     return noise_gain_1d(fraction_x, degree, lowpass_px) * noise_gain_1d(fraction_y, degree, lowpass_px)
 
 
-def mean_noise_gain(degree: int = 3, lowpass_px: float = 0.0) -> float:
-    """w^2 averaged over all sub-pixel positions."""
-    return float(np.trapezoid(_gain_table(degree, lowpass_px), _GAIN_FRACTIONS)) ** 2
-
-
 def _sample(spline, points):
     points = np.ascontiguousarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 2:

@@ -3,6 +3,7 @@
 import pydoc
 from pathlib import Path
 
+import pytest
 from virtual_tests.small_strip import write_small_strip
 
 import idic
@@ -10,6 +11,7 @@ import idic
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow  # what faults/ and report/ see of the same calls; that they are there is seen below
 def test_an_example_is_identified_and_reported_without_prefect(tmp_path):
     write_small_strip(tmp_path / "exp")
     result = idic.identify_experiment(tmp_path / "exp", tmp_path / "run")

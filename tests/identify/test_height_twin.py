@@ -6,7 +6,7 @@ import height_bodies as bodies
 import numpy as np
 import pytest
 from height_bodies import RMS, TRUTH, UM, Roughness, bent_plate, exact_images, photographed, pulled_block
-from twin_bodies import context, responses
+from twin_bodies import context, extended, responses
 
 from idic.correlation.frame_equations import frame_equations
 from idic.correlation.height.gaps import fill_gaps
@@ -24,8 +24,8 @@ CAMERA = {"camera.rotation_deg": 0.3, "camera.pixel_size": 0.02, "camera.shift_c
 
 def with_camera(body):
     scales = {"camera.rotation_deg": 1.0, "camera.pixel_size": 0.02, "camera.shift_col": 1.0, "camera.tilt_x": 0.01}
-    return replace(body, parameters=body.parameters.extended(
-        [Parameter(name, value, free=True, scale=scales[name]) for name, value in CAMERA.items()]))
+    return replace(body, parameters=extended(
+        body, [Parameter(name, value, free=True, scale=scales[name]) for name, value in CAMERA.items()]))
 
 
 # the view -------------------------------------------------------------------------------------------------

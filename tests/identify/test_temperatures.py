@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from twin_bodies import column, experiment
+from twin_bodies import column, experiment, extended
 
 from idic.errors import InputError
 from idic.model.experiment import Column, Temperature, TemperatureField
@@ -85,6 +85,6 @@ def test_alpha_and_the_clock_of_the_log_are_differentiated_with_everything_else(
 
 def test_a_locked_alpha_of_zero_is_an_isothermal_body():
     body = warmed(Temperature(None, column("T", 60.0)), extra=())
-    zero = replace(body, parameters=body.parameters.extended([Parameter("BODY.alpha", 0.0, "1/K")]))
+    zero = replace(body, parameters=extended(body, [Parameter("BODY.alpha", 0.0, "1/K")]))
     a, b = (solve(build_forward(e), e.parameters).u for e in (body, zero))
     np.testing.assert_allclose(a, b, atol=1e-14)

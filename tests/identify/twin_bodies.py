@@ -102,6 +102,11 @@ def experiment(law="elastic", values=None, extra=(), prescribed=None, loads=(), 
         options=Options(**({"brightness": "none", "lowpass_px": 0.0} | options)))
 
 
+def extended(body, parameters):
+    """The parameters of a body and these."""
+    return ParameterSet([*body.parameters.values(), *parameters])
+
+
 def uneven(body):
     """The same with a soft spot and a stiffness that falls along the axes, all of it free."""
     spot = {"stiffness": (0.6, 1.0), "radius": (0.9, 1.0), "x": (0.7, 1.0), "y": (0.2, 1.0)}
@@ -109,7 +114,7 @@ def uneven(body):
     free = [Parameter(f"BODY.{name}.{last}", value, free=True, scale=scale)
             for name, values in (("inclusion", spot), ("gradient", slopes)) for last, (value, scale) in values.items()]
     records = (Heterogeneity("BODY", "inclusion", "inclusion"), Heterogeneity("BODY", "gradient", "gradient"))
-    return replace(body, heterogeneities=records, parameters=body.parameters.extended(free))
+    return replace(body, heterogeneities=records, parameters=extended(body, free))
 
 
 def on_the_move(body):
@@ -121,7 +126,7 @@ def on_the_move(body):
                           np.array([course + none for _, course, *_ in values.values()]),
                           np.array([value for *_, value, _ in values.values()]))
     free = [Parameter(f"camera.{name}", value, free=True, scale=scale) for name, (*_, value, scale) in values.items()]
-    return replace(body, camera=replace(body.camera, motion=motion), parameters=body.parameters.extended(free))
+    return replace(body, camera=replace(body.camera, motion=motion), parameters=extended(body, free))
 
 
 HOLE = {"geometry.hole_x": 0.1, "geometry.hole_y": -0.05, "geometry.hole_radius": 1.05}  # mm; the mesh has 0, 0, 1
@@ -133,7 +138,7 @@ def with_hole(cell="quad8", cells=(2, 3, 1), **options):
     holes = holes_of(mesh, tuple(HOLE), "mm", None)
     body = experiment(prescribed=pulled(0.3, offset=False), **options)
     free = [replace(p, value=HOLE[p.name], free=True) for p in holes.parameters]
-    return replace(body, mesh=holes.mesh, morphs=holes.morphs, parameters=body.parameters.extended(free))
+    return replace(body, mesh=holes.mesh, morphs=holes.morphs, parameters=extended(body, free))
 
 
 def force_on_the_right(kind, top, component="x"):

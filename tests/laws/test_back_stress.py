@@ -1,6 +1,7 @@
 """Kinematic hardening against its textbook curves, and at its null values."""
 
 import numpy as np
+import pulls
 import pytest
 from law_paths import follow, random_path
 
@@ -57,7 +58,7 @@ def test_stable_cycles_have_the_amplitude_of_Armstrong_and_Frederick():
 @pytest.mark.parametrize("params", [PRAGER, FREDERICK], ids=["Prager", "Armstrong-Frederick"])
 def test_the_stress_does_not_oscillate_in_large_simple_shear(params):
     """The Jaumann rate would: its shear stress turns at a shear of pi / 2 (Nagtegaal & de Jong 1982)."""
-    curve = point.simple_shear(compile(LAW), params, np.linspace(0, 6.0, 301))
+    curve = pulls.simple_shear(compile(LAW), params, np.linspace(0, 6.0, 301))
     shear = (curve.P @ curve.F.transpose(0, 2, 1))[:, 0, 1]
     assert (np.diff(shear) > -1e-9 * shear.max()).all()
 

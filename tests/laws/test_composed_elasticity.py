@@ -1,6 +1,7 @@
 """Elasticity terms of the composed law: closed forms, and what they become without their extra parameters."""
 
 import numpy as np
+import pulls
 import pytest
 from numba import njit
 
@@ -69,7 +70,7 @@ def test_in_plane_shear_yields_at_the_shear_stress_alone():
     values = [*PLY.values(), 40.0, 300.0]
     pulled = point.uniaxial(law, values, np.linspace(0.0, 0.01, 6))
     assert pulled.state[:, 6].max() == 0.0  # along the fibres nothing yields
-    sheared = point.simple_shear(law, values, np.linspace(0.0, 0.02, 11), mode=2)
+    sheared = pulls.simple_shear(law, values, np.linspace(0.0, 0.02, 11), mode=2)
     p = sheared.state[-1, 6]
     assert p == pytest.approx((0.02 - 40.0 / G12) / (1.0 + 300.0 / G12), rel=5e-3)  # rotation: (shear)^2
     # the fibres turn by half the shear and are pressed by its square / 8: E1 shear^3 / 8 = 0.14 MPa

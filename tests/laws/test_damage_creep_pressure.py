@@ -1,6 +1,7 @@
 """Damage, creep and pressure-dependent yield against closed solutions, and at their null values."""
 
 import numpy as np
+import pulls
 import pytest
 from law_paths import follow, random_path
 
@@ -163,8 +164,8 @@ def test_tension_and_compression_yield_at_different_stresses(sign, yields):
 
 
 def test_pure_shear_does_not_feel_the_friction():
-    curve = point.simple_shear(compile("j2_pressure"), PRESSURE, np.linspace(0, 0.05, 26))
-    plain = point.simple_shear(compile("j2_linear"), PRESSURE[:4], np.linspace(0, 0.05, 26))
+    curve = pulls.simple_shear(compile("j2_pressure"), PRESSURE, np.linspace(0, 0.05, 26))
+    plain = pulls.simple_shear(compile("j2_linear"), PRESSURE[:4], np.linspace(0, 0.05, 26))
     np.testing.assert_allclose(curve.P[:, 0, 1], plain.P[:, 0, 1], rtol=1e-9, atol=1e-9)  # isochoric: no pressure
 
 

@@ -1,6 +1,7 @@
 """The Eindhoven Glassy Polymer: curves, order in time, exact identities, extreme parameters and steps."""
 
 import numpy as np
+import pulls
 import pytest
 from law_paths import follow
 
@@ -236,5 +237,5 @@ STORED = (29.336616510206575, -8.311600063282196)  # P12, P11 in MPa: a change h
 
 
 def test_simple_shear_gives_the_stored_numbers():
-    P = point.simple_shear(compile("egp"), DEFAULTS, np.linspace(0, 0.4, 41), times=np.linspace(0, 400, 41)).P[-1]
+    P = pulls.simple_shear(compile("egp"), DEFAULTS, np.linspace(0, 0.4, 41), times=np.linspace(0, 400, 41)).P[-1]
     np.testing.assert_allclose([P[0, 1], P[0, 0]], STORED, rtol=1e-9)

@@ -1,6 +1,7 @@
 """Viscoplasticity and viscoelasticity against closed solutions in time, and at their null values."""
 
 import numpy as np
+import pulls
 import pytest
 from law_paths import follow, random_path
 
@@ -84,7 +85,7 @@ def shear_stress(rates, times, params=MAXWELL):
 def test_maxwell_shear_is_the_Prony_series_in_steps_of_any_length():
     times = np.array([0.0, 1e-6, 0.5, 0.6, 5.0, 40.0, 41.0, 1000.0])
     shear = 1e-5 * np.array([0.0, 1.0, 1.0, 2.0, 2.0, 1.0, 1.0, 1.0])
-    curve = point.simple_shear(compile("maxwell"), MAXWELL, shear, times=times)
+    curve = pulls.simple_shear(compile("maxwell"), MAXWELL, shear, times=times)
     expected = shear_stress(np.diff(shear) / np.diff(times), times)
     np.testing.assert_allclose(curve.P[:, 0, 1], expected, rtol=1e-8, atol=1e-10)  # strain^2 = 1e-10
 
@@ -104,14 +105,14 @@ def test_maxwell_relaxation_after_a_jump_is_the_modulus_over_time():
 def test_maxwell_at_large_strain_converges_with_its_steps_and_relaxes_to_the_long_term_body():
     law, ends = compile("maxwell"), []
     for steps in (10, 80, 160, 320):
-        curve = point.simple_shear(law, MAXWELL, np.linspace(0, 1.0, steps + 1), times=np.linspace(0, 5.0, steps + 1))
+        curve = pulls.simple_shear(law, MAXWELL, np.linspace(0, 1.0, steps + 1), times=np.linspace(0, 5.0, steps + 1))
         ends.append(curve.P[-1, 0, 1])
     changes = np.abs(np.diff(ends[1:]))
     assert changes[0] / changes[1] == pytest.approx(2.0, rel=0.1)  # first order in the end, ...
     np.testing.assert_allclose(ends[0], ends[-1], rtol=3e-4)  # ... but exact up to the square of the strain
     P, _, _ = points.stress(law, 0, curve.F[-1:], curve.state[-1:], MAXWELL, 1e9)
     elastic = MAXWELL * np.array([1, 1, 0, 1, 0, 1, 0, 1])
-    instant = point.simple_shear(law, elastic, [0.0, 1.0]).P[-1]
+    instant = pulls.simple_shear(law, elastic, [0.0, 1.0]).P[-1]
     # isochoric, so no pressure either way; what is left of the branches decays as tau / dt in the ramp's weights
     np.testing.assert_allclose(P[0], instant * (1 - SHARES.sum()), atol=1e-6 * G0)
 

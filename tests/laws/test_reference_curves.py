@@ -1,6 +1,7 @@
 """Each law against its textbook curve."""
 
 import numpy as np
+import pulls
 import pytest
 from law_paths import follow, random_path
 
@@ -49,9 +50,9 @@ def test_nearly_incompressible_neo_Hookean_tension_biaxial_and_shear_follow_theo
     stretch = 1 + np.linspace(0, 2.0, 21)
     tension = point.uniaxial(law, [C10, kappa], stretch - 1)
     np.testing.assert_allclose(tension.P[:, 0, 0], 2 * C10 * (stretch - stretch**-2), atol=1e-4)
-    biaxial = point.equibiaxial(law, [C10, kappa], stretch - 1)
+    biaxial = pulls.equibiaxial(law, [C10, kappa], stretch - 1)
     np.testing.assert_allclose(biaxial.P[:, 0, 0], 2 * C10 * (stretch - stretch**-5), atol=1e-4)
-    shear = point.simple_shear(law, [C10, kappa], stretch - 1)
+    shear = pulls.simple_shear(law, [C10, kappa], stretch - 1)
     np.testing.assert_allclose(shear.P[:, 0, 1], 2 * C10 * (stretch - 1), rtol=1e-9)  # isochoric: exact
 
 
@@ -93,17 +94,17 @@ def test_nearly_incompressible_Mooney_Rivlin_tension_biaxial_and_shear_follow_th
     law, stretch = compile("mooney_rivlin"), 1 + np.linspace(0, 2.0, 21)
     tension = point.uniaxial(law, [C10, C01, kappa], stretch - 1)
     np.testing.assert_allclose(tension.P[:, 0, 0], 2 * (stretch - stretch**-2) * (C10 + C01 / stretch), atol=1e-4)
-    biaxial = point.equibiaxial(law, [C10, C01, kappa], stretch - 1)
+    biaxial = pulls.equibiaxial(law, [C10, C01, kappa], stretch - 1)
     expected = 2 * (stretch - stretch**-5) * (C10 + C01 * stretch**2)
     np.testing.assert_allclose(biaxial.P[:, 0, 0], expected, rtol=3e-4, atol=1e-4)  # Cauchy stress over kappa
-    shear = point.simple_shear(law, [C10, C01, kappa], stretch - 1)
+    shear = pulls.simple_shear(law, [C10, C01, kappa], stretch - 1)
     np.testing.assert_allclose(shear.P[:, 0, 1], 2 * (C10 + C01) * (stretch - 1), rtol=1e-9)  # isochoric: exact
 
 
 @pytest.mark.parametrize("name", HARDENING)
 def test_J2_shear_yields_at_the_yield_stress_over_root_three(name):
     extra, flow = HARDENING[name]
-    curve = point.simple_shear(compile(name), [70e3, 0.3, 200.0, *extra], np.linspace(0, 0.05, 51))
+    curve = pulls.simple_shear(compile(name), [70e3, 0.3, 200.0, *extra], np.linspace(0, 0.05, 51))
     kirchhoff = curve.P @ curve.F.transpose(0, 2, 1)
     deviator = kirchhoff - np.trace(kirchhoff, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
     mises = np.sqrt(1.5 * (deviator**2).sum((1, 2)))
@@ -180,5 +181,5 @@ STORED = {  # P12, P11 in MPa at gamma = 0.1 in ten steps, default parameters: a
 @pytest.mark.parametrize("case", STORED, ids="-".join)
 def test_simple_shear_gives_the_stored_numbers(case):
     law = compile(*case)
-    P = point.simple_shear(law, law.spec.defaults(), np.linspace(0, 0.1, 11)).P[-1]
+    P = pulls.simple_shear(law, law.spec.defaults(), np.linspace(0, 0.1, 11)).P[-1]
     np.testing.assert_allclose([P[0, 1], P[0, 0]], STORED[case], rtol=1e-9, atol=1e-8)

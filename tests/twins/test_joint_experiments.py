@@ -73,6 +73,7 @@ def test_the_camera_of_one_experiment_is_no_business_of_the_other(together):
         assert part["residual"]["image_chi2_dof"] == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow  # steps side by side of one experiment: identify/test_parallel_steps.py
 def test_steps_side_by_side_lead_several_experiments_to_the_same_answer(pair, together, tmp_path):
     """From a third of the modulus: a step of twice the limit is worth it for both."""
     _, both = together
