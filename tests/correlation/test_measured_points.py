@@ -178,6 +178,27 @@ def test_the_noise_of_a_field_and_its_correlation(correlated):
         np.testing.assert_allclose(found.correlation[6, 5:8], kernel[6, 5:8], atol=0.05)
 
 
+def test_the_noise_of_a_small_field_of_overlapping_subsets_is_not_underestimated():
+    """Subsets of five distances on 12 x 18 points: the fit of every stage takes 14 of its 50 independent values."""
+    rng, (ny, nx) = np.random.default_rng(5), (18, 12)
+    column, row = (part.ravel().astype(float) for part in np.meshgrid(np.arange(nx), np.arange(ny)))
+    lag = np.clip(1.0 - np.abs(np.arange(-6, 7)) / 5.0, 0.0, None)
+    kernel = np.outer(lag, lag)
+
+    def noise() -> np.ndarray:
+        large = (coloured(rng.standard_normal((3 * ny, 3 * nx)), kernel)[:ny, :nx] for _ in range(2))
+        return np.column_stack([part.ravel() for part in large])
+
+    found = []
+    for _ in range(12):
+        first = noise()
+        stages = [np.zeros_like(first), *(0.5 * k * np.column_stack([column, row]) + noise() - first for k in range(1, 9))]
+        found.append(field_noise(ArrayStack(np.array(stages, dtype=np.float32)), np.column_stack([column, row]), range(9), 0))
+    assert np.mean([one.std for one in found]) == pytest.approx(1.0, rel=0.05)
+    exact = float(np.sqrt(kernel.sum()))  # single estimates scatter by a fifth
+    assert np.mean([one.sum_std for one in found]) == pytest.approx(exact, rel=0.12)
+
+
 def test_too_few_stages_tell_no_noise():
     assert field_noise(ArrayStack(np.zeros((2, 100, 2), np.float32)), np.zeros((100, 2)), range(2), 0) is None
 

@@ -44,7 +44,7 @@ def test_parameters_from_fields_are_those_of_the_truth(measured_by_subsets):
     for name, entry in found["parameters"].items():
         if entry["free"]:
             assert abs(entry["value"] - truth[name]) < 4.0 * entry["std"], name
-            assert entry["std"] < 0.3 * truth[name], name  # 64 subsets of 17 px
+            assert entry["std"] < 0.35 * truth[name], name  # 64 subsets of 17 px
 
 
 def test_parameters_from_fields_are_those_from_the_images(measured_by_subsets):

@@ -6,9 +6,9 @@ stages before and after it and from a polynomial of the second degree in the pla
     v_t = a v_(t-1) + b v_(t+1) + polynomial + noise,      variance s² [1 + a² + b² + (1 - a - b)²/N]
 
 (docs/method.md, equations 15.2 and 15.3). A course that is smooth in time and any field that grows in proportion are
-taken out. The polynomial takes a part of correlated noise with it, most where points are few: with the projection P on what
-is left, the covariance C is the one for which P C P has the products that are seen (equation 15.4). Noise that all of a stage
-shares (a shift, a stretch) is not seen here.
+taken out. The fit takes a part of correlated noise with it, most where points are few: with the projection P of a stage on what
+its fit leaves, the covariance C is the one for which P C P has the sums of products that are seen (equation 15.4). Noise that
+all of a stage shares (a shift, a stretch) is not seen here.
 """
 
 from __future__ import annotations
@@ -18,16 +18,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
+from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
 from idic.images.stack import Stack
 
 MAX_STAGES = 24  # looked at, spread over the test
 MAX_LAG = 6  # distances of neighbours
-MIN_CORRELATION = 0.05  # mean of a ring of neighbours, as seen; one ring more than those above it is fitted
+LENGTHS = 0.5 * 2.0 ** (0.25 * np.arange(17))  # of a smoothing filter, in distances of neighbours: 0.5 to 8
+SUBSET_LENGTHS = 3.0  # of these: width of a subset whose noise is correlated about as far
+MAX_LENGTH_PART = 0.25  # of the shorter side of the field: longer waves are those of the fit
+MIN_CORRELATION = 0.05  # of next neighbours: below, noise is independent from point to point
+MIN_GAIN = 9.0  # chi-square by a further term
 MIN_POINTS = 40
-SWEEPS = 30  # of the fit of C at most; each takes a part of the polynomial's share back
-MIN_CHANGE = 1e-3  # of a sweep, in variances: below, the fit has ended; the scatter of the estimate is larger
 MAX_VARIANCE_RATIO = 2.0  # of what is left of a stage to the median of the stages: more is motion
 
 
@@ -60,20 +63,30 @@ def field_noise(stack: Stack, positions: np.ndarray, frames: Sequence[int], refe
         return None
     middle = [k for k in range(1, len(frames) - 1) if frames[k] != reference]
     chosen = [middle[k] for k in np.unique(np.linspace(0, len(middle) - 1, min(MAX_STAGES, len(middle))).astype(int))]
-    variances, residuals = [], []
-    for k in chosen:
-        found = _left(stack, positions, frames[k - 1], frames[k], frames[k + 1], reference, n_references)
-        if found is not None:
-            variances.append(float(np.nanmean(found**2)))
-            residuals.append(found)
+    found = [_left(stack, positions, frames[k - 1], frames[k], frames[k + 1], reference, n_references) for k in chosen]
+    stages = [stage for stage in found if stage is not None]
+    variances = [float(np.mean(stage.noise[stage.known] ** 2)) for stage in stages]
     if not variances or not float(np.median(variances)) > 0.0:
         return None
     most = MAX_VARIANCE_RATIO * float(np.median(variances))
-    kept = [residual for residual, variance in zip(residuals, variances, strict=True) if variance <= most]
-    covariance = _Pairs.of(positions).covariance(kept)
+    kept = [stage for stage, variance in zip(stages, variances, strict=True) if variance <= most]
+    covariance = _covariance(positions, kept)
     variance = float(covariance[MAX_LAG, MAX_LAG])
     correlation = covariance / variance
     return FieldNoise(float(np.sqrt(variance)), float(np.sqrt(variance * max(correlation.sum(), 1.0))), correlation)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    """What the fit of a stage leaves.
+
+    noise : (n_points, 2), as large as the stage's own noise, 0 where it is not known; known : (n_points,) bool;
+    fitted : (n_points, 2, k) orthonormal columns of the fit, all components of all points together
+    """
+
+    noise: np.ndarray
+    known: np.ndarray
+    fitted: np.ndarray
 
 
 def _smooth(positions: np.ndarray) -> np.ndarray:
@@ -82,9 +95,8 @@ def _smooth(positions: np.ndarray) -> np.ndarray:
     return np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
 
 
-def _left(stack: Stack, positions, before: int, now: int, after: int, reference: int,
-          n_references: int) -> np.ndarray | None:
-    """What the neighbours in time and a polynomial leave of a stage, as large as its own noise  # (n_points, 2)"""
+def _left(stack: Stack, positions, before: int, now: int, after: int, reference: int, n_references: int) -> _Stage | None:
+    """What the neighbours in time and a polynomial leave of a stage."""
     fields = [np.zeros((len(positions), 2)) if k == reference else np.asarray(stack.frame(k), float)
               for k in (before, now, after)]
     known = np.isfinite(np.hstack(fields)).all(axis=1)
@@ -96,79 +108,100 @@ def _left(stack: Stack, positions, before: int, now: int, after: int, reference:
     previous, value, following = (field[known].T.ravel() for field in fields)  # columns first, then rows
     neighbours = [column for column in (previous, following) if column.any()]
     columns = np.column_stack([np.vstack([smooth, zero]), np.vstack([zero, smooth]), *neighbours])
-    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    factors = np.linalg.lstsq(columns / scale, value, rcond=1e-10)[0] / scale
-    left = value - columns @ factors
-    shares = factors[12:]
+    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    factors = np.linalg.lstsq(columns, value, rcond=1e-10)[0]
+    shares = factors[2 * smooth.shape[1]:] / [max(float(np.linalg.norm(one)), 1e-300) for one in neighbours]
     gain = 1.0 + float(shares @ shares) + (1.0 - float(shares.sum())) ** 2 / n_references
-    whole = np.full((len(positions), 2), np.nan)
-    whole[known] = left.reshape(2, n).T / np.sqrt(gain * (1.0 - len(shares) / (2 * n)))
-    return whole
+    basis, size, _ = np.linalg.svd(columns, full_matrices=False)
+    basis = basis[:, size > 1e-10 * size[0]]
+    noise, fitted = np.zeros((len(positions), 2)), np.zeros((len(positions), 2, basis.shape[1]))
+    noise[known] = (value - columns @ factors).reshape(2, n).T / np.sqrt(gain)
+    fitted[known] = basis.reshape(2, n, -1).transpose(1, 0, 2)
+    return _Stage(noise, known, fitted)
 
 
-@dataclass(frozen=True, eq=False)
-class _Pairs:
-    """Points and their neighbours, themselves included; each pair once.
+def _covariance(positions: np.ndarray, stages: Sequence[_Stage]) -> np.ndarray:
+    """C by distance, zero beyond the rings that are fitted  # (2 L + 1, 2 L + 1)
 
-    first, second : (m,) numbers of the points; place : (m,) of their distance in rows and columns, in a square of
-    2 MAX_LAG + 1; Q : (n, 6) orthonormal polynomials
+    With the matrix S_d of all pairs at a distance d, C = sum_d c_d S_d and
+
+        z^T S_e z = sum_d c_d tr(P S_e P S_d),   tr(P S_e P S_d) = tr(S_e S_d) - 2 (S_e Q)·(S_d Q) + (Q^T S_e Q)·(Q^T S_d Q)
+
+    summed over the stages.
     """
+    pairs, place = _pairs(positions)
+    n, n_lags = len(positions), int(place.max()) + 1
+    whole = sparse.csr_array((np.ones(len(pairs)), (place * n + pairs[:, 0], pairs[:, 1])), shape=(n_lags * n, n))
+    matrix, seen = np.zeros((n_lags, n_lags)), np.zeros(n_lags)
+    for stage in stages:
+        def across(fields: np.ndarray, known: np.ndarray = stage.known) -> np.ndarray:
+            """S_d times fields  # (n, m) -> (n_lags, n, m)"""
+            return (whole @ fields).reshape(n_lags, n, -1) * known[:, None]
 
-    first: np.ndarray
-    second: np.ndarray
-    place: np.ndarray
-    Q: np.ndarray
-
-    @classmethod
-    def of(cls, positions: np.ndarray) -> _Pairs:
-        n, size = len(positions), 2 * MAX_LAG + 1
-        pairs = cKDTree(positions).query_pairs(MAX_LAG * 1.5, output_type="ndarray")
-        both = np.concatenate([np.repeat(np.arange(n)[:, None], 2, axis=1), pairs])
-        lag = np.rint(positions[both[:, 1]] - positions[both[:, 0]]).astype(int)
-        near = (np.abs(lag) <= MAX_LAG).all(axis=1) & ((lag != 0).any(axis=1) | (both[:, 0] == both[:, 1]))
-        both, lag = both[near], lag[near]
-        place = (lag[:, 1] + MAX_LAG) * size + lag[:, 0] + MAX_LAG
-        return cls(both[:, 0], both[:, 1], place, np.linalg.qr(_smooth(positions))[0])
-
-    def covariance(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
-        """C by distance, zero beyond the rings that are fitted  # (2 L + 1, 2 L + 1)"""
-        seen = self._means([residual[self.first] * residual[self.second] for residual in residuals])
-        support = _support(seen.reshape(2 * MAX_LAG + 1, -1) / seen.max()).ravel()
-        fitted = np.where(support, seen, 0.0)
-        for _ in range(SWEEPS):
-            change = np.where(support, seen - self._means([self._projected(fitted)[:, None]]), 0.0)
-            fitted = fitted + change
-            if np.abs(change).max() < MIN_CHANGE * fitted.max():
-                break
-        return fitted.reshape(2 * MAX_LAG + 1, -1)
-
-    def _means(self, products: Sequence[np.ndarray]) -> np.ndarray:
-        """Mean of products (m, c) by distance, NaN left out  # ((2 L + 1)²,)"""
-        size = (2 * MAX_LAG + 1) ** 2
-        total, count = np.zeros(size), np.zeros(size)
-        for product in products:
-            for column in product.T:
-                known = np.isfinite(column)
-                total += np.bincount(self.place[known], column[known], size)
-                count += np.bincount(self.place[known], minlength=size)
-        total, count = total + total[::-1], count + count[::-1]
-        return total / np.maximum(count, 1.0)
-
-    def _projected(self, covariance: np.ndarray) -> np.ndarray:
-        """(P C P) of every pair, P = 1 - Q Qᵀ  # (m,)"""
-        values, n, Q = covariance[self.place], len(self.Q), self.Q
-        half = sparse.csr_array((values, (self.first, self.second)), shape=(n, n))
-        CQ = half @ Q + half.T @ Q - values[:n, None] * Q  # the first n pairs are the points themselves
-        crossed = CQ - 0.5 * Q @ (Q.T @ CQ)  # P C P = C - Q Rᵀ - R Qᵀ with R = C Q - Q (Qᵀ C Q) / 2
-        i, j = self.first, self.second
-        taken = np.einsum("mk,mk->m", Q[i], crossed[j])
-        return values - taken - np.einsum("mk,mk->m", crossed[i], Q[j])
+        seen += np.einsum("ic,dic->d", stage.noise, across(stage.noise))
+        matrix[np.diag_indices(n_lags)] += 2.0 * across(stage.known[:, None].astype(float)).sum(axis=(1, 2))
+        inner = np.zeros((n_lags, *[stage.fitted.shape[2]] * 2))
+        for k, column in enumerate(np.moveaxis(stage.fitted, 2, 0)):  # one by one: all of them would be large
+            moved = across(column).reshape(n_lags, -1)
+            inner[:, :, k] = moved @ stage.fitted.reshape(2 * n, -1)
+            matrix -= 2.0 * moved @ moved.T
+        inner = inner.reshape(n_lags, -1)
+        matrix += inner @ inner.T
+    shorter = float(np.ptp(positions, axis=0).min()) + 1.0
+    return _fitted(matrix, seen, LENGTHS[: max(int((MAX_LENGTH_PART * shorter >= LENGTHS).sum()), 1)])
 
 
-def _support(correlation: np.ndarray) -> np.ndarray:
-    """The rings of equal distance up to one beyond those with a mean correlation above `MIN_CORRELATION`  # bool"""
-    row, column = np.indices(correlation.shape) - MAX_LAG
-    ring = np.maximum(np.abs(row), np.abs(column))
-    above = [correlation[ring == k].mean() >= MIN_CORRELATION for k in range(1, MAX_LAG + 1)]
-    last = above.index(False) if False in above else MAX_LAG - 1
-    return ring <= (last + 1 if last else 0)
+def _lags() -> np.ndarray:
+    """Number of the distance of every place of the square of 2 L + 1 rows and columns, opposite ones alike."""
+    size = 2 * MAX_LAG + 1
+    flat = np.arange(size**2)
+    return ((size**2 - 1) // 2 - np.minimum(flat, flat[::-1])).reshape(size, size)
+
+
+def _pairs(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of points, in both orders, themselves included  # (m, 2), and the number of their distance (m,)"""
+    near = cKDTree(positions).query_pairs(MAX_LAG * 1.5, output_type="ndarray")
+    own = np.repeat(np.arange(len(positions))[:, None], 2, axis=1)
+    pairs = np.concatenate([own, near, near[:, ::-1]])
+    lag = np.rint(positions[pairs[:, 1]] - positions[pairs[:, 0]]).astype(int)
+    inside = (np.abs(lag) <= MAX_LAG).all(axis=1) & ((lag != 0).any(axis=1) | (pairs[:, 0] == pairs[:, 1]))
+    return pairs[inside], _lags()[lag[inside, 1] + MAX_LAG, lag[inside, 0] + MAX_LAG]
+
+
+def _fitted(matrix: np.ndarray, seen: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """The covariance by independent noise and up to two smooth parts, as few as do  # (2 L + 1, 2 L + 1)
+
+    A part is that of a Gaussian filter, or the overlap of square subsets. Waves about as long as the field are mostly taken
+    by its fit: they follow from the shape of the near neighbours.
+    """
+    number = _lags()
+    lags = np.zeros((len(seen), 2))
+    lags[number.ravel()] = (np.indices(number.shape) - MAX_LAG).reshape(2, -1).T
+    squared = (lags**2).sum(axis=1)
+    weight = 1.0 / np.sqrt(2.0 * np.maximum(np.diagonal(matrix), 1.0))  # products of n independent pairs scatter by its root
+    own = (squared == 0.0).astype(float)[:, None]
+    overlaps = np.clip(1.0 - np.abs(lags)[:, :, None] / (SUBSET_LENGTHS * lengths), 0.0, None).prod(axis=1)
+    shapes = np.hstack([np.exp(-squared[:, None] / (4.0 * lengths**2)), overlaps])
+
+    def fit(columns: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Squares that are left, covariance by distance, columns."""
+        amplitudes, left = nnls(weight[:, None] * (matrix @ columns), weight * seen)
+        return left**2, columns @ amplitudes, columns
+
+    def wider(known: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """With one more part, the best one."""
+        return min((fit(np.column_stack([known, one])) for one in shapes.T), key=lambda one: one[0])
+
+    best = min(fit(own), wider(own[:, :0]), key=lambda one: one[0])
+    further = wider(own)
+    best = further if _is_needed(further, best, number) else best
+    if best[2].shape[1] == 2:
+        further = wider(best[2])
+        best = further if _is_needed(further, best, number) else best
+    covariance = best[1]
+    return (covariance if covariance[squared == 1.0].mean() > MIN_CORRELATION * covariance[0] else fit(own)[1])[number]
+
+
+def _is_needed(further: tuple, known: tuple, number: np.ndarray) -> bool:
+    """Whether a fit gains on another one more than noise; products of correlated noise scatter together."""
+    return known[0] - further[0] > MIN_GAIN * float((further[1][number] ** 2).sum())
