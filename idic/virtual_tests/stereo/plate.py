@@ -78,9 +78,6 @@ uz = 0.0
 column = "force_N"
 simulated = { reaction = "RIGHT", component = "x" }
 noise_std = 10.0
-
-[options]
-substeps = 1                       # increments per frame, as the images were computed
 """
 
 
