@@ -77,8 +77,8 @@ def test_the_driver_serves_a_worker_that_sees_neither_run_nor_experiment(strip, 
 @pytest.fixture(scope="module")
 def s3():
     """The address of an S3 server on the loopback interface with a bucket, and the file system of a client."""
-    server = pytest.importorskip("moto.server", reason="needs moto[s3], flask and flask-cors (pip install idic[test])")
-    pytest.importorskip("s3fs", reason="needs s3fs (pip install idic[s3])")
+    server = pytest.importorskip("moto.server", reason="needs moto[s3], flask and flask-cors (pip install 'idic[test-s3]')")
+    pytest.importorskip("s3fs", reason="needs s3fs (pip install 'idic[test-s3]')")
     import logging
 
     import fsspec
