@@ -124,7 +124,7 @@ def test_of_a_law_and_its_limit_the_limit_wins_unless_the_law_explains_more():
 @pytest.mark.parametrize(("rho", "equals"), [(0.99, ("creep",)), (0.5, ())], ids=["the same pattern", "another one"])
 def test_a_rival_whose_refit_failed_stays_with_a_winner_of_the_same_pattern(rho, equals):
     """D = 10^2 (1 - rho^2): below nine its refit, which found no way, would have had to decide."""
-    scores = Scores(("a", "b"), (), np.array([10.0, 10.0]), np.ones(2), np.array([[1.0, rho], [rho, 1.0]]),
+    scores = Scores(("a", "b"), (), np.array([10.0, 10.0]), np.eye(2), np.array([[1.0, rho], [rho, 1.0]]),
                     np.zeros((0, 2)))
     lost = rival("creep", 400.0, usable=False)
     lost = replace(lost, ranked=replace(lost.ranked, best=1))
