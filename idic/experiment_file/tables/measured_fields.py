@@ -198,7 +198,7 @@ def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoin
     files = tuple((entry.path, entry.number, entry.path.stat().st_mtime_ns) for entry in stack.entries)
     found = _seen_noise(_Recording((files, stack.series.mm_per_unit, tuple(frames), reference, n_references, len(stack.points)),
                                    stack, points.positions_px))
-    if found is None or found.std == 0.0:  # computed fields
+    if found is None:
         if given is None:
             raise InputError("the noise of the fields is not known", file=file, key="experiment.fields_noise_um",
                              expected="its standard deviation in µm, or three stages or more that show it",

@@ -72,6 +72,8 @@ def field_noise(stack: Stack, positions: np.ndarray, frames: Sequence[int], refe
     kept = [stage for stage, variance in zip(stages, variances, strict=True) if variance <= most]
     covariance = _covariance(positions, kept)
     variance = float(covariance[MAX_LAG, MAX_LAG])
+    if not variance > 0.0:  # computed fields
+        return None
     correlation = covariance / variance
     return FieldNoise(float(np.sqrt(variance)), float(np.sqrt(variance * max(correlation.sum(), 1.0))), correlation)
 
