@@ -160,7 +160,7 @@ def without_common_disk(runner: TaskRunner, store: str | None, run: Path | str,
 
 
 def check_store(client, store: str) -> None:
-    """Let every worker of a cluster read from a store and write to it; what that leaves there is deleted.
+    """Let every worker of a cluster read from a store and write to it; the objects of this probe are deleted.
 
     Raises
     ------

@@ -49,7 +49,7 @@ def _forward(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.ndar
 
 def _forward_beneath(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.ndarray,
                      span: tuple[int, int]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Forward substitution in a span; returns what it takes from later equations, in order."""
+    """Forward substitution in a span; returns the changes of the right-hand sides of later equations, in order."""
     beyond, end = [], fronts[span[1] - 1].end
     for k in range(*span):
         front, f = fronts[k], factors[k]
