@@ -19,7 +19,8 @@ from idic.run.batch.starts import with_starts
 from idic.run.batch.store import Batch
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.workers.runner import JobKillsWorkers, TaskRunner
-from idic_flows.settings import connected, flow_server, show_dashboards  # before Prefect: it reads its settings from the environment
+# before Prefect: it reads its settings from the environment
+from idic_flows.settings import connected, flow_server, show_dashboards
 from idic_flows.stages import run_stage
 
 
@@ -136,7 +137,8 @@ def _side_by_side(work: _Work, jobs: Sequence[BatchJob]) -> None:
         done = len(jobs) - len(todo)
         results = work.runner.stream(
             identify_whole, tuple(todo), [f"identify-{job.name}" for job in todo],
-            progress=lambda now, _, before=done: work.console.tasks("identify", before + now, len(jobs)))  # type: ignore[misc]
+            progress=lambda now, _, before=done: work.console.tasks("identify", before + now,
+                                                                    len(jobs)))  # type: ignore[misc]
         try:
             for outcome in results:
                 del todo[0]

@@ -14,7 +14,8 @@ from idic.validation.trial.seal import REGISTER, Folder, seal, tool_state
 from idic.validation.trial.trial import TrialJob, check_solvers, run_trial
 from idic.workers.dask_executor import check_scheduler, open_cluster
 from idic.workers.runner import TaskRunner
-from idic_flows.settings import connected, flow_server, show_dashboards  # before Prefect: it reads its settings from the environment
+# before Prefect: it reads its settings from the environment
+from idic_flows.settings import connected, flow_server, show_dashboards
 from idic_flows.stages import run_stage
 from idic_flows.study import StudyConsole
 

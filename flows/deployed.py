@@ -15,12 +15,14 @@ from prefect.states import Completed, Failed, State
 from idic.errors import InputError
 
 ROOT_VARIABLE = "IDIC_DATA_ROOT"
-PAUSE_SECONDS = 30 * 24 * 3600  # a suspended flow run fails after this time; `--resume` continues its RUN folder even then
+# a suspended flow run fails after this time; `--resume` continues its RUN folder even then
+PAUSE_SECONDS = 30 * 24 * 3600
 
 
 @flow(name="idic-identify-deployed", persist_result=False)
 def identify(experiment: str, out: str, workers: int | None = None, scheduler: str | None = None,
-             sensitivity: str = "auto", overrides: dict[str, str] | None = None, pause_after: int | None = None) -> State:
+             sensitivity: str = "auto", overrides: dict[str, str] | None = None,
+             pause_after: int | None = None) -> State:
     """``idic identify EXPERIMENT --out RUN --resume`` on the worker.
 
     Paths are the worker's; where the variable IDIC_DATA_ROOT is set there, they must lie below that folder. The run
@@ -96,7 +98,8 @@ def trial(out: str, size: str = "full", seed: int = 1, only: list[str] | None = 
     """``idic trial --out DIR --resume`` on the worker; paths as of `identify`."""
     from idic_flows.blind_trial import run_blind_trial
 
-    return Completed(message=f"{run_blind_trial(data_path(out, 'out'), size, seed, only, workers, scheduler, resume=True)}")
+    folder = run_blind_trial(data_path(out, "out"), size, seed, only, workers, scheduler, resume=True)
+    return Completed(message=f"{folder}")
 
 
 FLOWS = (identify, batch, diagnose, systematic, study, trial)

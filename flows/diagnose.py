@@ -19,7 +19,8 @@ from idic_flows.stages import run_stage
 
 def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | None = None,
                   stage: Callable[[str], None] = lambda text: None, resume: bool = False,
-                  blocks: bool = False, memory_limit: str | None = None, quick: bool = False, store: str | None = None) -> dict:
+                  blocks: bool = False, memory_limit: str | None = None, quick: bool = False,
+                  store: str | None = None) -> dict:
     """Diagnose a RUN; writes diagnosis.json, diagnosis.html and the enriched experiment, returns the content.
 
     Parameters

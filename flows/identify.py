@@ -1,7 +1,8 @@
 """The identification as a Prefect flow around the one driver of the loop (`idic.identify.driver`).
 
 One Prefect task per stage of an iteration; inside a stage the simulations and the chunks of frames are Dask tasks with
-names such as ``simulate-it003-SPECIMEN.E``. A killed run resumes from the RUN folder alone; Prefect holds no state of it.
+names such as ``simulate-it003-SPECIMEN.E``. A killed run resumes from the RUN folder alone; Prefect holds no state of
+it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from idic_flows.settings import connected, flow_server, server_is_gone, show_dashboards  # before Prefect: it reads the environment
+# before Prefect: it reads the environment
+from idic_flows.settings import connected, flow_server, server_is_gone, show_dashboards
 from idic_flows.stages import publish_evaluations, publish_residual, publish_schedule, run_stage
 
 from idic.identify.driver import StageHook, run_loop
@@ -43,7 +45,8 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     overrides : ``--set key=value``
     memory_limit : memory of one worker process, "2GB"
     pause_after : stage of the schedule (1: the first) after which the run pauses, to be resumed
-    store : through which the workers of a scheduler get and send files where no disk is common: a URL of fsspec, or "driver"
+    store : through which the workers of a scheduler get and send files where no disk is common: a URL of fsspec, or
+    "driver"
 
     Raises
     ------
@@ -84,7 +87,8 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
                         return run.identify()
 
 
-def _identify_in_prefect(run: OpenRun, compiled: Callable[[], None], paths: Sequence[str | Path], out: str | Path) -> dict:
+def _identify_in_prefect(run: OpenRun, compiled: Callable[[], None], paths: Sequence[str | Path],
+                         out: str | Path) -> dict:
     """The flow; made here because importing Prefect takes seconds. Its parameters are what Prefect's pages show."""
     from prefect import flow
 

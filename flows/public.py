@@ -9,7 +9,8 @@ A call inside a flow run is a sub-flow on the same server::
     def overnight(folders: list[str]):
         return [idic.flow.identify([folder], folder + "/run")["status"] for folder in folders]
 
-Outside of one, a Prefect server is started for the call unless PREFECT_API_URL names one. Importing this starts nothing.
+Outside of one, a Prefect server is started for the call unless PREFECT_API_URL names one. Importing this starts
+nothing.
 """
 
 from idic_flows.batch import run_batch as batch

@@ -1,6 +1,7 @@
 """The application of our Prefect server: it answers to this machine's own names only.
 
-A web page elsewhere may let its own name point to 127.0.0.1 (DNS rebinding); its requests carry that name as their host.
+A web page elsewhere may let its own name point to 127.0.0.1 (DNS rebinding); its requests carry that name as their
+host.
 """
 
 from __future__ import annotations

@@ -11,7 +11,8 @@ from idic.workers.prefect_server import PrefectServer, start_server
 
 @contextmanager
 def flow_server() -> Iterator[PrefectServer | None]:
-    """The server of a ``with`` block: the configured one, or one of its own. None inside a flow run: that of the flow."""
+    """The server of a ``with`` block: the configured one, or one of its own. None inside a flow run: that of the
+    flow."""
     if _inside_a_flow():
         yield None
     else:

@@ -70,7 +70,8 @@ def schedule_table(experiment: Experiment) -> list[dict[str, str]]:
 
 
 def evaluations_table(experiment: Experiment, state: LoopState) -> list[dict[str, str]]:
-    """A row per evaluated point: stage, objective, residual, outcome, damping, and the free parameters in their units."""
+    """A row per evaluated point: stage, objective, residual, outcome, damping, and the free parameters in their
+    units."""
     free = [experiment.parameters[name] for name in experiment.parameters.free]
     return [{"evaluation": str(entry["evaluation"]),
              "stage": str(entry["stage"] + 1),

@@ -18,7 +18,8 @@ from idic.validation.studies.store import StudyStore, write_page
 from idic.validation.studies.study import Case, Study
 from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from idic.workers.runner import TaskRunner
-from idic_flows.settings import connected, flow_server, show_dashboards  # before Prefect: it reads its settings from the environment
+# before Prefect: it reads its settings from the environment
+from idic_flows.settings import connected, flow_server, show_dashboards
 from idic_flows.stages import run_stage
 
 

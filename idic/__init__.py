@@ -4,8 +4,8 @@ The equation: `idic/correlation/normal_equations.py` writes the residual f(x) - 
 M dlam = b as the paper does (Neggers et al. 2015, equations 6, 7 and 10). The compiled route to the same M and b is
 described in `idic/correlation/__init__.py`; derivations are in docs/method.md.
 
-From Python objects: `Experiment` (images, mesh, log, law), `identify` (in memory or into a RUN folder), `load_result`; a
-result has tables and pictures (docs/python.md).
+From Python objects: `Experiment` (images, mesh, log, law), `identify` (in memory or into a RUN folder), `load_result`;
+a result has tables and pictures (docs/python.md).
 
 From folders: `load_experiment` reads a folder, `build_forward` and `solve` simulate it, `identify_experiment` finds
 its parameters, `write_report` makes the page. `write_example` writes a folder to try, `write_design` judges a test that

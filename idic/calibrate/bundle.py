@@ -102,7 +102,8 @@ def adjust(state: State, views: Views, lens: Lens, prior_mm: float = 0.0, noise_
 
 
 class _Equations:
-    """Distances and their Jacobian as functions of a step from a state; the shifts of the dots are those of the state."""
+    """Distances and their Jacobian as functions of a step from a state; the shifts of the dots are those of the
+    state."""
 
     def __init__(self, base, views, lens, places, radius_mm, weight, nominal):
         self.base, self.lens, self.places, self.weight, self.nominal = base, lens, places, weight, nominal

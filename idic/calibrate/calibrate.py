@@ -31,13 +31,14 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
     lens : Lens, optional
         Which intrinsic values are free.
     target_std_mm : float
-        Standard deviation of a point of the target from its nominal place; 0: exact. Above 0 the points are identified, too.
+        Standard deviation of a point of the target from its nominal place; 0: exact. Above 0 the points are identified,
+        too.
 
     Returns
     -------
     Calibration
-        With the covariance of all free values of the cameras; the standard deviation of a seen coordinate comes from the
-        residuals and their degrees of freedom.
+        With the covariance of all free values of the cameras; the standard deviation of a seen coordinate comes from
+        the residuals and their degrees of freedom.
 
     Raises
     ------
@@ -74,7 +75,8 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
     rig = _rig(best, lens, noise, image_size_px)
     residuals, views_out = _in_place(best.residuals_px, used, seen_views, len(views), n_cameras)
     poses_out = dict(zip(seen_views, best.state.poses, strict=True))
-    result = Calibration(rig, tuple(poses_out.get(v) for v in range(len(views))), residuals, views_out,  # type: ignore[arg-type]
+    result = Calibration(rig, tuple(poses_out.get(v) for v in range(len(views))), residuals,
+                         views_out,  # type: ignore[arg-type]
                          best.state.points_mm, best.rms_px, noise, n_left_out)
     return replace(result, notes=notes_on(result, target_std_mm))
 

@@ -1,7 +1,7 @@
 """Closed-form start: a homography per view, one focal length of all of them, the pose of each.
 
-Z. Zhang, A flexible new technique for camera calibration, IEEE TPAMI 22 (2000) 1330; here with the principal point in the
-middle of the image, square pixels and no distortion.
+Z. Zhang, A flexible new technique for camera calibration, IEEE TPAMI 22 (2000) 1330; here with the principal point in
+the middle of the image, square pixels and no distortion.
 """
 
 from __future__ import annotations

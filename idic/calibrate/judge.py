@@ -1,4 +1,5 @@
-"""What a calibration does not determine well: coverage of the image, tilts, values below their deviation, target shape."""
+"""What a calibration does not determine well: coverage of the image, tilts, values below their deviation, target
+shape."""
 
 from __future__ import annotations
 
@@ -37,7 +38,8 @@ def tilts_deg(result: Calibration) -> np.ndarray:
 
 
 def shape_error(result: Calibration) -> tuple[float, float]:
-    """Mean square of the displacements of target points that the residuals ask for, over what noise asks for, and their rms.
+    """Mean square of the displacements of target points that the residuals ask for, over what noise asks for, and their
+    rms.
 
     Each point is displaced in space by least squares over all views; with noise alone the ratio is 1.
 
@@ -69,11 +71,13 @@ def notes_on(result: Calibration, target_std_mm: float) -> tuple[str, ...]:
     for camera in range(len(rig.cameras)):
         share = coverage(result, camera)
         if share < MIN_COVERAGE:
-            notes.append(f"camera {camera}: the target covers {share:.0%} of the image; distortion and centre outside are "
+            notes.append(f"camera {camera}: the target covers {share:.0%} of the image; distortion and centre outside "
+                         f"are "
                          "extrapolated. Show the target in the corners, too, or crop the images to what you use")
     largest = np.nanmax(tilts_deg(result))
     if largest < MIN_TILT_DEG:
-        notes.append(f"the target is tilted by {largest:.0f}° at most: focal length and distance are hardly told apart. "
+        notes.append(f"the target is tilted by {largest:.0f}° at most: focal length and distance are hardly told "
+                     f"apart. "
                      "Tilt it by 20 to 40° about both axes")
     n_views = sum(pose is not None for pose in result.poses)
     if n_views < FEW_VIEWS:
@@ -89,8 +93,10 @@ def notes_on(result: Calibration, target_std_mm: float) -> tuple[str, ...]:
     if target_std_mm == 0.0:
         ratio, size = shape_error(result)
         if ratio > MIN_SHAPE_RATIO:
-            notes.append(f"the residuals repeat on the points of the target, as if these lay {size:.2g} mm (rms) off their places: it "
-                         f"is not exact or not flat, and the deviations are too small. --target-std {float(f'{size:.1g}'):g} "
+            notes.append(f"the residuals repeat on the points of the target, as if these lay {size:.2g} mm (rms) off "
+                         f"their places: it "
+                         f"is not exact or not flat, and the deviations are too small. --target-std "
+                         f"{float(f'{size:.1g}'):g} "
                          "identifies its points, too")
     if result.n_left_out:
         notes.append(f"{result.n_left_out} points left out: their residual is beyond six standard deviations")
@@ -102,7 +108,8 @@ def _odd_images(result):
     rms = {(v, c): float(np.sqrt((error**2).sum(axis=1).mean())) for v, row in enumerate(result.residuals_px)
            for c, error in enumerate(row) if error is not None}
     usual = float(np.median(list(rms.values())))
-    odd = [f"{v} ({f'camera {c}, ' if len(result.rig.cameras) > 1 else ''}{value:.3f} px)" for (v, c), value in rms.items()
+    odd = [f"{v} ({f'camera {c}, ' if len(result.rig.cameras) > 1 else ''}{value:.3f} px)"
+           for (v, c), value in rms.items()
            if value > MAX_RMS_RATIO * usual]
     return [f"image {', '.join(odd[:6])}: more than twice the usual {usual:.3f} px (counted from 0). Look for blur and "
             "reflections; leave out what is bad"] if odd else []

@@ -15,7 +15,8 @@ from idic.images.pinhole import INTRINSIC, PARAMETERS, PinholeCamera, left_jacob
 N_POSE = 6
 _RING = np.sqrt(2.0 / 3.0) * np.column_stack([np.cos(np.pi / 3 * np.arange(6)), np.sin(np.pi / 3 * np.arange(6))])
 _DISC = np.vstack([np.zeros((1, 2)), _RING])               # unit disc, exact to degree 5:
-_DISC_WEIGHTS = np.array([0.25] + 6 * [0.125])             # A. H. Stroud, Approximate Calculation of Multiple Integrals, 1971
+# A. H. Stroud, Approximate Calculation of Multiple Integrals, 1971
+_DISC_WEIGHTS = np.array([0.25] + 6 * [0.125])
 
 
 def in_camera_0(pose: Pose, points_mm: np.ndarray) -> np.ndarray:

@@ -21,7 +21,8 @@ def numbered(views: Views, spacing_mm: float) -> tuple[Views, np.ndarray]:
     """The views with numbers of target points as ``index`` (n, 1), and the points  # (n_points, 3) mm"""
     places = np.unique(np.vstack([seen.index for row in views for seen in row if seen is not None]), axis=0)
     number = {tuple(place): n for n, place in enumerate(places.tolist())}
-    rows = tuple(tuple(None if seen is None else replace(seen, index=np.array([[number[tuple(p)]] for p in seen.index.tolist()]))
+    rows = tuple(tuple(None if seen is None
+                       else replace(seen, index=np.array([[number[tuple(p)]] for p in seen.index.tolist()]))
                        for seen in row) for row in views)
     return rows, np.column_stack([places * spacing_mm, np.zeros(len(places))])
 
@@ -51,8 +52,8 @@ def second_camera(first: dict[int, tuple], second: dict[int, tuple], views: View
                   ) -> tuple[PinholeCamera, Views]:
     """Camera 1 relative to camera 0, and the views with the points of camera 1 counted as camera 0 counts them.
 
-    A target without markers looks the same from two sides (from four where it is square): the numbering is the one in which
-    all pairs agree about the rig.
+    A target without markers looks the same from two sides (from four where it is square): the numbering is the one in
+    which all pairs agree about the rig.
 
     Raises
     ------

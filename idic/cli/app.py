@@ -16,7 +16,8 @@ from idic.errors import InputError
 from idic.fe.external.process import PERMISSION
 from idic.workers.dask_settings import use_one_thread
 
-ORDER = ("demo", "draw", "calibrate", "init", "check", "design", "identify", "systematic", "diagnose", "compare", "report",
+ORDER = ("demo", "draw", "calibrate", "init", "check", "design", "identify", "systematic", "diagnose", "compare",
+         "report",
          "batch", "simulate", "example", "gallery", "laws", "physics", "study", "trial")  # of a user's work, for --help
 LAW_FILES = "IDIC_LAWS"  # read by idic.materials.core.user_laws, which must not be imported before it is set
 PIPE_COLUMNS = 140  # width of a table that goes to a file or a pipe
@@ -80,9 +81,11 @@ MemoryLimit = Annotated[str | None, typer.Option(
 Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Address of an existing Dask scheduler.")]
 FileStore = Annotated[str | None, typer.Option(
     "--store", metavar="URL", envvar="IDIC_STORE",
-    help="Workers of the scheduler do not see this disk: files go through s3://bucket/prefix (any URL of fsspec), or \"driver\".")]
+    help="Workers of the scheduler do not see this disk: files go through s3://bucket/prefix (any URL of fsspec), or "
+         "\"driver\".")]
 UsePrefect = Annotated[bool, typer.Option(
-    "--prefect/--no-prefect", help="--no-prefect: no Prefect server and no flow; a small identification stays in this process.")]
+    "--prefect/--no-prefect",
+    help="--no-prefect: no Prefect server and no flow; a small identification stays in this process.")]
 SensitivityOption = Annotated[Sensitivity, typer.Option(
     help="direct: derivatives of the equilibrium; perturbed: one simulation per parameter.")]
 Bits = Annotated[int, typer.Option(help="Depth of the images: 8, 12 or 16 bit.")]

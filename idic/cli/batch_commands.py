@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from idic.cli.app import (MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, app, read_overrides,
+from idic.cli.app import (MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, app,
+                          read_overrides,
                           wide_console)
 from idic.cli.command import user_path
 from idic.cli.outcomes import DONE, NOT_CONVERGED, outcome
@@ -68,7 +69,8 @@ def _show(content: Mapping, out: Path) -> None:
             of = group["experiment"] or "all experiments"
             console.print(f"Scatter over the converged runs of {of}", highlight=False)
             console.print(scatter_rows(group["parameters"]))
-    console.print(f"page     {user_path(out / 'batch.html')}\ntable    {user_path(out / 'batch.csv')}", highlight=False, soft_wrap=True)
+    console.print(f"page     {user_path(out / 'batch.html')}\ntable    {user_path(out / 'batch.csv')}", highlight=False,
+                  soft_wrap=True)
 
 
 def scatter_rows(parameters: Mapping) -> Table:

@@ -32,10 +32,13 @@ def calibrate(
         metavar="NxM", help="Inner corners of the chessboard, or dots; a dot grid with markers needs none.")] = None,
     target: Annotated[str, typer.Option(help="auto | chessboard | dots")] = "auto",
     free: Annotated[str, typer.Option(
-        help="Intrinsic values to identify, of fx,fy,skew,cx,cy,k1,k2,k3,p1,p2; without fy: square pixels.")] = "fx,fy,cx,cy,k1,k2",
+        help="Intrinsic values to identify, of fx,fy,skew,cx,cy,k1,k2,k3,p1,p2; without fy: square "
+             "pixels.")] = "fx,fy,cx,cy,k1,k2",
     target_std: Annotated[float, typer.Option(
-        min=0, metavar="MM", help="Deviation of the target's points from their places; above 0 they are identified, too.")] = 0.0,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Calibration file (JSON); a picture goes beside it.")] = Path(
+        min=0, metavar="MM",
+        help="Deviation of the target's points from their places; above 0 they are identified, too.")] = 0.0,
+    out: Annotated[Path,
+                   typer.Option(metavar="FILE", help="Calibration file (JSON); a picture goes beside it.")] = Path(
         "calibration.json"),
 ) -> None:
     """Calibrate one camera or a pair from images of a dot grid or chessboard."""
@@ -48,7 +51,8 @@ def calibrate(
         from idic.cli.progress import progress_view
 
         with progress_view(Console(stderr=True, soft_wrap=True), out.parent, STAGES) as view:
-            run = run_calibration(images, out, spacing, target, _grid(grid), Lens(_names(free)), target_std, view.stage, view.tasks)
+            run = run_calibration(images, out, spacing, target, _grid(grid), Lens(_names(free)), target_std, view.stage,
+                                  view.tasks)
         console = wide_console()
         console.print(calibration_table(run))
         for line in closing_lines(run):
@@ -120,6 +124,7 @@ def _names(text: str) -> tuple[str, ...]:
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     wrong = [name for name in names if name not in INTRINSIC]
     if wrong or "fx" not in names:
-        raise InputError("not intrinsic values of a camera", key="--free", expected=f"fx and any of {', '.join(INTRINSIC)}",
+        raise InputError("not intrinsic values of a camera", key="--free",
+                         expected=f"fx and any of {', '.join(INTRINSIC)}",
                          found=text, remedy="name them with commas between")
     return tuple(name for name in INTRINSIC if name in names)

@@ -10,8 +10,10 @@ from idic.cli.app import FileStore, MemoryLimit, Run, Scheduler, UsePrefect, Wor
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
-STAGES = ("residual evidence of the identified model", "side, onset and place of the mismatch", "fit of the identified model",
-          "screening of the library", "refit", "judgement on both copies", "fit of the enriched model to the whole recording",
+STAGES = ("residual evidence of the identified model", "side, onset and place of the mismatch",
+          "fit of the identified model",
+          "screening of the library", "refit", "judgement on both copies",
+          "fit of the enriched model to the whole recording",
           "writing figures")
 QUICK_STAGES = (*STAGES[:5], "residual of the enriched model", STAGES[-1])
 
@@ -54,7 +56,8 @@ def diagnose(
         for text in told(content):
             console.print(text, highlight=False, markup=False)
         (console if console.is_terminal else wide_console()).print(candidates_table(content))
-        console.print(f"results  {user_path(run / 'diagnosis.json')}\nreport   {user_path(run / 'diagnosis.html')}", highlight=False)
+        console.print(f"results  {user_path(run / 'diagnosis.json')}\nreport   {user_path(run / 'diagnosis.html')}",
+                      highlight=False)
         if content["model"]["experiment"]:
             console.print(f"model    {user_path(run / content['model']['experiment'])}", highlight=False)
 

@@ -15,7 +15,8 @@ from idic.errors import InputError
 
 @app.command()
 def init(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with images and, if there are, mesh and log.")],
+    folder: Annotated[Path,
+                      typer.Argument(metavar="FOLDER", help="Folder with images and, if there are, mesh and log.")],
 ) -> None:
     """Write a commented experiment.toml for a folder of images."""
     with outcome():
@@ -26,7 +27,8 @@ def init(
         written, lines = initial_experiment(folder, lambda image: speckled_area(image, texture_of(image)))
         for line in (*lines, *_first_warnings(written)):
             typer.echo(line)
-        typer.echo(f"{user_path(written)} written; complete the lines marked FILL IN, then run: idic check {user_path(folder)}")
+        typer.echo(f"{user_path(written)} written; complete the lines marked FILL IN, then run: idic check "
+                   f"{user_path(folder)}")
 
 
 def _first_warnings(written: Path) -> list[str]:
@@ -65,7 +67,8 @@ def check(
         except OSError as problem:  # a read-only experiment folder is no fault of the experiment
             if out is not None:
                 raise
-            typer.echo(f"picture      not written ({user_path(main.parent)}: {problem.strerror}); --out FILE: another place")
+            typer.echo(f"picture      not written ({user_path(main.parent)}: {problem.strerror}); --out FILE: another "
+                       f"place")
             return
         for camera in (found, *found.cameras):
             path = main if camera is found else main.with_name(f"{main.stem}_{camera.name}{main.suffix}")
@@ -96,7 +99,8 @@ def design(
 
         stages = ("simulations and sensitivities", "figures and page")
         with progress_view(Console(stderr=True, soft_wrap=True), out, stages) as view:
-            content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers, view.stage,
+            content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers,
+                                   view.stage,
                                    lambda done, total: view.tasks("plans", done, total))
         show_design(wide_console(), content)
         typer.echo(f"page     {user_path(out / PAGE_FILE)}")
@@ -104,7 +108,8 @@ def design(
 
 @app.command()
 def example(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="demo | stereo | bulge | polycarbonate | polycarbonate-plans",
+    name: Annotated[str,
+                    typer.Argument(metavar="NAME", help="demo | stereo | bulge | polycarbonate | polycarbonate-plans",
                                         show_default=False)],
     out: Annotated[Path, typer.Option(help="New or empty folder for the experiment.")],
     reduced: Annotated[bool, typer.Option("--reduced", help="Smaller images and mesh.")] = False,
@@ -150,7 +155,8 @@ def laws(
     plot: Annotated[Path | None, typer.Option(
         metavar="FILE", help="Draws the stress-strain curve of LAW and its sensitivities.")] = None,
     export: Annotated[Path | None, typer.Option(
-        metavar="RUN", help="Writes the laws that RUN has identified: a table for experiment.toml, and material cards of "
+        metavar="RUN",
+        help="Writes the laws that RUN has identified: a table for experiment.toml, and material cards of "
                             "Abaqus and CalculiX.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of --export [default: laws in RUN].")] = None,
 ) -> None:

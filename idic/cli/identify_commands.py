@@ -10,7 +10,8 @@ from typing import Annotated
 
 import typer
 
-from idic.cli.app import (AllowExternal, FileStore, MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, app,
+from idic.cli.app import (AllowExternal, FileStore, MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption,
+                          Workers, app,
                           UsePrefect, exit_code, read_overrides)
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome, paused
@@ -41,7 +42,8 @@ def identify(
     overrides: Overrides = None,
     prefect: UsePrefect = True,
     report: Annotated[bool, typer.Option(
-        "--report/--no-report", help="--no-report: results only; idic report RUN makes the page and its figures.")] = True,
+        "--report/--no-report",
+        help="--no-report: results only; idic report RUN makes the page and its figures.")] = True,
     allow_external: AllowExternal = None,
     store: FileStore = None,
 ) -> None:

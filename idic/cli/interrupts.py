@@ -1,8 +1,9 @@
 """Ctrl-C and SIGTERM end a command between two moments, not in the middle of a lock.
 
-Python raises KeyboardInterrupt wherever the main thread is. Where that is the instant at which a lock has been taken and the
-block that gives it back has not yet begun, the lock is held for ever, and so is the thread that hands in the results of
-Zarr or Dask: the command would hang instead of writing what it has. There the interruption waits for some milliseconds.
+Python raises KeyboardInterrupt wherever the main thread is. Where that is the instant at which a lock has been taken
+and the block that gives it back has not yet begun, the lock is held for ever, and so is the thread that hands in the
+results of Zarr or Dask: the command would hang instead of writing what it has. There the interruption waits for some
+milliseconds.
 """
 
 from __future__ import annotations

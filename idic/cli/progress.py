@@ -83,7 +83,8 @@ class ProgressView:
         """password : of the Prefect pages; others may read the log, so that it is on the screen only."""
         for name, url, secret in (("Prefect", prefect, password), ("Dask", dask, None)):
             if url:
-                self._say(f"{name} dashboard while this runs: {url}", on_screen=f"  (password {secret})" if secret else "")
+                self._say(f"{name} dashboard while this runs: {url}",
+                          on_screen=f"  (password {secret})" if secret else "")
 
     def _say(self, text: str, quiet: bool = False, on_screen: str = "") -> None:
         """A line with the time since the start, on the screen and, once the RUN exists, in ``RUN/log.txt``."""
@@ -103,7 +104,8 @@ class ProgressView:
 
 
 @contextmanager
-def progress_view(console: Console, run: Path, stages: Sequence[str] = (), spent_s: float = 0.0) -> Iterator[ProgressView]:
+def progress_view(console: Console, run: Path, stages: Sequence[str] = (),
+                  spent_s: float = 0.0) -> Iterator[ProgressView]:
     """Bars for the length of a ``with`` block; their lines go to ``RUN/log.txt`` too. See `ProgressView`."""
     columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=30), MofNCompleteColumn(),
                TimeElapsedColumn())  # fmt: skip
@@ -134,7 +136,8 @@ class Pace:
 
 
 def evaluations_left(history: Sequence[Mapping]) -> int | None:
-    """Expected number of further evaluations, from the gains of the last two accepted steps; None where they tell nothing.
+    """Expected number of further evaluations, from the gains of the last two accepted steps; None where they tell
+    nothing.
 
     The gains of Gauss-Newton steps fall by a constant ratio at least. A last evaluation confirms the end.
 

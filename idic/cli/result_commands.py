@@ -36,14 +36,16 @@ def report(run: Run) -> None:
 def clean(
     run: Run,
     results_only: Annotated[bool, typer.Option(
-        "--results-only", help="Also remove images, motions and state: no --resume, report or diagnosis afterwards.")] = False,
+        "--results-only",
+        help="Also remove images, motions and state: no --resume, report or diagnosis afterwards.")] = False,
 ) -> None:
     """Remove what `idic report` makes again; pages, tables and results stay."""
     with outcome(run=run):
         from idic.store.clean import clean_run
 
         typer.echo(f"{clean_run(run, results_only) / 1e6:.1f} MB freed; "
-                   + ("pages, tables and results are left" if results_only else f"idic report {user_path(run)} makes them again"))
+                   + ("pages, tables and results are left" if results_only
+                      else f"idic report {user_path(run)} makes them again"))
 
 
 @app.command()
@@ -52,7 +54,8 @@ def fields(
     out: Annotated[Path | None, typer.Option(help="Folder for the files [default: RUN/fields]")] = None,
     file_format: Annotated[str, typer.Option("--format", help="csv, vtu (ParaView), xdmf or zarr")] = "csv",
     strain: Annotated[str, typer.Option(help="green_lagrange, hencky or small")] = "green_lagrange",
-    angle: Annotated[float, typer.Option(help="Degrees by which the x axis of components is turned counter-clockwise")] = 0.0,
+    angle: Annotated[float,
+                     typer.Option(help="Degrees by which the x axis of components is turned counter-clockwise")] = 0.0,
 ) -> None:
     """Write displacement, strain, stress and state of a run as files, simulated and measured."""
     with outcome(run=run):

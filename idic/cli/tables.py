@@ -23,7 +23,8 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
 
     known = (truth or {}).get("parameters", {})
     result = result if known else in_ratios(result)  # of an example the truth is known in MPa
-    free = {name: entry for name, entry in result.get("parameters", {}).items() if entry.get("free") and not is_mode(name)}
+    free = {name: entry for name, entry in result.get("parameters", {}).items() if entry.get("free")
+            and not is_mode(name)}
     derived = result.get("derived", {})
     in_parts = any(_is_wider(entry) for entry in (*free.values(), *derived.values()))
     table = Table(box=None, header_style="bold")
@@ -47,9 +48,11 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
         table.add_row(*row)
     ends = ["-", "-"] if known else []
     for entry in virtual_boundaries(result):
-        table.add_row(entry["name"], entry["text"], entry["std"], *(["-"] if in_parts else []), entry["unit"], "-", *ends)
+        table.add_row(entry["name"], entry["text"], entry["std"], *(["-"] if in_parts else []), entry["unit"], "-",
+                      *ends)
     for name, entry in derived.items():
-        table.add_row(name, _number(entry["value"], entry.get("std")), *errors(entry), entry.get("unit", ""), "-", *ends)
+        table.add_row(name, _number(entry["value"], entry.get("std")), *errors(entry), entry.get("unit", ""), "-",
+                      *ends)
     return table
 
 
@@ -64,7 +67,8 @@ def remarks(result: Mapping) -> list[str]:
     from idic.report.stress_scale import held_stresses
     from idic.report.words import advice, between_specimens, left_out, not_explained, undetermined
 
-    texts = (held_stresses(result), *between_specimens(result), *advice(result), undetermined(result), not_explained(result),
+    texts = (held_stresses(result), *between_specimens(result), *advice(result), undetermined(result),
+             not_explained(result),
              left_out(result))
     return [in_words_of(result, text) for text in texts if text]
 

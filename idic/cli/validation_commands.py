@@ -16,7 +16,8 @@ from idic.cli.outcomes import outcome
 
 @app.command()
 def study(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="bulge | convergence | coverage | misfit | polycarbonate | two-step",
+    name: Annotated[str, typer.Argument(metavar="NAME",
+                                        help="bulge | convergence | coverage | misfit | polycarbonate | two-step",
                                         show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder for study.zarr, study.html, figures.")],
     reduced: Annotated[bool, typer.Option("--reduced", help="Small images and meshes: minutes.")] = False,
@@ -41,7 +42,8 @@ def study(
 def trial(
     out: Annotated[Path, typer.Option(help="Folder for register, sealed truths, answers, trial.html.")],
     only: Annotated[list[str] | None, typer.Option(
-        metavar="GROUP", help="singles | clean | outside | pairs | indistinguishable, or the beginning of a trial's name. "
+        metavar="GROUP",
+        help="singles | clean | outside | pairs | indistinguishable, or the beginning of a trial's name. "
         "May be repeated.")] = None,
     sketch: Annotated[bool, typer.Option("--sketch", help="One trial of each kind, at one strength.")] = False,
     seed: Seed = 1,

@@ -91,7 +91,8 @@ def _widened(basis: BasisEquations, factor: float, place: np.ndarray, size: int)
 
 
 def _stacked(bases: Sequence[BasisEquations]) -> BasisEquations:
-    return BasisEquations(*(np.concatenate([getattr(basis, f.name) for basis in bases]) for f in fields(BasisEquations)))
+    return BasisEquations(*(np.concatenate([getattr(basis, f.name) for basis in bases])
+                            for f in fields(BasisEquations)))
 
 
 def unit_weights(weights: Weights) -> Weights:

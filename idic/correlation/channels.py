@@ -2,8 +2,8 @@
 
     shown = scale F (1 + curvature F / F_max) + (friction + friction_share |F|) way + offset + drift (t - t_0)
 
-or, in place of the drift, a course that the data give (``drift_knot[FRAME]``, `idic.model.free_course`). F_max is the largest reading, way the direction of the load train (`idic.model.load_train`), t_0 the reference frame or
-`drift_from`.
+or, in place of the drift, a course that the data give (``drift_knot[FRAME]``, `idic.model.free_course`). F_max is the
+largest reading, way the direction of the load train (`idic.model.load_train`), t_0 the reference frame or `drift_from`.
 """
 
 from __future__ import annotations

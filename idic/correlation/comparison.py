@@ -85,7 +85,8 @@ class Reference(Protocol):
         """Columns (c n_nodes, m) and the brightness in the basis of the reference  # (n_shared, m + n_brightness)"""
 
     def shared_gram(self, experiment: Experiment, shared: np.ndarray) -> tuple[np.ndarray, int]:
-        """S^T S of summed `shared_columns`, the first rows of `shared`; the Gram matrix and the number of those rows."""
+        """S^T S of summed `shared_columns`, the first rows of `shared`; the Gram matrix and the number of those
+        rows."""
 
     def pull_back(self, motion: np.ndarray) -> np.ndarray:
         """What takes nodal fields of a frame to the reference, F^-1 or its like for heights  # (n_nodes, c, c)"""

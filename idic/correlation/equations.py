@@ -53,8 +53,8 @@ class FrameEquations:
     local_precision, local_gap : prior of the local unknowns, (m, m) and prior mean minus present value (m,);
     noise_gram : kappa x gram, where that is a sum over several cameras; basis : the frame against the basis of
     `shared`, None where the kind of view has none; scatter : (m, m) the part of local_precision that is the scatter of
-    a record, None: all of it; the rest keeps a measured edge smooth and is no noise; few : so few rows that the unknowns
-    of the frame take a visible part of their squares.
+    a record, None: all of it; the rest keeps a measured edge smooth and is no noise; few : so few rows that the
+    unknowns of the frame take a visible part of their squares.
     """
 
     gram: np.ndarray

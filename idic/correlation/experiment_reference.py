@@ -31,7 +31,8 @@ def camera_at(experiment: Experiment, parameters: ParameterSet) -> AnyCamera:
     """The camera with the camera degrees of freedom of these parameters."""
     stem = experiment.camera_name
     if isinstance(experiment.camera, PlacedCamera):
-        lens = {name.removeprefix(f"{stem}."): at.value for name, at in parameters.items() if name.startswith(f"{stem}.")}
+        lens = {name.removeprefix(f"{stem}."): at.value for name, at in parameters.items()
+                if name.startswith(f"{stem}.")}
         common = {name: at.value for name, at in parameters.items() if name.startswith(f"{PLACEMENT_STEM}.")}
         return experiment.camera.with_parameters(lens | common)
     values = {name: parameters[f"{stem}.{name}"].value for name in CAMERA_PARAMETERS if f"{stem}.{name}" in parameters}

@@ -113,8 +113,8 @@ class ResidualMap:
     r : (n_pixels,) float32 GV; 0 where not valid.  valid : (n_pixels,) bool.
     noise_gain : (n_pixels,) w^2 of the interpolator: the variance of r under pure noise is sigma^2 (1 + w^2);
     still_gain : with a low-pass, the variance of the reference's blurred noise / sigma^2 takes the place of the 1;
-    n_images : averaged to the reference; matched_gain : (n_pixels,) still_gain where the blur of the reference is matched
-    to that of the frame (`idic.images.matched_blur`), None where nowhere.
+    n_images : averaged to the reference; matched_gain : (n_pixels,) still_gain where the blur of the reference is
+    matched to that of the frame (`idic.images.matched_blur`), None where nowhere.
     """
 
     r: np.ndarray
@@ -160,8 +160,10 @@ def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
     inverse, det = _inverse_gradients(reference, motion)
     valid = _initially_valid(pm.n_pixels, exclude)
     sums, lost = np.empty((pm.n_elements, N_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
-    image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, *reference.matching(inverse),
-               layout.mean[layout.patch], motion, spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree,
+    image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy,
+               *reference.matching(inverse),
+               layout.mean[layout.patch], motion, spline.coefficients.ravel(), spline.coefficients.shape[1],
+               spline.degree,
                np.int32(reference.border_px), valid, sums, lost)
     slot, blocks = _blocks_of_valid(reference, lost, valid)
     q, data = np.zeros(2 * pm.n_nodes), np.zeros(len(reference.pattern.indices))

@@ -8,7 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from idic.correlation.pixels.blocks import ElementBlocks, Pattern, block_pattern, element_blocks, element_nodes, sparsity
+from idic.correlation.pixels.blocks import (
+    ElementBlocks, Pattern, block_pattern, element_blocks, element_nodes, sparsity,
+)
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.errors import InputError
 from idic.images.interpolate import gradient_at_pixels, prefilter
@@ -99,9 +101,11 @@ class ReferenceImage:
     image_gv: np.ndarray | None = None
 
     def matching(self, inverse: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Maps (8, n_pixels) and their weights (n_elements, 8), float32, that give f the blur of a frame; or both empty.
+        """Maps (8, n_pixels) and their weights (n_elements, 8), float32, that give f the blur of a frame; or both
+        empty.
 
-        inverse : (n_elements, 2, 2) F^-1 in pixel coordinates. docs/method.md, equation 1.10; nothing without a low-pass.
+        inverse : (n_elements, 2, 2) F^-1 in pixel coordinates. docs/method.md, equation 1.10; nothing without a
+        low-pass.
         """
         if self.image_gv is not None:
             weights = matching_weights(inverse, self.lowpass_px, self.camera_blur_px).astype(np.float32)

@@ -33,7 +33,8 @@ from idic.correlation.context import CorrelationContext
 from idic.correlation.equations import Weights
 from idic.correlation.system import CorrelationSystem, FrameRecord, LocalEquations, OpenSums, solve_positive
 
-MAX_DENSE_UNKNOWNS = 6000  # frame-local ones, in one matrix (0.3 GB): beyond, frame by frame, with the same values within rounding
+# frame-local ones, in one matrix (0.3 GB): beyond, frame by frame, with the same values within rounding
+MAX_DENSE_UNKNOWNS = 6000
 
 
 def ordinary_variance(references: int) -> float:
@@ -115,9 +116,9 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, va
                     gram: Callable[[np.ndarray], np.ndarray]) -> tuple[CorrelationSystem, np.ndarray]:
     """The same for many frame-local unknowns, without a matrix of all of them.
 
-    With blocks B of the frames and U = [pattern, product]^T of their unknowns, A = B - variance/2 U J U^T, J exchanges the two
-    halves: its inverse follows from a matrix of 2 n_shared rows (Sherman, Morrison and Woodbury). Memory does not grow with
-    the frames beyond `sums`, which may lie on disk.
+    With blocks B of the frames and U = [pattern, product]^T of their unknowns, A = B - variance/2 U J U^T, J exchanges
+    the two halves: its inverse follows from a matrix of 2 n_shared rows (Sherman, Morrison and Woodbury). Memory does
+    not grow with the frames beyond `sums`, which may lie on disk.
     """
     n, r, half = len(system.names), len(c), 0.5 * variance
     pattern = c[:, None] * sums.columns

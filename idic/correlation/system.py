@@ -199,7 +199,8 @@ def eliminate(frame: int, names: Sequence[str], equations: FrameEquations, weigh
     record = FrameRecord(frame, n_pixels, n_lost, rr, equations.channels.residual - columns @ full_step,
                          step[:m].copy(), -slope[:m].copy(), step[m:].copy(),
                          np.array([[n_pixels, n_lost, rr, size - n - m]]), columns @ project,
-                         float(np.trace(solve_positive(whole[n:, n:], image[n:, n:]))) if equations.few and size > n else 0.0)
+                         float(np.trace(solve_positive(whole[n:, n:], image[n:, n:]))) if equations.few and size > n
+                         else 0.0)
     sums = None
     if equations.basis is not None and weights.generalised:
         sums = _open_sums(equations, weights.image, whole, rhs, noise, full_step, n)

@@ -6,8 +6,9 @@
     section   column, row, height          camera at (x, 0); the height is  n u_y / height_unit
 
 ``n`` is the sign of the surface's outward normal: a height is positive where the surface rises towards the camera.
-A camera with a lens has a view of its own, `idic.correlation.pinhole.view`. A cross-section (2D mesh whose `surface` is a set of edges) is seen from above: its x runs through the image, its y is
-the height, and nothing changes along the third direction.
+A camera with a lens has a view of its own, `idic.correlation.pinhole.view`. A cross-section (2D mesh whose `surface` is
+a set of edges) is seen from above: its x runs through the image, its y is the height, and nothing changes along the
+third direction.
 
 Degrees of freedom of the image kernels are numbered ``n_components * node + component``.
 """

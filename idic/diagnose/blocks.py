@@ -41,7 +41,8 @@ MIN_FITTED_FRAMES = 3
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Data for fitting and data for judging: masks (ny, nx) bool, None for all pixels; frame numbers, None for all frames."""
+    """Data for fitting and data for judging: masks (ny, nx) bool, None for all pixels; frame numbers, None for all
+    frames."""
 
     name: str
     fit_mask: np.ndarray | None = None

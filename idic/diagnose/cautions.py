@@ -34,7 +34,8 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     search = search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
     camera = [diagnosis.margin.words] if diagnosis.margin.px > PRACTICAL_MARGIN_PX else []
     return [*_quick(diagnosis), *search, *camera, *formal_fit(diagnosis.excess_left),
-            *channel_cautions(diagnosis.channels), *_few_elements(diagnosis), *_not_simulated(diagnosis), *refits_cut_short(diagnosis.rounds), *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
+            *channel_cautions(diagnosis.channels), *_few_elements(diagnosis), *_not_simulated(diagnosis),
+            *refits_cut_short(diagnosis.rounds), *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
 
 
 def _quick(diagnosis: Diagnosis) -> list[str]:
@@ -65,10 +66,13 @@ def formal_fit(excesses: Sequence[ExcessLeft]) -> list[str]:
                 f"with it than without it ({left.motion_px:.2g} px rms are left)."]
     inclusion = left.max_share != MAX_EXCESS_LEFT
     what = "It is no inclusion of another stiffness" if inclusion else "The selected candidate does not fit"
-    where = "at the place of the fitted inclusion" if left.max_share == MAX_LOCAL_EXCESS_LEFT else "with its time course"
-    look = " Look at the specimen there: a cut, a crack or a part of another shape moves like that." if inclusion else ""
+    where = ("at the place of the fitted inclusion"
+             if left.max_share == MAX_LOCAL_EXCESS_LEFT else "with its time course")
+    look = (" Look at the specimen there: a cut, a crack or a part of another shape moves like that."
+            if inclusion else "")
     before = left.before
-    part = f", {left.after.excess / before.excess:.1%} of the excess before" if before.excess > before.excess_std else ""
+    part = (f", {left.after.excess / before.excess:.1%} of the excess before"
+            if before.excess > before.excess_std else "")
     return [f"{what}: {left.motion_px:.2g} px rms of motion {where} are left "
             f"({z_text(left.after.excess_z)} standard deviations{part}).{look}"]
 
@@ -80,7 +84,8 @@ def search_cautions(status: str, before: float, after: float, std: float) -> lis
     """
     found = []
     if status != "converged":
-        found.append(f"The identification had not converged ({STATUS_WORDS.get(status, status)}). A part of its residual "
+        found.append(f"The identification had not converged ({STATUS_WORDS.get(status, status)}). A part of its "
+                     f"residual "
                      "may come from the search and not from physics; the selected candidate is then only the nearest "
                      "description of that part. Let the identification converge and diagnose again.")
     if after - before > max(MAX_EXCESS_GROWTH * abs(before), MAX_EXCESS_GROWTH_STD * std):
@@ -97,8 +102,8 @@ def refits_cut_short(rounds: Sequence[Round]) -> list[str]:
                 if rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * one.winner.achieved]
         names = [rival.ranked.called for rival in near if rival.refitted.status == "max_iterations"]
         if len(near) > 1 and names:
-            found.append(f"{one.winner.ranked.called} was selected after at most {MAX_EVALUATIONS} evaluations of every "
-                         f"refit. Not converged by then: {', '.join(names)}. Their order may change.")
+            found.append(f"{one.winner.ranked.called} was selected after at most {MAX_EVALUATIONS} evaluations of "
+                         f"every refit. Not converged by then: {', '.join(names)}. Their order may change.")
     return found
 
 
@@ -120,7 +125,8 @@ def rivals_not_ruled_out(rounds: Sequence[Round], after: Fit) -> list[str]:
             if (why and near and rival is not winner and rival.name not in one.equals
                     and left > MIN_LEFT_OF_DIFFERENCE * (winner.achieved - rival.achieved)):
                 share = rival.achieved / winner.achieved
-                found.append(f"{other.called} is not ruled out: its refit reaches {share:.1%} of the drop in chi-square of "
+                found.append(f"{other.called} is not ruled out: its refit reaches {share:.1%} of the drop in "
+                             f"chi-square of "
                              f"{selected.called}, and the excess left at the end is a good part of the difference "
                              f"({why}).")
     return found
@@ -150,5 +156,6 @@ def _few_elements(diagnosis: Diagnosis) -> list[str]:
     one_set = len({name.partition(".")[0] for name in new}) == 1
     names = ", ".join((name.partition(".")[2] if one_set else name).replace("_", " ") for name in new)
     return [f"The selected law acts in {int((active.since >= 0).sum())} of {len(active.since)} elements and mostly in "
-            f"about {max(carrying, 1.0):.0f} of them. The error bars of its parameters ({names}) count noise only, not the "
+            f"about {max(carrying, 1.0):.0f} of them. The error bars of its parameters ({names}) count noise only, not "
+            f"the "
             "coarseness of the mesh there. Run  idic systematic  on the enriched model, or refine the mesh."]

@@ -181,7 +181,8 @@ def _separating_test(groups: Sequence[Group], setting: Setting, notes: Notes) ->
 
 
 def _camera_chi2(margin: Margin, power_of_unit: float, judged: Round | None) -> float:
-    """Chi-square of the camera's floor on the copies that judge; judged : the round, where one candidate was selected."""
+    """Chi-square of the camera's floor on the copies that judge; judged : the round, where one candidate was
+    selected."""
     if margin.floor is None:
         return 0.0
     copies = 2 if judged is not None and judged.winner.crossed_judgement is not None else 1  # type: ignore[union-attr]
@@ -192,10 +193,11 @@ def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round],
               setting: Setting) -> tuple[Refit, ResidualEvidence | None, Activity | None]:
     """The last model fitted to the recording itself, its residual (None without an equilibrium), its active elements.
 
-    The fit begins at the end of the fit to a copy, a few standard deviations away, with the estimator of that end. A quick
-    diagnosis ends with the fit to the copy.
+    The fit begins at the end of the fit to a copy, a few standard deviations away, with the estimator of that end. A
+    quick diagnosis ends with the fit to the copy.
     """
-    setting.stage("residual of the enriched model" if setting.quick else "fit of the enriched model to the whole recording")
+    setting.stage("residual of the enriched model" if setting.quick
+                  else "fit of the enriched model to the whole recording")
     with setting.clock.step("final_s"):
         (final,) = [null] if setting.quick else setting.refits([refit_of_one(
             source, "enriched", null, setting.grid, setting.seed, copies=False, estimator=null.estimator)])

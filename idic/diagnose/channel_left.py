@@ -1,7 +1,8 @@
 """What a model leaves in the channels: they are judged like motions.
 
-The residual of a reading, over the noise that frame-local unknowns leave in it (`idic.diagnose.residual.heldout.readings`), is
-unit normal for a complete model; the sum of its squares over the frames is chi-square distributed.
+The residual of a reading, over the noise that frame-local unknowns leave in it
+(`idic.diagnose.residual.heldout.readings`), is unit normal for a complete model; the sum of its squares over the frames
+is chi-square distributed.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ MIN_READING_SHARE = 1e-3  # of the largest reading, rms: below, simulations of o
 class ChannelLeft:
     """Residual of one channel before and after an addition to the model.
 
-    column : name in the log; before, after : (T,) in standard deviations; noise_share : standard deviation of a reading over
-    the largest reading
+    column : name in the log; before, after : (T,) in standard deviations; noise_share : standard deviation of a reading
+    over the largest reading
     """
 
     column: str
@@ -54,7 +55,8 @@ class ChannelLeft:
 
     @property
     def matters(self) -> bool:
-        """Whether a part is left that is significant, a good share of the excess before, and larger than discretisation."""
+        """Whether a part is left that is significant, a good share of the excess before, and larger than
+        discretisation."""
         return self.is_significant and self.share > MAX_CHANNEL_EXCESS_LEFT and self.reading_share > MIN_READING_SHARE
 
 

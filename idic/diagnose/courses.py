@@ -1,6 +1,7 @@
 """Courses in time of causes that are no material: slip, rotation, misalignment, drift of a channel, magnification.
 
-A cause is a pattern times a course; the course of one degree of freedom is the change of that amplitude with it, per frame.
+A cause is a pattern times a course; the course of one degree of freedom is the change of that amplitude with it, per
+frame.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ class Course:
 
     @property
     def onset(self) -> tuple[int, int] | None:
-        """Frames between which it begins: the last one in which it is zero within a standard deviation, and the first one
-        beyond `MIN_ONSET_STD`; None where none is.
+        """Frames between which it begins: the last one in which it is zero within a standard deviation, and the first
+        one beyond `MIN_ONSET_STD`; None where none is.
         """
         seen = np.abs(self.value) > MIN_ONSET_STD * np.maximum(self.std, 1e-300)
         if not seen.any():
@@ -71,8 +72,8 @@ def courses_of(cause: str, experiment: Experiment, names: Iterable[str], values:
                stds: Mapping[str, float | None]) -> list[Course]:
     """Courses of a cause, one per degree of freedom, or per set of knots.
 
-    values, stds : of parameters, internal units. Between knots the bands of the neighbours are interpolated: the covariance
-    of knots would make it narrower.
+    values, stds : of parameters, internal units. Between knots the bands of the neighbours are interpolated: the
+    covariance of knots would make it narrower.
     """
     parts: dict[str, list[tuple[str, np.ndarray]]] = {}
     for name in names:

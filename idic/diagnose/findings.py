@@ -1,4 +1,5 @@
-"""What a diagnosis reports of its mismatch and its candidates: place in words, active elements, form of an inclusion."""
+"""What a diagnosis reports of its mismatch and its candidates: place in words, active elements, form of an
+inclusion."""
 
 from __future__ import annotations
 

@@ -198,7 +198,8 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
             drive, "corrections") else {}
         if isinstance(drive, Column):
             rates = None if drive.rates is None else np.concatenate([drive.rates, np.zeros(n)])
-            changes |= {"values": (held if isinstance(entry, Temperature) else scaled)(drive.values), "rates": rates}  # type: ignore[dict-item]
+            values = (held if isinstance(entry, Temperature) else scaled)(drive.values)
+            changes |= {"values": values, "rates": rates}  # type: ignore[dict-item]
         return replace(entry, drive=replace(drive, **changes)) if changes else entry
 
     channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]),
@@ -247,13 +248,15 @@ def _shown(model: Model, continuation: Continuation, seen: np.ndarray) -> _Shown
     for at in forward.march(context.parameters, context.moving, local, None, forward.drives.n_local > 0):
         frame = at.frame + experiment.reference
         if frame in old or frame >= context.experiment.n_frames - len(continuation.motion):
-            response = FrameResponse(frame, at.seen_u, at.channels, at.seen_du, at.dchannels, at.seen_local_du, at.local_dchannels)
+            response = FrameResponse(frame, at.seen_u, at.channels, at.seen_du, at.dchannels, at.seen_local_du,
+                                     at.local_dchannels)
             rows = channel_equations(context, response)
             fields.append(global_columns(context, response)[seen])
             channels.append(rows.d_global)
             motion.append(view.at(frame).motion(nodes, at.seen_u).ravel()[seen])
             channel_residual.append(rows.residual)
-    return _Shown(Columns(context.names, np.array(fields), np.array(channels)), np.array(motion), np.array(channel_residual))
+    return _Shown(Columns(context.names, np.array(fields), np.array(channels)), np.array(motion),
+                  np.array(channel_residual))
 
 
 def _apart(evidence: Evidence, one: _Shown, other: _Shown, continuation: Continuation) -> float:

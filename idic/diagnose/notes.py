@@ -28,5 +28,6 @@ class Notes:
         except Exception as problem:  # noqa: BLE001 - a bug: the verdict stands, and the note says how to find it
             where = traceback.extract_tb(problem.__traceback__)[-1]
             self.told.append(f"Without {what}: {type(problem).__name__}, {problem} ({Path(where.filename).name}, line "
-                             f"{where.lineno}). The verdict does not depend on it. This is a bug in idic: please report it.")
+                             f"{where.lineno}). The verdict does not depend on it. This is a bug in idic: please "
+                             f"report it.")
         return otherwise

@@ -25,7 +25,8 @@ P_UNEXPLAINED = 0.1  # of a name where the verdict says that the library does no
 P_NONE = 0.99
 
 
-def probability(verdict: Verdict, rounds: Sequence[Round], left: ExcessLeft, channels: Sequence[ChannelLeft]) -> float | None:
+def probability(verdict: Verdict, rounds: Sequence[Round], left: ExcessLeft,
+                channels: Sequence[ChannelLeft]) -> float | None:
     """Of the selected set, or of the absence of a visible effect (`none`); None where the test says nothing.
 
     left, channels : what the last model leaves on the whole recording

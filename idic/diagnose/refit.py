@@ -24,11 +24,14 @@ from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
 
 MAX_STARTS = 3  # at most, from different grid points
-MAX_EVALUATIONS = 12  # of a model that is compared with others: right ones converge in 3 to 7; the winner is fitted to its end
-STEP_TOLERANCE_STD = 0.1  # of a standard deviation, the last step: convergence is slow where yielding points make phi non-smooth
+# of a model that is compared with others: right ones converge in 3 to 7; the winner is fitted to its end
+MAX_EVALUATIONS = 12
+# of a standard deviation, the last step: convergence is slow where yielding points make phi non-smooth
+STEP_TOLERANCE_STD = 0.1
 MAX_START_AMPLITUDE = 8.0  # amplitudes of the probe that a start may promise
 MIN_NULL_SHARE = 0.2  # of a positive null value
-MIN_STEPS_FROM_BORROWED = 2  # accepted ones: the first undamped step of a linear problem ends at its minimum, whatever the start
+# accepted ones: the first undamped step of a linear problem ends at its minimum, whatever the start
+MIN_STEPS_FROM_BORROWED = 2
 MAX_FURTHER_GAIN = 3.0  # times its last improvement: the gain that a rival may still make
 MAX_LAG_SHARE = 0.1  # of the way back from the best to the null: a rival that stays behind that is given up
 MAX_PARAMETER_CHANGE = 0.4  # relative change of an identified parameter
@@ -124,7 +127,8 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
 
     Parameters
     ----------
-    starts : at most `MAX_STARTS` are tried, until one ends below `target`; of those with one label, a model that begins in
+    starts : at most `MAX_STARTS` are tried, until one ends below `target`; of those with one label, a model that begins
+    in
         several places, the first that converges
     other : {label of the start: the same experiment on the copy for judging}; {} judges nothing
     local : (n_frames, m) mm, frame-local unknowns to begin with
@@ -199,7 +203,8 @@ def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:
             value = null + size * (probe - null) if finite else probe
             own[name] = max(value, MIN_NULL_SHARE * null) if null > 0.0 and finite else value
     share = size / amplitude if amplitude else 0.0
-    moved = {name: value + float(np.clip(share * ranked.bias.get(name, 0.0), -MAX_PARAMETER_CHANGE * abs(value), MAX_PARAMETER_CHANGE * abs(value)))
+    moved = {name: value + float(np.clip(share * ranked.bias.get(name, 0.0), -MAX_PARAMETER_CHANGE * abs(value),
+                                         MAX_PARAMETER_CHANGE * abs(value)))
              for name, value in values.items()}
     return moved | own
 
@@ -244,4 +249,5 @@ def identification_at(experiment: Experiment, values: Mapping[str, float], local
 
 def refit_residual(experiment: Experiment, refitted: Refit) -> ResidualEvidence:
     """The residual of a refitted model."""
-    return residual_evidence(identification_at(experiment, refitted.values, refitted.local, refitted.steps), light=False)
+    return residual_evidence(identification_at(experiment, refitted.values, refitted.local, refitted.steps),
+                             light=False)

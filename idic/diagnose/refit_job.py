@@ -1,4 +1,5 @@
-"""One refit as a task: edits of experiment.toml and numbers in, one `Refit` out; and the protocols that supply and run such tasks."""
+"""One refit as a task: edits of experiment.toml and numbers in, one `Refit` out; and the protocols that supply and run
+such tasks."""
 
 from __future__ import annotations
 

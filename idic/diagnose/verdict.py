@@ -117,18 +117,19 @@ def _is_unexplained(excess: ExcessLeft, share: float) -> bool:
 
 
 def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | None, in_motions: bool) -> str | None:
-    """The next test: it separates the members of a set (cheapest first), makes a blind test sensitive, or locates the side
-    of an unexplained mismatch.
+    """The next test: it separates the members of a set (cheapest first), makes a blind test sensitive, or locates the
+    side of an unexplained mismatch.
     """
     for one in won:
         if one.equals:
             return _separating(one.winner.ranked.candidate)
     if word == "outside_library" and not in_motions:
-        return ("hang a dead weight on the load cell and repeat the test at another speed: a reading that no motion goes with "
-                "comes from the load train, its clock or the rate")
+        return ("hang a dead weight on the load cell and repeat the test at another speed: a reading that no motion "
+                "goes with comes from the load train, its clock or the rate")
     if word == "outside_library":
         return ("repeat the test and unload to zero once: motion that stays is inelastic" if unloads is False else
-                "repeat the test with the specimen, or a second one, mounted end for end: unexplained motion that turns "
+                "repeat the test with the specimen, or a second one, mounted end for end: unexplained motion that "
+                "turns "
                 "with it comes from the specimen; motion that stays comes from the grips, the machine or the camera")
     if word == "blind":
         return _more_sensitive(first) if is_insensitive(first) else (

@@ -33,7 +33,8 @@ from idic.images.interpolate import prefilter
 from idic.images.stack import Stack
 from idic.model.experiment import Experiment
 
-LENGTH_NODES = 4.0  # regularisation length over the distance of the nodes: twice that of a measured motion, half its noise
+# regularisation length over the distance of the nodes: twice that of a measured motion, half its noise
+LENGTH_NODES = 4.0
 MIN_LENGTH_PX = 48.0
 MAX_STILL_FRAMES = 6  # measured, spread over those found: a few passes over an image each
 N_LEADING = 3  # motions of the loaded frames that may be the specimen's: elastic, its change under load, plastic
@@ -90,8 +91,8 @@ def camera_floor(experiment: Experiment, reference: ReferenceImage, still: Still
     reference : ReferenceImage
         Of that view (`idic.correlation.experiment_reference.build_reference`), grey.
     motion : callable, optional
-        Frame -> displacement of the nodes (n_nodes, 2) px, NaN where unknown: the start of a still frame, and the motions
-        of the specimen.
+        Frame -> displacement of the nodes (n_nodes, 2) px, NaN where unknown: the start of a still frame, and the
+        motions of the specimen.
     """
     if not still.found or not experiment.noise.std_gv or experiment.mesh.n_nodes > MAX_NODES:
         return None

@@ -66,7 +66,8 @@ def field_variance(frame: DicFrame, reference: FieldReference, dof: float) -> fl
 
 
 def smoother_of(experiment: Experiment, reference: FieldReference, regularisation: Regularisation) -> Smoother:
-    """The regularisation on the nodes of the grid; without a length, waves of two nodes' distance are damped by half."""
+    """The regularisation on the nodes of the grid; without a length, waves of two nodes' distance are damped by
+    half."""
     nodes, cells = reference.pixel_map.nodes_px, surface_cells(experiment.mesh, experiment.surface)
     smoother = build_smoother(nodes, cells, regularisation)
     if regularisation.length_px is not None or regularisation.kind == "none":

@@ -1,11 +1,11 @@
 """Free stereo FE-DIC: the motion in space of every node of a surface that cameras with a lens see, frame by frame.
 
-    (sum_c w_c J_c^T H_c J_c + P) dU = sum_c w_c J_c^T q_c - P U,      U <- U + dU           (docs/method.md, equation 17.8)
+    (sum_c w_c J_c^T H_c J_c + P) dU = sum_c w_c J_c^T q_c - P U,      U <- U + dU   (docs/method.md, equation 17.8)
 
-with H_c and q_c of camera c in its own image, brightness eliminated, J_c the 2 x 3 Jacobians at the nodes, w_c = 1/(2 sigma_c²)
-and P = w D^T D a regularisation of the surface: D U is the second difference of every component over the neighbours of a
-node, zero for every affine motion. No point is triangulated and no image rectified. Three unknowns per node are determined
-where two cameras see it; elsewhere the regularisation carries what its neighbours say.
+with H_c and q_c of camera c in its own image, brightness eliminated, J_c the 2 x 3 Jacobians at the nodes, w_c = 1/(2
+sigma_c²) and P = w D^T D a regularisation of the surface: D U is the second difference of every component over the
+neighbours of a node, zero for every affine motion. No point is triangulated and no image rectified. Three unknowns per
+node are determined where two cameras see it; elsewhere the regularisation carries what its neighbours say.
 """
 
 from __future__ import annotations
@@ -88,7 +88,8 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
     """
     eyes = [_eye(view) for view in experiment.views if isinstance(view.camera, PlacedCamera)]
     if len(eyes) < 2:
-        raise InputError("motion in space needs two cameras with a lens", key="camera", expected="two [[camera]] tables "
+        raise InputError("motion in space needs two cameras with a lens", key="camera",
+                         expected="two [[camera]] tables "
                          'with model = "pinhole"', found=str(len(eyes)), remedy="use idic.dic.dic_stack for one camera")
     cells = [(np.asarray(pm.conn), np.asarray(pm.kind)) for pm in (eye.reference.pixel_map for eye in eyes)]
     smoother = surface_smoother(in_space(experiment.mesh.nodes), cells, length_mm)
@@ -112,7 +113,8 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
 
 def _eye(view: Experiment) -> _Eye:
     noise = view.noise.std_gv or DEFAULT_NOISE_GV
-    return _Eye(view, view_of(view, view.camera), build_reference(view, view.camera), 0.5 / noise**2)  # type: ignore[arg-type]
+    return _Eye(view, view_of(view, view.camera), build_reference(view, view.camera),
+                0.5 / noise**2)  # type: ignore[arg-type]
 
 
 def _measure(eyes: Sequence[_Eye], frame: int, start: np.ndarray,

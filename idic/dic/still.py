@@ -72,7 +72,8 @@ def find_still_frames(experiment: Experiment, motion_px: np.ndarray | None = Non
     by_log = _rest_by_log(experiment)
     source, rest = "log", by_log
     if motion_px is not None:
-        by_images = _rest_by_images(nodes_in_image(experiment)[slice(None) if nodes is None else nodes], np.asarray(motion_px, float))
+        by_images = _rest_by_images(nodes_in_image(experiment)[slice(None) if nodes is None else nodes],
+                                    np.asarray(motion_px, float))
         source = "images"
         rest = by_images if by_log is None or by_images is None else by_images & by_log
     found = set() if rest is None else set(np.flatnonzero(rest).tolist())

@@ -2,9 +2,9 @@
 
     D U at node i = sqrt(A_i) times the surface Laplacian of each component, made zero for every affine motion
 
-A_i is the area of the node. The Laplacian comes from the faces, sum_f int grad N_a . grad N_i / A_i; what it makes of an affine
-motion on a curved surface, or at an edge, is taken off by the smallest change of its coefficients: rigid motion and even
-strain pass unchanged. Of waves of length lambda the part 1/(1 + (l/lambda)^4) passes.
+A_i is the area of the node. The Laplacian comes from the faces, sum_f int grad N_a . grad N_i / A_i; what it makes of
+an affine motion on a curved surface, or at an edge, is taken off by the smallest change of its coefficients: rigid
+motion and even strain pass unchanged. Of waves of length lambda the part 1/(1 + (l/lambda)^4) passes.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def surface_smoother(points: np.ndarray, cells: Sequence[tuple[np.ndarray, np.nd
                      length_mm: float | None = None) -> SurfaceSmoother:
     """The smoother on the faces that any camera sees.
 
-    points : (n_nodes, 3) mm; cells : per camera the faces, nodes (n, 8) and kinds (n,) of `PixelMap`; length_mm : None: twice the
-    distance of the nodes
+    points : (n_nodes, 3) mm; cells : per camera the faces, nodes (n, 8) and kinds (n,) of `PixelMap`; length_mm : None:
+    twice the distance of the nodes
     """
     conn, kind = np.concatenate([c for c, _ in cells]), np.concatenate([k for _, k in cells])
     _, first = np.unique(np.column_stack([conn, kind]), axis=0, return_index=True)

@@ -1,1 +1,2 @@
-"""`idic draw`: a local page that draws the mesh on the reference image, writes experiment.toml and watches `idic identify`."""
+"""`idic draw`: a local page that draws the mesh on the reference image, writes experiment.toml and watches `idic
+identify`."""

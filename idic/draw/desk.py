@@ -103,7 +103,8 @@ class Desk:
     def area(self, images: str) -> dict:
         """The speckled area as a first drawing; noise and size of the speckle."""
         found = self.recording(images)
-        return {"sketch": first_sketch(found.outline, found.holes, found.pictures.stack.shape), "found": bool(found.outline),
+        return {"sketch": first_sketch(found.outline, found.holes, found.pictures.stack.shape),
+                "found": bool(found.outline),
                 "noise_gv": found.noise_gv, "speckle_px": found.speckle_px}
 
     def log(self, name: str, images: str) -> dict:
@@ -116,9 +117,11 @@ class Desk:
         assert isinstance(sketch, Sketch)
         number = segments_of(sketch.outline, sketch.holes).area() / sketch.element_px**2
         if number > MAX_SHOWN_ELEMENTS:
-            raise InputError("too many elements to show", key="element_px", expected=f"{MAX_SHOWN_ELEMENTS} elements or fewer",
+            raise InputError("too many elements to show", key="element_px",
+                             expected=f"{MAX_SHOWN_ELEMENTS} elements or fewer",
                              found=f"about {number:.0f}", remedy="choose larger elements")
-        drawing = Drawing(sketch.outline, sketch.holes, sketch.element_px, sketch.elements == "quads", sketch.edge_names,
+        drawing = Drawing(sketch.outline, sketch.holes, sketch.element_px, sketch.elements == "quads",
+                          sketch.edge_names,
                           sketch.mesher)
         mesh = drawing.mesh()
         found = self.recording(images)
@@ -127,9 +130,11 @@ class Desk:
         finite = floor[np.isfinite(floor)]
         return {"nodes": np.round(mesh.nodes, 2).tolist(),
                 "elements": [cell.tolist() for block in mesh.blocks for cell in block.connectivity],
-                "sets": {name: [mesh.face_nodes(face)[:2].tolist() for face in faces] for name, faces in mesh.edge_sets.items()},
+                "sets": {name: [mesh.face_nodes(face)[:2].tolist() for face in faces]
+                         for name, faces in mesh.edge_sets.items()},
                 "floor": [round(float(v), 5) if np.isfinite(v) else None for v in floor],
-                "floor_median": float(np.median(finite)) if len(finite) else None, "smallest_angle": smallest_angle(mesh),
+                "floor_median": float(np.median(finite)) if len(finite) else None,
+                "smallest_angle": smallest_angle(mesh),
                 "px_per_element": float(np.mean([_area(cell) for cell in corners]))}
 
     def text(self, content: dict) -> dict:
@@ -155,10 +160,12 @@ class Desk:
     def identify(self, name: str) -> dict:
         """Start `idic identify` on the folder's experiment.toml."""
         if not self.listing().has_experiment:
-            raise InputError("there is no experiment to identify", key="experiment.toml", expected="a written experiment.toml",
+            raise InputError("there is no experiment to identify", key="experiment.toml",
+                             expected="a written experiment.toml",
                              found="none", remedy="write it first")
         if watch.is_at_work(self.folder, name):
-            raise InputError("this run is at work", key="run", expected="a run that has ended, or a new name", found=name,
+            raise InputError("this run is at work", key="run", expected="a run that has ended, or a new name",
+                             found=name,
                              remedy="watch it, or choose another name")
         watch.start(self.folder, name)
         return {"name": name}
@@ -174,7 +181,8 @@ def _recording(pictures: Pictures) -> Recording:
 
 
 def _window(image: np.ndarray, outline: list, holes: list) -> tuple[np.ndarray, np.ndarray]:
-    """A part of the outline, half as wide and high, and its pixels outside of round holes: the part with most of them."""
+    """A part of the outline, half as wide and high, and its pixels outside of round holes: the part with most of
+    them."""
     ny, nx = image.shape
     points = np.array(outline or [[0, 0], [nx - 1, ny - 1]], dtype=float)
     low, high = points.min(axis=0), points.max(axis=0)

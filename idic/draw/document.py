@@ -28,17 +28,21 @@ def text_of(plan: Plan) -> str:
         An unknown law or parameter, a name that no edge has, nothing that moves, or a force without a scale.
     """
     _check_scale(plan)
-    return "\n".join([_HEAD, *_experiment(plan), "", *_camera(plan), "", *_material(plan), *_boundaries(plan), *_channel(plan)])
+    return "\n".join([_HEAD, *_experiment(plan), "", *_camera(plan), "", *_material(plan), *_boundaries(plan),
+                      *_channel(plan)])
 
 
 def _check_scale(plan: Plan) -> None:
     """A force is stress times width and thickness in mm; a logged motion is in mm."""
     logged = any(motion.kind == "column" for motion in plan.motions.values())
     if plan.pixel_size_mm is None and (plan.force is not None or logged):
-        raise InputError("a force or a logged motion needs the scale", key="pixel_size_mm", expected="the size of a pixel in mm",
-                         found="none", remedy="set two points at a known distance, or choose no force and no logged motion")
+        raise InputError("a force or a logged motion needs the scale", key="pixel_size_mm",
+                         expected="the size of a pixel in mm",
+                         found="none",
+                         remedy="set two points at a known distance, or choose no force and no logged motion")
     if plan.thickness_mm is None and plan.force is not None:
-        raise InputError("a force needs the thickness", key="thickness_mm", expected="the thickness in mm", found="none",
+        raise InputError("a force needs the thickness", key="thickness_mm", expected="the thickness in mm",
+                         found="none",
                          remedy="give the thickness, or choose no force")
 
 
@@ -109,7 +113,8 @@ def _boundaries(plan: Plan) -> list[str]:
             other = {"x": "y", "y": "x"}[motion.component]
             lines += [f"u{motion.component} = {{ column = {_text(motion.column)} }}", f"u{other} = 0.0"]
     if not lines:
-        raise InputError("nothing moves the specimen", key="boundary", expected="a motion of one edge or more", found="none",
+        raise InputError("nothing moves the specimen", key="boundary", expected="a motion of one edge or more",
+                         found="none",
                          remedy="choose what moves the ends: the images, the log, or held")
     return lines
 
@@ -163,7 +168,8 @@ def write(folder: Path, plan: Plan, replace: bool, own: str = "") -> str:
     target, text = folder / NAME, text_of(plan)
     there = target.read_text(encoding="utf-8", errors="replace") if target.exists() else None
     if not replace and (there is not None or target.is_symlink()):
-        raise InputError("the folder has an experiment already", file=target, key="replace", expected="no experiment.toml",
+        raise InputError("the folder has an experiment already", file=target, key="replace",
+                         expected="no experiment.toml",
                          found="an experiment.toml", remedy=f"replace it (the old one is kept as {KEPT})")
     if there == text:
         return text
@@ -183,7 +189,8 @@ def _free(folder: Path) -> Path:
 
 
 def drawn_before(folder: Path) -> dict | None:
-    """The drawing of the folder's experiment.toml, as the page draws it; None where there is none or it is another mesh."""
+    """The drawing of the folder's experiment.toml, as the page draws it; None where there is none or it is another
+    mesh."""
     try:
         table = read_toml(folder / NAME).get("experiment", {}).get("mesh", {})
     except (InputError, OSError):

@@ -41,7 +41,8 @@ class Listing:
 
     @property
     def cameras(self) -> tuple[str, ...]:
-        """Patterns of groups that may be those of several cameras at one test: as many images each; () for one camera."""
+        """Patterns of groups that may be those of several cameras at one test: as many images each; () for one
+        camera."""
         first = next(iter(self.images.values()))
         same = tuple(name for name, paths in self.images.items() if len(paths) == len(first) > 1)
         return same if len(same) > 1 else ()
@@ -55,14 +56,16 @@ class Listing:
             No such group.
         """
         if pattern not in self.images:
-            raise InputError("no such images in the folder", key="images", expected=", ".join(self.images), found=pattern,
+            raise InputError("no such images in the folder", key="images", expected=", ".join(self.images),
+                             found=pattern,
                              remedy="choose from the list")
         return open_stack(list(self.images[pattern]))
 
     def log(self, name: str) -> Log:
         """A log of the listing, read."""
         if name not in self.logs:
-            raise InputError("no such log in the folder", key="loads", expected=", ".join(self.logs) or "none", found=name,
+            raise InputError("no such log in the folder", key="loads", expected=", ".join(self.logs) or "none",
+                             found=name,
                              remedy="choose from the list")
         return read_log(self.folder / name)
 
@@ -79,7 +82,8 @@ def list_folder(folder: Path) -> Listing:
         raise InputError("no such folder", file=folder, expected="a folder with images", found="nothing there",
                          remedy="check the path")
     files = [path for depth in ("*", "*/*") for path in folder.glob(depth)
-             if path.is_file() and not path.name.startswith(".") and path.relative_to(folder).parts[0] not in (RUNS, "check")]
+             if path.is_file() and not path.name.startswith(".")
+             and path.relative_to(folder).parts[0] not in (RUNS, "check")]
     files.sort(key=lambda path: natural_key(path.relative_to(folder).as_posix()))
     groups: dict[str, list[Path]] = defaultdict(list)
     for path in files:
@@ -90,7 +94,8 @@ def list_folder(folder: Path) -> Listing:
                          expected="TIFF or PNG images", found="stages of another DIC system",
                          remedy=f"idic init {folder} writes experiment.toml with a mesh on the measured points")
     if not groups:
-        raise InputError("no images in the folder", file=folder, expected="TIFF or PNG images, in it or in a folder below",
+        raise InputError("no images in the folder", file=folder,
+                         expected="TIFF or PNG images, in it or in a folder below",
                          found=f"{len(files)} other files", remedy="put the images in a folder images/")
     images = {name: tuple(paths) for name, paths in sorted(groups.items(), key=lambda item: -len(item[1]))}
     logs = tuple(path.relative_to(folder).as_posix() for path in files if path.suffix.lower() in LOG_SUFFIXES)

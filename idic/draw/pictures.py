@@ -30,7 +30,8 @@ class Pictures:
     def frame(self, k: int) -> np.ndarray:
         """A frame as it is read  # (ny, nx)"""
         if not 0 <= k < self.stack.n_frames:
-            raise InputError("no such frame", expected=f"0 to {self.stack.n_frames - 1}", found=str(k), remedy="choose another")
+            raise InputError("no such frame", expected=f"0 to {self.stack.n_frames - 1}", found=str(k),
+                             remedy="choose another")
         with self._lock:
             if k not in self._frames:
                 self._frames[k] = np.asarray(self.stack.frame(k))
@@ -40,7 +41,8 @@ class Pictures:
             return self._frames[k]
 
     def part(self, k: int, box: tuple[float, float, float, float], width: int) -> bytes:
-        """The part (x0, y0, x1, y1), px, of frame `k` as a JPEG that is `width` px wide, or less where that has all detail."""
+        """The part (x0, y0, x1, y1), px, of frame `k` as a JPEG that is `width` px wide, or less where that has all
+        detail."""
         image = self.frame(k)
         ny, nx = image.shape
         x0, y0 = (int(np.clip(np.floor(v), 0, n - 1)) for v, n in zip(box[:2], (nx, ny), strict=True))

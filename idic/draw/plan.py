@@ -1,4 +1,5 @@
-"""What the page sends: the drawing and the choices of a user, as a strict record; and a first plan for an unknown folder."""
+"""What the page sends: the drawing and the choices of a user, as a strict record; and a first plan for an unknown
+folder."""
 
 from __future__ import annotations
 
@@ -86,18 +87,21 @@ def read_plan(content: object, kind: type[BaseModel] = Plan) -> BaseModel:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise InputError("a field of the page cannot be used", key=".".join(str(part) for part in first["loc"]),
-                         expected=first["msg"], found=str(first.get("input"))[:80], remedy="correct this field") from None
+                         expected=first["msg"], found=str(first.get("input"))[:80],
+                         remedy="correct this field") from None
 
 
 def first_sketch(outline: list, holes: list, shape: tuple[int, int]) -> dict:
-    """A drawing for the speckled area, or a rectangle in the image where none was found; ends along the longer side named."""
+    """A drawing for the speckled area, or a rectangle in the image where none was found; ends along the longer side
+    named."""
     if not outline:
         ny, nx = shape
         x0, y0, x1, y1 = round(0.1 * nx), round(0.1 * ny), round(0.9 * nx) - 1, round(0.9 * ny) - 1
         outline = [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
     points = np.array([entry[-2:] for entry in outline], dtype=float)
     size = float(np.ptp(points, axis=0).min()) / ELEMENTS_ACROSS
-    return {"outline": outline, "holes": holes, "element_px": float(max(round(size), MIN_ELEMENT_PX)), "elements": "quads",
+    return {"outline": outline, "holes": holes, "element_px": float(max(round(size), MIN_ELEMENT_PX)),
+            "elements": "quads",
             "mesher": "idic", "edge_names": end_names(points)}
 
 

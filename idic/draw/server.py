@@ -29,12 +29,15 @@ from idic.errors import InputError
 
 HOST = "127.0.0.1"
 MAX_BODY_BYTES = 4_000_000
-KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8",
+KINDS = {".html": "text/html; charset=utf-8", ".js": "text/javascript; charset=utf-8",
+         ".css": "text/css; charset=utf-8",
          ".svg": "image/svg+xml"}
-HEADERS = {"Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; base-uri 'none'",
+HEADERS = {"Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'; "
+                                      "base-uri 'none'",
            "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer", "Cache-Control": "no-store",
            "Cross-Origin-Resource-Policy": "same-origin"}
-REPORT = "sandbox allow-scripts allow-popups; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
+REPORT = ("sandbox allow-scripts allow-popups; default-src 'none'; script-src 'unsafe-inline'; style-src "
+          "'unsafe-inline'; img-src data:")
 
 
 def open_socket(port: int) -> socket.socket:
@@ -44,7 +47,8 @@ def open_socket(port: int) -> socket.socket:
         place.bind((HOST, port))
     except OSError as problem:
         place.close()
-        raise InputError("the port cannot be used", key="--port", expected="a free port of this machine", found=f"{port}: {problem.strerror}",
+        raise InputError("the port cannot be used", key="--port", expected="a free port of this machine",
+                         found=f"{port}: {problem.strerror}",
                          remedy="leave out --port: a free one is taken") from None
     place.listen(128)
     return place
@@ -81,9 +85,11 @@ def application(desk: Desk, token: str, port: int) -> Callable:
         Route("/{token}/api/part", guard(picture(desk))),
         Route("/{token}/api/mesh", guard(answer(lambda r: desk.mesh(r["sketch"], r["images"]))), methods=["POST"]),
         Route("/{token}/api/text", guard(answer(lambda r: desk.text(r["plan"]))), methods=["POST"]),
-        Route("/{token}/api/write", guard(answer(lambda r: desk.write(r["plan"], r["replace"] is True))), methods=["POST"]),
+        Route("/{token}/api/write", guard(answer(lambda r: desk.write(r["plan"], r["replace"] is True))),
+              methods=["POST"]),
         Route("/{token}/api/identify", guard(answer(lambda r: desk.identify(r["name"]))), methods=["POST"]),
-        Route("/{token}/api/run", guard(answer(lambda r: state_of(folder, r["name"]) | {"at_work": is_at_work(folder, r["name"])}))),
+        Route("/{token}/api/run",
+              guard(answer(lambda r: state_of(folder, r["name"]) | {"at_work": is_at_work(folder, r["name"])}))),
         Route("/{token}/api/point", guard(answer(lambda r: _point(desk, r)))),
         Route("/{token}/api/residual", guard(residual(desk))),
         Route("/{token}/report/{name}", guard(report(folder))),
@@ -115,7 +121,8 @@ class Guard:
             return False
         if request.method == "POST" and origin is None:
             return False
-        return (origin is None or origin in {f"http://{host}" for host in self.hosts}) and site in ("same-origin", "none")
+        return (origin is None
+                or origin in {f"http://{host}" for host in self.hosts}) and site in ("same-origin", "none")
 
 
 async def page(request: Request) -> Response:
@@ -154,13 +161,15 @@ async def _fields(request: Request) -> dict:
     async for chunk in request.stream():
         body += chunk
         if len(body) > MAX_BODY_BYTES:
-            raise InputError("the drawing is too large", expected=f"{MAX_BODY_BYTES} bytes", found="more", remedy="draw fewer points")
+            raise InputError("the drawing is too large", expected=f"{MAX_BODY_BYTES} bytes", found="more",
+                             remedy="draw fewer points")
     try:
         fields = json.loads(body)
     except ValueError:
         fields = None
     if not isinstance(fields, dict):
-        raise InputError("not a JSON object", expected="an object", found="something else", remedy="load the page again")
+        raise InputError("not a JSON object", expected="an object", found="something else",
+                         remedy="load the page again")
     return fields
 
 
@@ -205,7 +214,8 @@ def _point(desk: Desk, query: dict) -> dict:
     point = desk.viewer.point(query["name"], _frame(query))
     if point is None:
         return {}
-    return {"evaluation": point.evaluation, "frame": point.frame, "channels": point.channels, "chi2": point.chi2, "box": point.box}
+    return {"evaluation": point.evaluation, "frame": point.frame, "channels": point.channels, "chi2": point.chi2,
+            "box": point.box}
 
 
 def report(folder: Path) -> Callable[[Request], Awaitable[Response]]:
@@ -217,5 +227,6 @@ def report(folder: Path) -> Callable[[Request], Awaitable[Response]]:
             return Response("not found", 404)
         if not file.is_file() or not file.resolve().is_relative_to(folder.resolve()):
             return Response("not found", 404)
-        return Response(await run_in_threadpool(file.read_bytes), media_type=KINDS[".html"], headers={"Content-Security-Policy": REPORT})
+        return Response(await run_in_threadpool(file.read_bytes), media_type=KINDS[".html"],
+                        headers={"Content-Security-Policy": REPORT})
     return answered

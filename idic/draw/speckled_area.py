@@ -16,14 +16,15 @@ FINER = 4  # contours lie between the blocks
 EDGE_SHARE = 0.5  # of the gradient energy inside: less is background
 SEARCHED = 3  # blocks to both sides of a straight edge or a circle
 INSET_PX = 1.0  # a central difference sees the edge one pixel before it
-BORDER_SHARE = 0.03  # of the image, along its border: a pattern that leaves the image would leave it further when it moves
+# of the image, along its border: a pattern that leaves the image would leave it further when it moves
+BORDER_SHARE = 0.03
 
 
 def speckled_area(image: np.ndarray, texture: Texture) -> tuple[list, list]:
     """Outline and holes of the largest connected part of the image with a pattern, in px.
 
-    The logarithm of the gradient energy of the blocks falls into two classes (Otsu 1979, doi 10.1109/TSMC.1979.4310076).
-    Rectangles and round holes are placed to the pixel, other outlines to the block.
+    The logarithm of the gradient energy of the blocks falls into two classes (Otsu 1979, doi
+    10.1109/TSMC.1979.4310076). Rectangles and round holes are placed to the pixel, other outlines to the block.
 
     Returns
     -------
@@ -82,7 +83,8 @@ def _outline(loop: np.ndarray, image: np.ndarray, texture: Texture) -> list:
 
 
 def _side(image: np.ndarray, row: float, first: float, last: float, texture: Texture, outwards: int) -> float:
-    """The row near `row` where the pattern ends, seen between two columns; `outwards`: 1 where it ends at the larger rows."""
+    """The row near `row` where the pattern ends, seen between two columns; `outwards`: 1 where it ends at the larger
+    rows."""
     reach = SEARCHED * texture.block
     margin = 0.1 * (last - first)
     low, high = max(int(row) - 2 * reach, 0), min(int(row) + 2 * reach + 1, image.shape[0])

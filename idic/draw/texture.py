@@ -69,11 +69,13 @@ def noise_floor(texture: Texture, corners: list[np.ndarray], std_gv: float) -> n
 
 
 def _means(texture: Texture, corners: list[np.ndarray]) -> np.ndarray:
-    """Mean of the products over the blocks in each element; elements smaller than a block have that of their centre  # (n, 3)"""
+    """Mean of the products over the blocks in each element; elements smaller than a block have that of their centre  #
+    (n, 3)"""
     rows, columns = texture.products.shape[:2]
     owner = np.full((rows, columns), -1, dtype=np.int32)
     for k, cell in enumerate(corners):
-        fixed = np.round((cell + 0.5 - 0.5 * texture.block) / texture.block * 256).astype(np.int32)  # block centres, 8 bits below
+        # block centres, 8 bits below
+        fixed = np.round((cell + 0.5 - 0.5 * texture.block) / texture.block * 256).astype(np.int32)
         cv2.fillConvexPoly(owner, fixed, k, shift=8)
     seen = owner >= 0
     counts = np.bincount(owner[seen], minlength=len(corners))

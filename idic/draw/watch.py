@@ -49,7 +49,8 @@ def next_name(taken: tuple[str, ...]) -> str:
 
 
 def state_of(folder: Path, name: str) -> dict:
-    """Where a RUN stands: its history, the last lines of its log, whether it has a report. Cheap; asked twice a second."""
+    """Where a RUN stands: its history, the last lines of its log, whether it has a report. Cheap; asked twice a
+    second."""
     run = run_folder(folder, name)
     try:
         state = load_state(run)
@@ -57,7 +58,8 @@ def state_of(folder: Path, name: str) -> dict:
         state = None
     lines = _tail(run / "log.txt") or _tail(run.parent / f"{name}{CONSOLE}")
     return {"name": name, "status": state.status if state else "starting", "iteration": state.iteration if state else 0,
-            "evaluations": state.evaluations if state else 0, "accepted": state.accepted.number if has_accepted(state) else None,
+            "evaluations": state.evaluations if state else 0,
+            "accepted": state.accepted.number if has_accepted(state) else None,
             "history": [_entry(entry) for entry in state.history] if state else [], "log": lines,
             "result": _result(run), "report": (run / "report.html").is_file()}
 
@@ -79,7 +81,8 @@ def _result(run: Path) -> dict | None:
         result = read_result(run)
     except (InputError, OSError):
         return None
-    return {"status": result["status"], "parameters": result["parameters"], "chi2": result["residual"].get("image_chi2_dof"),
+    return {"status": result["status"], "parameters": result["parameters"],
+            "chi2": result["residual"].get("image_chi2_dof"),
             "derived": result.get("derived", {}), "not_identifiable": result.get("not_identifiable", [])}
 
 

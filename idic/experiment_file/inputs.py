@@ -48,7 +48,8 @@ def inputs_of(path: str | Path, overrides: Mapping[str, Any]) -> Inputs:
     recorded = [*(entry.path for entry in stack.entries), *camera_images(read.config, read.folder)]
     images = {one: _facts(one) for one in dict.fromkeys(recorded) if _is_image(one) and str(one) not in seen}
     programs = [one for one in read.small_files() if one.suffix == ".py"]  # laws of the user: IDIC_LAWS names them
-    whole = [read.folder / file.name, *(read.folder / one.relative_to(file.parent) for one in law_files(file) if _below(one, file)),
+    whole = [read.folder / file.name,
+             *(read.folder / one.relative_to(file.parent) for one in law_files(file) if _below(one, file)),
              *(one for one in read.small_files() if one not in programs), *read.still_files(frames),
              *temperature_images(read.config, read.folder, file), *(one for one in recorded if one not in images)]
     return Inputs(read.folder, tuple(dict.fromkeys(whole)), images)
@@ -57,7 +58,8 @@ def inputs_of(path: str | Path, overrides: Mapping[str, Any]) -> Inputs:
 def _below(path: Path, file: Path) -> bool:
     if path.is_relative_to(file.parent) and ".." not in path.relative_to(file.parent).parts:
         return True
-    raise InputError("a law file outside of the experiment", file=file, key="from", expected="a file in its folder, as workers "
+    raise InputError("a law file outside of the experiment", file=file, key="from",
+                     expected="a file in its folder, as workers "
                      "without a common disk get this folder alone", found=str(path), remedy="copy it into the folder")
 
 

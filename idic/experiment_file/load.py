@@ -115,7 +115,8 @@ class ExperimentFolder(RecordedFolder):
         check_visible(mesh, table.kind, table.surface, scale.camera, frames.shape, frames.mask, self.file)
         cameras, camera_notes = further_cameras(self.config, mesh, scale, frames.stack.n_frames, frames.still,
                                                 self.folder, self.file, lens)
-        camera_notes += pairing_notes(self.config, mesh, scale.camera, frames.stack, cameras, frames.reference, self.file)
+        camera_notes += pairing_notes(self.config, mesh, scale.camera, frames.stack, cameras, frames.reference,
+                                      self.file)
         mesh, order_notes = self.element_order(mesh, scale.camera)
         holes = holes_of(mesh, [entry.name for entry in self.config.dof], scale.unit, self.file)
         mesh = holes.mesh
@@ -134,7 +135,8 @@ class ExperimentFolder(RecordedFolder):
         return with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
             thickness=thickness, materials=materials,
-            parameters=ParameterSet(parameters, (*joint_priors(lens, parameters), *smoothness_priors(materials, parameters))),
+            parameters=ParameterSet(parameters,
+                                    (*joint_priors(lens, parameters), *smoothness_priors(materials, parameters))),
             prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels),
             camera=camera, stack=frames.stack, labels=frames.labels, times=times,
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
@@ -144,14 +146,16 @@ class ExperimentFolder(RecordedFolder):
             identity=identity, earlier_identity=earlier,
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
             heterogeneities=varied, morphs=holes.morphs, temperatures=warmth, solver=solver,
-            notes=(*scale.notes, *lens.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()), *notes, *law_notes, *motion.notes, *order_notes,
+            notes=(*scale.notes, *lens.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()),
+                   *notes, *law_notes, *motion.notes, *order_notes,
                    *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
                    *self.force_notes(parameters, motion), *course_notes(materials, parameters, _courses(motion))),
             extras=self._extras(frames, scale, log, known_times), averaged=frames.averaged, points=frames.points,
             gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file)))
 
     def _moving(self, camera: AnyCamera, cameras: tuple[FurtherCamera, ...], lens: Lenses, frames: Frames,
-                context: boundary_tables.Context, times: np.ndarray | None) -> tuple[AnyCamera, tuple[FurtherCamera, ...]]:
+                context: boundary_tables.Context,
+                times: np.ndarray | None) -> tuple[AnyCamera, tuple[FurtherCamera, ...]]:
         """The cameras with all their motions, or those of the specimen before lenses, every amplitude zero."""
         tables = camera_tables(self.config)
         if frames.points is not None:  # a rigid motion of fields is an unknown of the frame
@@ -207,7 +211,8 @@ class ExperimentFolder(RecordedFolder):
                 "files": tuple(str(path) for path in self.small_files())}
 
     def element_order(self, mesh: Mesh, camera: Camera) -> tuple[Mesh, tuple[str, ...]]:
-        """The mesh with the element order of the options, on the arcs of a drawing, and a note if the order was raised."""
+        """The mesh with the element order of the options, on the arcs of a drawing, and a note if the order was
+        raised."""
         wanted, n = self.config.options.element_order, mesh.n_nodes
         if wanted == "as_given" or (wanted == "auto" and not is_raised_by_default(mesh)):
             return mesh, (LINEAR_AS_GIVEN,) if is_raised_by_default(mesh) else ()

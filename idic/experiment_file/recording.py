@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.tables.measured_fields import field_notes, grid_of, kept_stages, open_series, rigid_is_free, stack_of
+from idic.experiment_file.tables.measured_fields import (
+    field_notes, grid_of, kept_stages, open_series, rigid_is_free, stack_of,
+)
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.tables.further_cameras import camera_files, camera_images
 from idic.experiment_file.tables.solver import solver_files
@@ -267,7 +269,8 @@ class RecordedFolder:
         """Separate images of the specimen at rest, of all cameras."""
         own = () if frames.still_stack is None else frames.still_stack.entries
         patterns = [table.still_frames for table in self.config.further_cameras if table.still_frames is not None]
-        further = [path for one in patterns for path in matching_files(self.folder, [one], file=self.file, key="camera")]
+        further = [path for one in patterns
+                   for path in matching_files(self.folder, [one], file=self.file, key="camera")]
         return list(dict.fromkeys([*(entry.path for entry in own), *further]))
 
     def identities(self, frames: Frames) -> tuple[str, str]:
@@ -284,7 +287,8 @@ def stage_times(stack: FieldStack) -> np.ndarray | None:
 
 
 def fingerprints(raw: Mapping, files: Iterable[Path], images: Iterable[Path]) -> tuple[str, str]:
-    """sha256 of the tables (without title, [setup] and gauges), the small files, and the name, size and ends of every image.
+    """sha256 of the tables (without title, [setup] and gauges), the small files, and the name, size and ends of every
+    image.
 
     Comments and spaces in an .inp file do not count; in the second one, that of earlier versions, they do.
     """

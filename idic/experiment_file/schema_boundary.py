@@ -67,7 +67,8 @@ class CorrectionTable(Strict):
     @model_validator(mode="after")
     def _own_keys(self):
         timed, logged = ("slip", "rotation", "misalignment"), ("rotation", "compliance", "misalignment", "seating")
-        own = {"start_s": timed, "course": timed, "knots": timed, "column": logged, "unit": logged, "towards": ("misalignment",),
+        own = {"start_s": timed, "course": timed, "knots": timed, "column": logged, "unit": logged,
+               "towards": ("misalignment",),
                "seated_at": ("seating",)}
         for key in sorted(self.model_fields_set & set(own)):
             if self.kind not in own[key]:

@@ -14,11 +14,11 @@
     ``surface`` (another face set of a solid), ``plane`` (the two mesh axes it sees, ``["x", "z"]`` for a side view),
     ``still_frames`` (a glob), ``noise_std_gv``. Their degrees of freedom are ``NAME.rotation_deg`` and so on.
 ``model = "pinhole"``
-    An ordinary lens: ``calibration`` (a file) and ``calibration_camera``, or ``fx_px`` … ``p2``, which win over the file;
-    the pose of the mesh by ``rotation`` and ``translation_mm`` (mesh to camera), by an ``alignment`` of clicked points,
-    or as the calibration has it. Degrees of freedom ``camera.fx``, ``camera.t_z`` …, and ``placement.t_z`` … of the mesh
-    before all cameras. Of a specimen that moves as a rigid body: ``placement.t_z_drift`` …, ``motion = "free"``,
-    ``motion_column``.
+    An ordinary lens: ``calibration`` (a file) and ``calibration_camera``, or ``fx_px`` … ``p2``, which win over the
+    file; the pose of the mesh by ``rotation`` and ``translation_mm`` (mesh to camera), by an ``alignment`` of clicked
+    points, or as the calibration has it. Degrees of freedom ``camera.fx``, ``camera.t_z`` …, and ``placement.t_z`` … of
+    the mesh before all cameras. Of a specimen that moves as a rigid body: ``placement.t_z_drift`` …, ``motion =
+    "free"``, ``motion_column``.
 """
 
 from __future__ import annotations
@@ -103,9 +103,11 @@ class LensTable(Strict):
             raise refuse("half of a pose", "rotation and translation_mm, from the mesh frame to the camera's",
                          "give both, or neither", "one of them")
         if self.rotation is not None and self.alignment is not None:
-            raise refuse("the pose is given twice", "rotation and translation_mm, or alignment", "leave out one", "both")
+            raise refuse("the pose is given twice", "rotation and translation_mm, or alignment", "leave out one",
+                         "both")
         if self.identify_calibration and self.calibration is None:
-            raise refuse("identify_calibration without a calibration", "a file with deviations", "name the file", "none")
+            raise refuse("identify_calibration without a calibration", "a file with deviations", "name the file",
+                         "none")
         return self
 
 

@@ -55,7 +55,8 @@ class MeshTable(Strict):
     outline_mm: Circle | Points | None = None
     element_mm: Positive | None = None
     holes_mm: list[Circle | Points] = []
-    around_points_mm: Annotated[list[float], BeforeValidator(_as_margins), Field(min_length=1, max_length=2)] | None = None
+    around_points_mm: Annotated[list[float], BeforeValidator(_as_margins),
+                                Field(min_length=1, max_length=2)] | None = None
     outline_points_mm: Annotated[float, Field(ge=0)] | None = None  # margin around the outline of measured points
     elements: Literal["quads", "triangles"] = "quads"  # of an outline
     edge_names: dict[str, list[int]] = {}
@@ -164,9 +165,11 @@ class ExperimentTable(Strict):
             raise refuse("images and fields in one experiment", "images, or fields",
                          "leave out one of these keys; idic compare shows two runs of one test side by side", "both")
         if self.fields and self.quantity != "displacement":
-            raise refuse("fields are displacements", 'no quantity, or "displacement"', "leave out quantity", self.quantity)
+            raise refuse("fields are displacements", 'no quantity, or "displacement"', "leave out quantity",
+                         self.quantity)
         if not self.fields and self.quantity == "displacement":
-            raise refuse("displacements without fields", 'fields = "stages/*.csv"', "name the exported stages", "no fields")
+            raise refuse("displacements without fields", 'fields = "stages/*.csv"', "name the exported stages",
+                         "no fields")
         extra = [name for name in ("mask", "symmetry") if getattr(self, name) is not None]
         if self.fields and extra:
             raise refuse("a key of images next to fields", "neither mask nor symmetry",
@@ -175,9 +178,11 @@ class ExperimentTable(Strict):
             raise refuse("fields on a solid without the surface they show", 'surface = "FRONT"',
                          "name the face set that the cameras see", "no surface")
         if not self.fields and self.stages is not None:
-            raise refuse("stages without fields", 'fields = "stages/*.csv"', "use exclude_frames for images", "no fields")
+            raise refuse("stages without fields", 'fields = "stages/*.csv"', "use exclude_frames for images",
+                         "no fields")
         if not self.fields and (self.mesh.around_points_mm is not None or self.mesh.outline_points_mm is not None):
-            raise refuse("a mesh around the points needs points", 'fields = "stages/*.csv"', "name the stages", "no fields")
+            raise refuse("a mesh around the points needs points", 'fields = "stages/*.csv"', "name the stages",
+                         "no fields")
         return self
 
     @model_validator(mode="after")

@@ -148,7 +148,8 @@ class CircleTable(GaugeTable):
 
 def in_one_unit(table: GaugeTable, stems: tuple[str, ...], example: str) -> str:
     """"mm" or "px", in which all of these keys are given."""
-    given = [name for name in type(table).model_fields if name.endswith(("_mm", "_px")) and getattr(table, name) is not None]
+    given = [name for name in type(table).model_fields if name.endswith(("_mm", "_px"))
+             and getattr(table, name) is not None]
     for unit in ("mm", "px"):
         if given == [f"{stem}_{unit}" for stem in stems]:
             return unit

@@ -69,12 +69,15 @@ def _with_law_files(tables: dict, path: Path) -> dict:
             continue
         key, source = f"material.{name}.from", path.parent / str(table["from"])
         if not source.is_file():
-            raise InputError("no such law file", file=path, key=key, expected="a file that  idic laws --export RUN  wrote",
-                             found=shortened(str(table["from"])), remedy="correct the path; it counts from the experiment's folder")
+            raise InputError("no such law file", file=path, key=key,
+                             expected="a file that  idic laws --export RUN  wrote",
+                             found=shortened(str(table["from"])),
+                             remedy="correct the path; it counts from the experiment's folder")
         law = read_toml(source)
         if "law" not in law or "from" in law:
             raise InputError("not a law file", file=source, key="law", expected='law = "...", and its parameters',
-                             found=", ".join(law) or "nothing", remedy="name a file that  idic laws --export RUN  wrote")
+                             found=", ".join(law) or "nothing",
+                             remedy="name a file that  idic laws --export RUN  wrote")
         made[name] = law | {own: value for own, value in table.items() if own != "from"}
     return tables | {"material": made}
 
@@ -83,7 +86,8 @@ def law_files(path: Path) -> list[Path]:
     """The files of ``from = "law.toml"`` in a TOML file that was read without complaint."""
     text, _ = text_of(path.read_bytes(), path, None, windows=False)
     materials = tomllib.loads(text.replace("\r\n", "\n")).get("material", {})
-    return [path.parent / str(table["from"]) for table in materials.values() if isinstance(table, dict) and "from" in table]
+    return [path.parent / str(table["from"]) for table in materials.values() if isinstance(table, dict)
+            and "from" in table]
 
 
 def check_values(value: object, file: Path | str, key: tuple[str, ...] = ()) -> None:

@@ -37,7 +37,8 @@ def volume(mesh: Mesh) -> float:
 
 def _slopes(mesh: Mesh, block) -> tuple[np.ndarray, np.ndarray]:
     """dN/dX (n_el, nq, nn, d) and volumes (n_el, nq) at the points of a full quadrature."""
-    order = 3 if block.cell in ("quad8", "hex20") else None  # reduced integration would leave hourglass patterns at no cost
+    # reduced integration would leave hourglass patterns at no cost
+    order = 3 if block.cell in ("quad8", "hex20") else None
     xi, w = element.quadrature(block.cell, order)
     gradient = element.gradient(block.cell, xi)
     jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], gradient)

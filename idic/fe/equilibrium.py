@@ -140,7 +140,8 @@ def _tangent_move(system: System, ev: Evaluation, drives: Drives, held: np.ndarr
 
 def _solution(system: System, ev: Evaluation, rhs: np.ndarray, factor: Factor | None,
               matrices: tuple) -> tuple[np.ndarray, Factor, tuple]:
-    """Solution with the tangent of an evaluation, by an earlier factor where a new one costs much and it still serves."""
+    """Solution with the tangent of an evaluation, by an earlier factor where a new one costs much and it still
+    serves."""
     if system.pattern.costs_much and factor is not None and not matrices:
         found = iterated(system.pattern.matrix(assembly.stiffness_values(system, ev)), factor, rhs)
         if found is not None:

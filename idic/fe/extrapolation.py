@@ -1,12 +1,13 @@
 """Extrapolation in time: two simulations with n/2 and n increments between two frames, and what they tend to.
 
 The laws are integrated by backward Euler: the error of every frame begins with C h, h the length of an increment. Of
-solutions with h and 2 h (Richardson's extrapolation, Hairer, Nørsett & Wanner 1993, section II.9, doi:10.1007/978-3-540-78862-1)
+solutions with h and 2 h (Richardson's extrapolation, Hairer, Nørsett & Wanner 1993, section II.9,
+doi:10.1007/978-3-540-78862-1)
 
     u = (2^p u_h - u_2h) / (2^p - 1),   p = 1
 
-has an error of the next order (docs/method.md, equation 12.8); so have the channels. The weights are constants, so that derivatives are extrapolated by
-the same formula and stay exact. Values that are prescribed are met by both, and by u.
+has an error of the next order (docs/method.md, equation 12.8); so have the channels. The weights are constants, so that
+derivatives are extrapolated by the same formula and stay exact. Values that are prescribed are met by both, and by u.
 
 The increments of both are frozen together: in a list of end times the fine ones come first, the coarse ones begin where
 time goes back.
@@ -79,7 +80,8 @@ def is_extrapolated(steps: StepList) -> bool:
 
 def whole_increments(times: np.ndarray, number: int) -> tuple[float, ...]:
     """End times (s) of `number` equal increments between two frames; times : (n_frames,) s"""
-    return tuple(float(t) for a, b in pairwise(times) for t in np.append(a + (b - a) / number * np.arange(1, number), b))
+    return tuple(float(t) for a, b in pairwise(times)
+                 for t in np.append(a + (b - a) / number * np.arange(1, number), b))
 
 
 def increments_to_try(model: Model, times: np.ndarray, substeps: int, taken: Sequence[float] | None,

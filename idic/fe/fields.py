@@ -37,7 +37,8 @@ def nodal_field(model: Model, frame: FrameState, quantity: str) -> np.ndarray:
     shape = () if quantity == "plastic_strain" else (model.mesh.n_dim,) * 2
     total, weight = np.zeros((model.mesh.n_nodes, *shape)), np.zeros(model.mesh.n_nodes)
     for values in frame.points:
-        add_point_values(model.mesh, values.cell, values.elements, point_values(model, values, quantity), model.quadrature,
+        add_point_values(model.mesh, values.cell, values.elements, point_values(model, values, quantity),
+                         model.quadrature,
              total, weight)
     return quotient(total, weight)
 
@@ -109,6 +110,7 @@ def nodal_deformation(mesh: Mesh, u: np.ndarray) -> np.ndarray:
         slopes = element.gradient(block.cell, cell.reference_nodes)  # (nodes: where, nodes: whose, d)
         jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], slopes)
         grads = np.einsum("qai,eqik->eqak", slopes, np.linalg.inv(jac))
-        np.add.at(total, block.connectivity, np.eye(components, d) + np.einsum("eai,eqaj->eqij", u[block.connectivity], grads))
+        np.add.at(total, block.connectivity,
+                  np.eye(components, d) + np.einsum("eai,eqaj->eqij", u[block.connectivity], grads))
         np.add.at(count, block.connectivity, 1.0)
     return quotient(total, count)

@@ -94,7 +94,7 @@ class FrameState:
 
     @property
     def seen_local_du(self) -> np.ndarray:
-        """Same-frame influence of the local drives; their small influence on the rise is left out  # (n_nodes, d|3, m)"""
+        """Same-frame influence of the local drives; without their small influence on the rise; (n_nodes, d|3, m)."""
         if self.rise is None:
             return self.local_du
         return np.concatenate([self.local_du, np.zeros_like(self.local_du[:, :1])], axis=1)
@@ -118,8 +118,9 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
     substeps : int
         Increments per frame before any cutting.
     warm_start : iterable of (n_nodes, d or more) mm, optional
-        Displacement at every frame (further components do not count), the reference first, of a solution for other, similar parameters. Its increments
-        are the first guesses of Newton's method where they predict better than extrapolation in time.
+        Displacement at every frame (further components do not count), the reference first, of a solution for other,
+        similar parameters. Its increments are the first guesses of Newton's method where they predict better than
+        extrapolation in time.
     may_cut : bool
         Frozen increments are halved where no equilibrium is found: a solution that began elsewhere may have needed
         fewer.
@@ -208,7 +209,8 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
                 continue
             if directions:
                 factor = None  # of the increment before
-                if system.pattern.costs_much and not new.factor_matrices:  # room for one; the next increment begins with it
+                # room for one; the next increment begins with it
+                if system.pattern.costs_much and not new.factor_matrices:
                     now, new = replace(now, factor=None), replace(new, factor=None)
                     new = replace(new, factor=consistent_factor(system, new))
                 factor = new.factor if system.pattern.costs_much else consistent_factor(system, new)

@@ -241,7 +241,8 @@ def _check_temperature(model: Model, n_frames: int) -> None:
         return
     start = model.start_temperature
     if start is not None and not (np.shape(start) == (model.mesh.n_nodes,) and np.isfinite(start).all()):
-        raise InputError("the temperature at the first frame does not fit the mesh", expected=f"{model.mesh.n_nodes} numbers",
+        raise InputError("the temperature at the first frame does not fit the mesh",
+                         expected=f"{model.mesh.n_nodes} numbers",
                          found=str(np.shape(start)), remedy="give a temperature for every node")
     expected = (n_frames, model.mesh.n_nodes)
     if model.temperature.shape != expected:

@@ -8,8 +8,8 @@ prescribed motion, act on the tangent of the first one:
 One Newton step for any change of the model, at the cost of one evaluation and one back-substitution per frame. Each
 model keeps its own history along the given path; the change of the path itself enters at the present frame only.
 
-Models that differ in loads, motions or factors on the stress alone share the stresses of their points (`ModelPoints`), and
-all models are solved for together: a hundred of them cost little more than their different laws.
+Models that differ in loads, motions or factors on the stress alone share the stresses of their points (`ModelPoints`),
+and all models are solved for together: a hundred of them cost little more than their different laws.
 """
 
 from __future__ import annotations
@@ -162,7 +162,8 @@ def _residual(system: System, stresses: assembly.Evaluation, drives: Drives, u: 
     return internal - assembly.external_force(system, drives, u)
 
 
-def solved_responses(system: System, here: assembly.Evaluation, factor, forces: np.ndarray, motions: np.ndarray) -> Responses:
+def solved_responses(system: System, here: assembly.Evaluation, factor, forces: np.ndarray,
+                     motions: np.ndarray) -> Responses:
     """Answer of the tangent to forces lacking for equilibrium and to another prescribed motion  # (n_dof, m) each"""
     free, channels = system.pattern.dofs, system.model.channels
     if motions.any():

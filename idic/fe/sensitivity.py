@@ -41,8 +41,8 @@ class Changes:
 class Influence:
     """Same-frame influence of the model's local drives and, after them, of its local loads.
 
-    du (n_nodes, d, m) mm per unit of drive or load; forces (n_dof, m) N per unit; factor : the factorisation that it was
-    found with, where the stiffness is constant, else None
+    du (n_nodes, d, m) mm per unit of drive or load; forces (n_dof, m) N per unit; factor : the factorisation that it
+    was found with, where the stiffness is constant, else None
     """
 
     du: np.ndarray
@@ -198,7 +198,8 @@ def _params(system: System, k: int, params: Mapping[str, np.ndarray]) -> np.ndar
     return params[system.model.sections[system.groups[k].section].name]
 
 
-def _parameter_changes(system: System, directions, params, times: np.ndarray, end: Converged) -> list[np.ndarray | None]:
+def _parameter_changes(system: System, directions, params, times: np.ndarray,
+                       end: Converged) -> list[np.ndarray | None]:
     """Changes of the parameters of each group, of its points where they depend on the temperature
 
     Returns

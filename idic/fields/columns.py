@@ -25,8 +25,8 @@ def field_columns(series: FieldSeries, k: int, measure: str = "green_lagrange", 
     Returns
     -------
     {name: (n,)}
-        ``u_x_mm``, ``u_y_mm``; ``strain_xx``, ``_yy``, ``_xy``, ``_1``, ``_2``; the same with ``_measured`` and ``_std``;
-        ``stress_xx_MPa``, ``_yy_``, ``_xy_``; the states by their names.
+        ``u_x_mm``, ``u_y_mm``; ``strain_xx``, ``_yy``, ``_xy``, ``_1``, ``_2``; the same with ``_measured`` and
+        ``_std``; ``stress_xx_MPa``, ``_yy_``, ``_xy_``; the states by their names.
     """
     turn, one = _axes(angle_deg), _frame(series, k)
     found: dict[str, np.ndarray] = {}

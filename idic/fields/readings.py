@@ -42,7 +42,8 @@ class Reading:
 def readings(series: FieldSeries, gauge: Gauge) -> tuple[Reading, ...]:
     """Everything that a gauge reads; samples of a line outside the surface are NaN."""
     weights = _Weights(series.surface, gauge)
-    return tuple(_extensometer(series, gauge, weights) if gauge.kind == "extensometer" else _fields(series, gauge, weights))
+    return tuple(_extensometer(series, gauge, weights) if gauge.kind == "extensometer"
+                 else _fields(series, gauge, weights))
 
 
 class _Weights:

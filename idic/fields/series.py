@@ -110,7 +110,8 @@ class FieldSeries:
             return {}
         small = (self.F_noise + np.swapaxes(self.F_noise, -1, -2)) / 2.0
         parts = small[..., [0, 1, 0], [0, 1, 1]]
-        return {"displacement": float(np.sqrt(np.nanmean(self.noise**2))), "strain": float(np.sqrt(np.nanmean(parts**2)))}
+        return {"displacement": float(np.sqrt(np.nanmean(self.noise**2))),
+                "strain": float(np.sqrt(np.nanmean(parts**2)))}
 
 
 def component_of(tensor: np.ndarray, component: str) -> np.ndarray:

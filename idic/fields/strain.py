@@ -63,7 +63,8 @@ def principal(tensor: np.ndarray) -> np.ndarray:
 
 
 def von_mises(stress: np.ndarray) -> np.ndarray:
-    """Equivalent stress of a plane or a spatial stress tensor; a plane one has no stress along z  # (..., d, d) -> (...)"""
+    """Equivalent stress of a plane or a spatial stress tensor; a plane one has no stress along z  # (..., d, d) ->
+    (...)"""
     trace = np.trace(stress, axis1=-2, axis2=-1)
     squares = (stress**2).sum(axis=(-2, -1))
     return np.sqrt(np.maximum(1.5 * (squares - trace**2 / 3.0), 0.0))

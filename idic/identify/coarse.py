@@ -1,15 +1,15 @@
 """A coarse fit from far: to the motion measured by a free FE-DIC, and to the channels.
 
 The images tell a motion to a hundredth of a pixel, but nothing of one that is wrong by more than the grain of their
-pattern: from there the residual falls towards any local minimum. A measured motion is compared node by node, however far
-the simulated one is off; it needs no image, so that a fit costs its simulations alone.
+pattern: from there the residual falls towards any local minimum. A measured motion is compared node by node, however
+far the simulated one is off; it needs no image, so that a fit costs its simulations alone.
 
     phi = sum_t sum_nodes |u_measured - u|^2 / s^2 + sum_t (F_measured - F)^2 / s_F^2
 
-The standard deviation of the motion of a node is about what the regularisation of the measurement leaves, `MOTION_STD_PX`;
-that of a channel is a share of its largest value. Both are far above the noise: the fit is a start, not an answer.
-Fewer frames therefore do, and a mesh of fewer elements whose nodes are among those of the given one, where there is such
-a mesh (`idic.fe.mesh.coarsen`).
+The standard deviation of the motion of a node is about what the regularisation of the measurement leaves,
+`MOTION_STD_PX`; that of a channel is a share of its largest value. Both are far above the noise: the fit is a start,
+not an answer. Fewer frames therefore do, and a mesh of fewer elements whose nodes are among those of the given one,
+where there is such a mesh (`idic.fe.mesh.coarsen`).
 
 A simulation that breaks down is compared up to there and stands still afterwards: the frames before tell where to step,
 and a fit that gets farther is the better one.
@@ -83,7 +83,8 @@ def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[
     setup = _prepare(experiment, u_px, simplified)
     here = {**setup.experiment.parameters.as_values(), **values}
     setup = replace(setup, experiment=replace(
-        setup.experiment, parameters=setup.experiment.parameters.with_values(here), stages=(Stage(first_free(experiment)),),
+        setup.experiment, parameters=setup.experiment.parameters.with_values(here),
+        stages=(Stage(first_free(experiment)),),
         options=replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary",
                         schedule="all", search="never", step_limit=None, trial_steps=1)))
     points = MemoryPoints(setup.experiment, setup.weights.image_noise, start(setup.experiment), _Point(None, None, 0.0),
@@ -127,14 +128,16 @@ def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) 
     u_px[[experiment.reference, *experiment.excluded]] = np.nan
     forward = replace(build_forward(experiment), control=FAST_FAILURE)
     moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
-    noises = np.array([CHANNEL_STD_SHARE * max(np.abs(channel.values).max(), 1e-300) for channel in experiment.channels])
+    noises = np.array([CHANNEL_STD_SHARE * max(np.abs(channel.values).max(), 1e-300)
+                       for channel in experiment.channels])
     weights = Weights(MOTION_STD_PX**-2, MOTION_STD_PX, noises**-2.0, noises)
     points = int(np.isfinite(u_px).sum()) + (experiment.n_frames - experiment.reference) * len(noises)
     return _Setup(experiment, forward, moving, u_px, weights, points)
 
 
 def coarse_mesh(experiment: Experiment) -> Coarse | None:
-    """A mesh of about `COARSE_ELEMENTS` for the experiment; None where there is none, or shapes on its nodes are parameters."""
+    """A mesh of about `COARSE_ELEMENTS` for the experiment; None where there is none, or shapes on its nodes are
+    parameters."""
     shaped = experiment.morphs or any(isinstance(entry.drive, Parametrised) for entry in experiment.prescribed)
     return None if shaped else coarsen(experiment.mesh, COARSE_ELEMENTS)
 
@@ -175,13 +178,15 @@ def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
     system = reduce_systems([_frame(context, response, setup.u_px[response.frame]) for response in (*farthest, *still)])
     nothing = np.zeros((len(system.names),) * 2)
     increments = 0 if still else len(taken)
-    evaluation = Evaluation(state.evaluations, replace(system, shared=system.shared[:0]), nothing, increments=increments)
+    evaluation = Evaluation(state.evaluations, replace(system, shared=system.shared[:0]), nothing,
+                            increments=increments)
     return _Point(evaluation, None if still else np.array(taken), (len(farthest) - 1) / max(len(times) - 1, 1))
 
 
 def _simulate(setup: _Setup, parameters: ParameterSet,
               frozen) -> tuple[list[FrameResponse], tuple, NotConverged | None]:
-    """The frames that a simulation reaches, the reference first, its increments, and why it stopped (None: at the end)."""
+    """The frames that a simulation reaches, the reference first, its increments, and why it stopped (None: at the
+    end)."""
     experiment, forward = setup.experiment, setup.forward
     local = np.zeros((experiment.n_frames, forward.drives.n_local))
     came, taken = [], ()
@@ -213,6 +218,7 @@ def _frame(context: CorrelationContext, response: FrameResponse, u_px: np.ndarra
     gap, columns = gap[seen], columns[seen]
     rows = FrameEquations(
         gram=columns.T @ columns, rhs=columns.T @ gap, rr=float(gap @ gap), shared=np.zeros((0, columns.shape[1])),
-        kappa=1.0, channels=channel_equations(context, response), local_precision=context.local_precision, local_gap=-local,
+        kappa=1.0, channels=channel_equations(context, response), local_precision=context.local_precision,
+        local_gap=-local,
         scatter=context.local_scatter)
     return eliminate(response.frame, context.names, rows, context.weights, len(gap), 0)

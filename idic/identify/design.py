@@ -209,7 +209,8 @@ class _Walk:
             self._look(frame, state)
             if frame not in frames:
                 continue
-            response = FrameResponse(frame, state.seen_u, state.channels, state.seen_du, state.dchannels, state.seen_local_du,
+            response = FrameResponse(frame, state.seen_u, state.channels, state.seen_du, state.dchannels,
+                                     state.seen_local_du,
                                      state.local_dchannels)
             self.total = _added(self.total, frame_system(context, response, local[frame]))
             if experiment.channels:

@@ -74,7 +74,8 @@ def frame_entries(experiment: Experiment, fits: Mapping[int, FrameFit], excluded
 
 def camera_entries(experiment: Experiment, point: Evaluation | None, fits: Sequence[Mapping[int, FrameFit]],
                    excluded_by_user: Collection[int], free_chi2: Sequence[np.ndarray | None]) -> dict:
-    """Noise, fit and frames of every camera of several, by name; fits, free_chi2 : per camera, as for `frame_entries`."""
+    """Noise, fit and frames of every camera of several, by name; fits, free_chi2 : per camera, as for
+    `frame_entries`."""
     entries = {}
     for number, view in enumerate(experiment.views):
         used = used_fits(view, fits[number])
@@ -122,7 +123,8 @@ def residual_summary(experiment: Experiment, fits: Sequence[Mapping[int, FrameFi
         "image_chi2_dof": mean_chi2([fit for own in fits for fit in used_fits(experiment, own)]),
         "lost_pixels": lost_pixels,
         "channel_rms": {column: float(np.sqrt(np.mean(channels[:, i] ** 2))) for i, column in shown},
-        "channel_chi2_dof": {column: float(np.mean(channels[:, i] ** 2) / channel_noise[i] ** 2) for i, column in shown},
+        "channel_chi2_dof": {column: float(np.mean(channels[:, i] ** 2) / channel_noise[i] ** 2)
+                             for i, column in shown},
         "channel_noise_std": {c.column: float(channel_noise[i]) for i, c in enumerate(experiment.channels)},
     }
     if free_dic is not None:

@@ -1,7 +1,7 @@
 """The identification as one call without files: an experiment record in, parameters and their evidence out.
 
-The same records, functions and numbers as with a RUN folder (`idic.run.points`). Frames are simulated and correlated one
-after the other; of the fields only those of the accepted point are kept, where they are small enough
+The same records, functions and numbers as with a RUN folder (`idic.run.points`). Frames are simulated and correlated
+one after the other; of the fields only those of the accepted point are kept, where they are small enough
 (`idic.identify.kept_simulation`). For notebooks, studies of many small runs (each a task on a worker) and the refits of
 a diagnosis.
 """
@@ -75,7 +75,8 @@ class Identification:
     def march(self, names: Sequence[str] = (), influence: bool = False) -> Iterator[FrameState]:
         """Simulate the accepted point once more, beginning at its solution where that is at hand.
 
-        With its increments: halved where a fresh start needs it, as the search had a neighbour's solution to begin with.
+        With its increments: halved where a fresh start needs it, as the search had a neighbour's solution to begin
+        with.
 
         Parameters
         ----------
@@ -94,7 +95,8 @@ class Identification:
 
     @property
     def result(self) -> dict:
-        """Parameters with standard deviations, correlations and parameters that are not identifiable: the keys of result.json."""
+        """Parameters with standard deviations, correlations and parameters that are not identifiable: the keys of
+        result.json."""
         return build_result(self.experiment, self.state, self.point, self.weights.image_noise, {}, [],
                             {"forward_runs": self.state.evaluations}, self.discrepancy)
 
@@ -159,7 +161,8 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
     points = MemoryPoints(experiment, setup.weights.image_noise, start(experiment, searched, estimator),
                           _Point(None, local, steps), partial(_next_point, setup))
     state, end = run_loop(points, progress=progress), points.point
-    return Identification(experiment, setup.forward, state, end.evaluation, end.local, end.steps, setup.weights, end.path)
+    return Identification(experiment, setup.forward, state, end.evaluation, end.local, end.steps, setup.weights,
+                          end.path)
 
 
 @dataclass(frozen=True)
@@ -249,7 +252,8 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
 
 
 def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps: Sequence[float] | None,
-               known: Path | None, increments: int | None) -> Iterator[tuple[FrameResponse, Sequence[float] | np.ndarray]]:
+               known: Path | None,
+               increments: int | None) -> Iterator[tuple[FrameResponse, Sequence[float] | np.ndarray]]:
     """Every frame of the simulation, and the increments (s) so far; of a known point without simulating it."""
     forward, values = setup.forward, parameters.as_values()
     if known is not None and known.is_at(values, local, steps):

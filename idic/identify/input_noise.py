@@ -1,7 +1,7 @@
 """Noise of the inputs: of a logged channel, and of the gradient of the reference image.
 
-Where the noise of the gradient exceeds a tenth of the pattern's own (mean squares), the gradient is taken from the image
-without it (`idic.images.quality.gradient_noise`), so that error bars hold.
+Where the noise of the gradient exceeds a tenth of the pattern's own (mean squares), the gradient is taken from the
+image without it (`idic.images.quality.gradient_noise`), so that error bars hold.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ def gradient_noise(experiment: Experiment) -> float:
     iy, ix = (part.ravel() for part in np.indices(image.shape, dtype=np.int32))
     slopes = gradient_at_pixels(prefilter(image, degree, options.lowpass_px), ix, iy)
     share = gradient_noise_share(*slopes, noise, degree, options.lowpass_px)
-    return share if share <= MAX_GRADIENT_NOISE else build_reference(experiment, experiment.camera).gradient_noise  # type: ignore[attr-defined]
+    return share if share <= MAX_GRADIENT_NOISE else build_reference(experiment,
+                                                                     experiment.camera).gradient_noise  # type: ignore[attr-defined]
 
 
 def gradient_notes(experiment: Experiment) -> list[str]:
@@ -66,11 +67,11 @@ def gradient_notes(experiment: Experiment) -> list[str]:
     if share <= MAX_GRADIENT_NOISE:
         return []
     if not np.isfinite(share):
-        return ["the gradient of the reference image is all noise: there is no pattern to correlate, and the error bars "
-                "mean nothing"]
+        return ["the gradient of the reference image is all noise: there is no pattern to correlate, and the error "
+                "bars mean nothing"]
     return [f"noise is {100.0 * share / (1.0 + share):.0f} % of the mean square of the reference image's gradient: the "
-            "gradient is taken from the image without it (Wiener filter), which keeps the error bars true; more reference "
-            "images make them smaller"]
+            "gradient is taken from the image without it (Wiener filter), which keeps the error bars true; more "
+            "reference images make them smaller"]
 
 
 def with_measured_noise(experiment: Experiment) -> Experiment:
@@ -110,11 +111,13 @@ def _judged(noise: Noise, found: NoiseCovariance, lowpass_px: float, source: str
     compared = found.std_gv * np.sqrt(max(pixel_gain(found.correlation, lowpass_px), 0.0))
     std = float(compared) if compared > MIN_NOISE_RATIO * noise.std_gv else noise.std_gv
     rows = tuple(tuple(float(value) for value in row) for row in found.correlation)
-    return replace(noise, std_gv=std, correlated=CorrelatedNoise(found.std_gv, found.sum_std_gv, rows, noise.std_gv, source))
+    return replace(noise, std_gv=std,
+                   correlated=CorrelatedNoise(found.std_gv, found.sum_std_gv, rows, noise.std_gv, source))
 
 
 def noise_content(view: Experiment) -> dict:
-    """The noise of one camera for the result: of a compared pixel, and of sums against the gradient where it differs."""
+    """The noise of one camera for the result: of a compared pixel, and of sums against the gradient where it
+    differs."""
     noise = view.noise
     content = {"std_gv": noise.std_gv, "source": noise.source, "unit": view.value_unit}
     if (found := noise.correlated) is None:
@@ -126,8 +129,8 @@ def noise_content(view: Experiment) -> dict:
 
 def _field_note(noise: Noise, beside: float) -> str:
     return (f"noise of measured fields: {noise.recorded_gv:.3g} µm per component of a point "
-            f"({noise.source.replace('_', ' ')}), with a correlation of {beside:.2f} between neighbours: sums over many "
-            f"points scatter as if it were {noise.in_sums_gv:.3g} µm, which weights and error bars count")
+            f"({noise.source.replace('_', ' ')}), with a correlation of {beside:.2f} between neighbours: sums over "
+            f"many points scatter as if it were {noise.in_sums_gv:.3g} µm, which weights and error bars count")
 
 
 def noise_notes(experiment: Experiment) -> list[str]:
@@ -142,9 +145,10 @@ def noise_notes(experiment: Experiment) -> list[str]:
             notes.append(_field_note(noise=view.noise, beside=found.correlation[middle][middle + 1]))
             continue
         beside = 0.5 * (found.correlation[middle][middle + 1] + found.correlation[middle + 1][middle])
-        text = (f"image noise{of}: {found.stated_gv:.3g} {view.value_unit} ({view.noise.source.replace('_', ' ')}), but "
-                f"{found.source.replace('_', ' ')} show {found.recorded_gv:.3g}")
+        text = (f"image noise{of}: {found.stated_gv:.3g} {view.value_unit} ({view.noise.source.replace('_', ' ')}), "
+                f"but {found.source.replace('_', ' ')} show {found.recorded_gv:.3g}")
         if abs(beside) > MIN_TOLD_CORRELATION:
             text += f" with a correlation of {beside:.2f} between neighbouring pixels"
-        notes.append(f"{text}: sums against the gradient carry {found.sum_std_gv:.3g}, which weights and error bars count")
+        notes.append(f"{text}: sums against the gradient carry {found.sum_std_gv:.3g}, which weights and error bars "
+                     f"count")
     return notes

@@ -1,9 +1,11 @@
 """Several experiments at once: one set of parameters, the normal equations of all experiments added.
 
-Parameters of a material are shared by every experiment that has a material of that name (``SPECIMEN.E``), except directions
-(in degrees) that the experiments state differently, and what says ``shared = false``; these and everything else (camera,
-boundary, channels, geometry, time, heterogeneities) belong to their experiment and carry its name in front:
-``short.camera.rotation_deg``, ``off_axis.SPECIMEN.angle``. With P_k the columns that experiment k's parameters have among all,
+Parameters of a material are shared by every experiment that has a material of that name (``SPECIMEN.E``), except
+directions (in degrees) that the experiments state differently, and what says ``shared = false``; these and everything
+else (camera, boundary, channels, geometry, time, heterogeneities) belong to their experiment and carry its name in
+front:
+``short.camera.rotation_deg``, ``off_axis.SPECIMEN.angle``. With P_k the columns that experiment k's parameters have
+among all,
 
     M = sum_k P_k M_k P_k^T,   b = sum_k P_k b_k,   Cov(b) = sum_k P_k Cov(b_k) P_k^T
 
@@ -133,7 +135,8 @@ def _check_options(experiments: Mapping[str, Experiment]) -> None:
             if wanted != found:
                 raise InputError("experiments that are identified together go through one schedule",
                                  file=experiment.folder, key=f"[options] {key}", expected=f"{wanted!r}, as in {first}",
-                                 found=f"{found!r} in {name}", remedy=f"say the same in both, or --set options.{key}=...")
+                                 found=f"{found!r} in {name}",
+                                 remedy=f"say the same in both, or --set options.{key}=...")
 
 
 def _joint_name(experiment: str, name: str, record: Experiment, own_directions: frozenset[str]) -> str:
@@ -147,7 +150,8 @@ def _of_material(name: str, record: Experiment) -> bool:
 
 
 def _own_directions(experiments: Mapping[str, Experiment]) -> frozenset[str]:
-    """Directions of a material, in degrees, that the experiments state differently: specimens cut along several axes."""
+    """Directions of a material, in degrees, that the experiments state differently: specimens cut along several
+    axes."""
     stated: dict[str, set[tuple[float, bool]]] = {}
     for experiment in experiments.values():
         for name, p in experiment.parameters.items():
@@ -170,7 +174,8 @@ def _check_laws(experiments: Mapping[str, Experiment], name: str) -> None:
 
 
 def _check_alike(first: Parameter, other: Parameter, experiment: Experiment) -> bool:
-    """Whether two statements of a shared parameter differ in their start; InputError where they differ in anything else."""
+    """Whether two statements of a shared parameter differ in their start; InputError where they differ in anything
+    else."""
     same = (first.free, first.unit, first.bounds, first.prior_mean, first.prior_std, first.transform) == (
         other.free, other.unit, other.bounds, other.prior_mean, other.prior_std, other.transform)
     if not same or (first.value != other.value and not first.free):
@@ -212,7 +217,8 @@ def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[s
     return tuple(stages)
 
 
-def _among(system: CorrelationSystem, free: Sequence[str], place: Sequence[int], channels: np.ndarray) -> CorrelationSystem:
+def _among(system: CorrelationSystem, free: Sequence[str], place: Sequence[int],
+           channels: np.ndarray) -> CorrelationSystem:
     """The system of one experiment in the parameters and channels of all; the channels of others are not compared."""
     n, grid = len(free), np.ix_(place, place)
 

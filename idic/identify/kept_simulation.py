@@ -20,8 +20,8 @@ MAX_KEPT_BYTES = 100e6  # of fields: of the accepted point and of all parallel t
 class Path:
     """A simulated point.
 
-    values : of all parameters, internal units; local : (n_frames, m) mm; moving : the parameters of `du`; frames : every
-    simulated frame, the reference first; steps : its increments (s)
+    values : of all parameters, internal units; local : (n_frames, m) mm; moving : the parameters of `du`; frames :
+    every simulated frame, the reference first; steps : its increments (s)
     """
 
     values: Mapping[str, float]

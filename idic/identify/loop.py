@@ -42,7 +42,8 @@ from idic.model.experiment import Experiment, Stage
 from idic.parameters import ParameterSet
 
 MIN_DAMPING = 1e-5  # below, damping ends; it falls slowly, as the step just rejected without it would be rejected again
-MIN_EXTRA_GAIN_SHARE = 0.2  # of the gain of the ordinary step: with more than that a parallel one is judged in its place
+# of the gain of the ordinary step: with more than that a parallel one is judged in its place
+MIN_EXTRA_GAIN_SHARE = 0.2
 
 
 def start(experiment: Experiment, searched: bool = False, estimator: str = ORDINARY) -> LoopState:
@@ -149,8 +150,8 @@ def _length_and_gain(tried: LoopState, trial: Evaluation, previous: Evaluation, 
 def _best(points: Sequence[Evaluation], previous: Evaluation | None) -> int:
     """The number of the point with the lowest functional; the first one where no other gains clearly more.
 
-    A weakly determined direction hardly shows in the functional. A shorter step leaves it where it is; a functional that
-    is lower by little is no progress then.
+    A weakly determined direction hardly shows in the functional. A shorter step leaves it where it is; a functional
+    that is lower by little is no progress then.
     """
     there = [k for k, point in enumerate(points) if point.system is not None]
     if len(there) < 2 or previous is None or previous.system is None:

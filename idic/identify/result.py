@@ -49,7 +49,8 @@ from idic.parameters import ParameterSet
 
 SCHEMA = "idic.result/1"
 MIN_IMITATED_CORRELATION = 0.95  # of an undetermined parameter with its partners; below, the noise hides its effect
-MESH_COUNTED = "the error by linear elements was estimated with quadratic ones; std counts it (mesh_bias, a part of std_model)"
+MESH_COUNTED = ("the error by linear elements was estimated with quadratic ones; std counts it (mesh_bias, a part of "
+                "std_model)")
 MESH_NOT_COUNTED = "std does not count the error by linear elements; idic systematic estimates it (discretisation_bias)"
 STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
 
@@ -252,7 +253,8 @@ class Analysis:
         """The other parameters in the undetermined directions that hold parameter i."""
         weak = self.found.vectors[:, ~self.found.determined]
         together = np.abs(weak @ weak[i])
-        return [self.names[j] for j in range(len(self.names)) if j != i and together[j] > MAX_UNDETERMINED_SHARE * together[i]]
+        return [self.names[j] for j in range(len(self.names)) if j != i
+                and together[j] > MAX_UNDETERMINED_SHARE * together[i]]
 
     def _is_stress(self, name: str) -> bool:
         return self.parameters[name].unit in STRESS_UNITS

@@ -31,7 +31,8 @@ CONTINUED_EVALUATIONS, CONTINUED_TRIALS = 4, 2  # of a continued fit; how many f
 
 @dataclass(frozen=True)
 class Trial:
-    """A start to try: values that replace those of the given start (internal units), most evaluations, simplified model."""
+    """A start to try: values that replace those of the given start (internal units), most evaluations, simplified
+    model."""
 
     label: str
     values: Mapping[str, float]

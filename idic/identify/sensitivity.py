@@ -1,4 +1,5 @@
-"""How sensitivities are computed: direct differentiation of the simulation, or one perturbed simulation per parameter."""
+"""How sensitivities are computed: direct differentiation of the simulation, or one perturbed simulation per
+parameter."""
 
 from __future__ import annotations
 

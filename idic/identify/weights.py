@@ -47,9 +47,12 @@ def gradient_noise_share(experiment: Experiment) -> float:
     if experiment.quantity != "grey":
         return 1.0
     std_px = experiment.options.lowpass_px
-    if std_px > 0.0 and gradient_noise(experiment) > MAX_GRADIENT_NOISE:  # the sums weigh by another gradient than the image's
+    # the sums weigh by another gradient than the image's
+    if std_px > 0.0 and gradient_noise(experiment) > MAX_GRADIENT_NOISE:
         reference = build_reference(experiment, experiment.camera)
-        return noise_share(*(reference.pixel_map.to_image(part, 0.0) for part in (reference.fx, reference.fy)), std_px)  # type: ignore[attr-defined, call-arg]
+        parts = (reference.fx, reference.fy)  # type: ignore[attr-defined]
+        return noise_share(*(reference.pixel_map.to_image(part, 0.0) for part in parts),
+                           std_px)  # type: ignore[call-arg]
     image = lowpass(experiment.stack.frame(experiment.reference).astype(np.float32), std_px)
     rows, columns = np.gradient(image)
     return noise_share(columns, rows, std_px)

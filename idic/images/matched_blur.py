@@ -45,7 +45,8 @@ def matching_weights(inverse: np.ndarray, lowpass_px: float, camera_blur_px: flo
     array (n_elements, 8), px² and px⁴; 0 where F is all but a rotation
     """
     weights = np.empty((len(inverse), len(ORDERS)))
-    _fill_weights(np.ascontiguousarray(inverse, dtype=np.float64), *_blur_cumulants(lowpass_px, camera_blur_px), weights)
+    _fill_weights(np.ascontiguousarray(inverse, dtype=np.float64), *_blur_cumulants(lowpass_px, camera_blur_px),
+                  weights)
     return weights
 
 

@@ -96,7 +96,8 @@ class PlacedCamera:
         """What decides which points of the mesh the pixels of the reference frame show; hashable."""
         lens = self.lens
         return (lens.intrinsic.tobytes(), lens.rotation.tobytes(), lens.translation_mm.tobytes(),
-                self.rotation.tobytes(), self.translation_mm.tobytes(), self.placement.tobytes(), self.pivot_mm.tobytes())
+                self.rotation.tobytes(), self.translation_mm.tobytes(), self.placement.tobytes(),
+                self.pivot_mm.tobytes())
 
     @property
     def pixel_size(self) -> float:

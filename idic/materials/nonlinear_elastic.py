@@ -1,11 +1,14 @@
-"""Reversible nonlinear elasticity: the secant stiffness falls, or rises, with the strain energy; unloading retraces loading.
+"""Reversible nonlinear elasticity: the secant stiffness falls, or rises, with the strain energy; unloading retraces
+loading.
 
     stress = exp(-nonlinearity k) (lam tr(e) I + 2 mu e),   k = sqrt(e : C : e / E)
 
-e is the small strain or Green's (then the stress is the second Piola-Kirchhoff stress). The factor depends on the energy
-e : C : e / 2 alone, so that a potential exists and nothing is dissipated. In tension k is the strain; the tangent modulus
-is E exp(-nonlinearity k) (1 - nonlinearity k), which stays positive up to k = 1 / nonlinearity. A negative value stiffens.
-Under a load that only grows the law is that of isotropic damage without a threshold; unloading tells the two apart.
+e is the small strain or Green's (then the stress is the second Piola-Kirchhoff stress). The factor depends on the
+energy
+e : C : e / 2 alone, so that a potential exists and nothing is dissipated. In tension k is the strain; the tangent
+modulus is E exp(-nonlinearity k) (1 - nonlinearity k), which stays positive up to k = 1 / nonlinearity. A negative
+value stiffens. Under a load that only grows the law is that of isotropic damage without a threshold; unloading tells
+the two apart.
 """
 
 from __future__ import annotations
@@ -100,12 +103,13 @@ LAW = register(LawSpec(
     name="nonlinear_elastic",
     parameters=(
         *ELASTIC_PARAMETERS,
-        LawParameter("nonlinearity", "-", "loss of secant stiffness per equivalent strain, reversible; negative stiffens",
+        LawParameter("nonlinearity", "-",
+                     "loss of secant stiffness per equivalent strain, reversible; negative stiffens",
                      default=10.0, null=0.0, positive=False, bounds=(-math.inf, math.inf)),
     ),
     updates={"small": update_small, "finite": update_finite},
     linearise={"small": linearise_small, "finite": linearise_finite},
-    reference="stress = exp(-n k) C : e with k = sqrt(e : C : e / E): a potential in e : C : e exists, hence no dissipation; "
-              "Ogden, Non-Linear Elastic Deformations (1997), ch. 4",
+    reference="stress = exp(-n k) C : e with k = sqrt(e : C : e / E): a potential in e : C : e exists, hence no "
+              "dissipation; Ogden, Non-Linear Elastic Deformations (1997), ch. 4",
     alternatives=ELASTIC_ALTERNATIVES,
 ))

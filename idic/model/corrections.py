@@ -12,7 +12,8 @@ freedom ``boundary.SET.COMPONENT.KIND``, zero where the log is right:
 Slip, rotation and misalignment may have a course that the data give (`idic.model.free_course`).
 
 Rotation and misalignment may follow a column of the log, or begin at a time with a course of their own; the amplitude
-(rad, mm) is then that at the column's largest value, or at the end of the course. At a set that is held at a fixed value, slip, seating and compliance count along the axis.
+(rad, mm) is then that at the column's largest value, or at the end of the course. At a set that is held at a fixed
+value, slip, seating and compliance count along the axis.
 """
 
 from __future__ import annotations

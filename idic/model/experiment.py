@@ -37,9 +37,9 @@ class Material:
 class Correction:
     """What a drive may lack: ``amplitude * course(t)`` times a pattern on its set; see `idic.model.corrections`.
 
-    kind : "slip" | "rotation" | "compliance" | "misalignment" | "seating"; reach : largest value of the pattern (mm for a
-    rotation); towards : the component that a misalignment moves; knot : frame of the knot whose course it is, of a course
-    that the data give (`idic.model.free_course`).
+    kind : "slip" | "rotation" | "compliance" | "misalignment" | "seating"; reach : largest value of the pattern (mm for
+    a rotation); towards : the component that a misalignment moves; knot : frame of the knot whose course it is, of a
+    course that the data give (`idic.model.free_course`).
     """
 
     kind: str
@@ -140,8 +140,8 @@ class Temperature:
     """The temperature of a node set (None: of the whole mesh): one value per frame, or a field.
 
     It acts through ``SET.alpha`` (1/K), which every law accepts, and through laws whose parameters depend on it; see
-    `idic.model.temperature`, `idic.fe.assembly.expansion` and `idic.materials.core.temperature`. ``above_celsius`` is what
-    the values of the drive are above °C: 273.15 where they are in K.
+    `idic.model.temperature`, `idic.fe.assembly.expansion` and `idic.materials.core.temperature`. ``above_celsius`` is
+    what the values of the drive are above °C: 273.15 where they are in K.
     """
 
     nodes: str | None
@@ -174,9 +174,10 @@ class Channel:
     kind "reaction": factor x sum of the reactions of a node set along ``component`` (N); "displacement": mean
     displacement of a node set along ``component``, less that of the set ``minus`` (mm: an extensometer, an LVDT);
     "pressure": the pressure on the edge set ``nodes`` (MPa).
-    drift_from : s, when its drift begins, None: at the reference frame; drift_knots : frames of the knots of a drift whose
-    course the data give, drift_hats : (n_knots, n_frames) their courses; full_scale : largest reading of the test that these
-    frames are a part of, None: these are all
+    drift_from : s, when its drift begins, None: at the reference frame; drift_knots : frames of the knots of a drift
+    whose
+    course the data give, drift_hats : (n_knots, n_frames) their courses; full_scale : largest reading of the test that
+    these frames are a part of, None: these are all
     """
 
     column: str
@@ -247,7 +248,8 @@ class Noise:
 class FieldPoints:
     """The points of a measured field, on a grid whose unit is the distance of neighbours.
 
-    positions_px : (n, 2) columns and rows of the points; shape : (ny, nx) of the grid; pitch_mm : distance of neighbours;
+    positions_px : (n, 2) columns and rows of the points; shape : (ny, nx) of the grid; pitch_mm : distance of
+    neighbours;
     subset_px : width of the square over which the other system averaged the motion of a point, 0 where it is not known;
     free_rigid : a rigid motion of all points is an unknown of every frame
     """
@@ -305,7 +307,8 @@ class Options:
     search: str = "auto"  # auto | never: better starts are looked for where a law needs it (`idic.identify.search`)
     schedule: str = "all"  # all | spectrum: weak directions locked until the strong ones stand
     tolerance: float = 0.02  # stop when the scaled step is this small a part of the standard deviations
-    substeps: int | None = None  # FE increments per frame (before any cutting); None: 1, or chosen (`idic.identify.step.increments`)
+    # FE increments per frame (before any cutting); None: 1, or chosen (`idic.identify.step.increments`)
+    substeps: int | None = None
     perturbation: float = 1e-4
     locking: str = "auto"  # auto (mean dilatation where it is needed) | none | mean_dilatation
 
@@ -427,7 +430,8 @@ class Experiment:
         return self.stack.shape if self.points is None else self.points.shape  # type: ignore[union-attr]
 
     def picture(self, frame: int) -> np.ndarray:
-        """A frame to look at: its image, or of a measured field the points that it holds, bright on black  # (ny, nx)"""
+        """A frame to look at: its image, or of a measured field the points that it holds, bright on black  # (ny,
+        nx)"""
         values = np.asarray(self.stack.frame(frame))  # type: ignore[union-attr]
         if self.points is None:
             return values

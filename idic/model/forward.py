@@ -34,8 +34,8 @@ from idic.parameters import ParameterSet
 class Solution:
     """A simulation of all frames, in the order of the experiment's frames from the reference on.
 
-    u : (n_frames, n_nodes, dim) mm, of the seen surface with its rise, where that is wanted; channels : (n_frames, n_channels) in the channels' units; steps : times of the
-    increments taken (s), to be frozen for a comparison.
+    u : (n_frames, n_nodes, dim) mm, of the seen surface with its rise, where that is wanted; channels : (n_frames,
+    n_channels) in the channels' units; steps : times of the increments taken (s), to be frozen for a comparison.
     """
 
     u: np.ndarray

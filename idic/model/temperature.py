@@ -2,8 +2,8 @@
 
 Later records win where they overlap. Nodes that no record covers get their temperature by steady conduction from the
 others (`idic.fe.conduction`): two thermocouples make a linear course between two grips, one makes a uniform body.
-Thermal expansion knows the change since the reference frame only, where K and °C are the same; laws whose parameters depend
-on the temperature take °C.
+Thermal expansion knows the change since the reference frame only, where K and °C are the same; laws whose parameters
+depend on the temperature take °C.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from idic.model.experiment import Column, Experiment
 @dataclass(frozen=True)
 class NodalTemperature:
     """values : (n_frames, n_nodes) K, change since the reference frame; rates : its derivative by a time shift of the
-    log (``time.offset``), K/s; None where no logged column takes part; start : (n_nodes,) °C at the reference frame, which no
-    shift changes."""
+    log (``time.offset``), K/s; None where no logged column takes part; start : (n_nodes,) °C at the reference frame,
+    which no shift changes."""
 
     values: np.ndarray
     rates: np.ndarray | None

@@ -1,4 +1,5 @@
-"""The fields of a result as an xarray.Dataset: displacement, strain, residual and channels with coordinates and units."""
+"""The fields of a result as an xarray.Dataset: displacement, strain, residual and channels with coordinates and
+units."""
 
 from __future__ import annotations
 
@@ -31,7 +32,8 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
     u = np.array([fields.u(frame)[:, :experiment.n_dim] for frame in shown])
     pairs = PAIRS[experiment.n_dim]
     variables: dict[str, Any] = {
-        "u": (("frame", "node", "component"), u, {"long_name": "simulated displacement", "units": experiment.length_unit}),
+        "u": (("frame", "node", "component"), u,
+              {"long_name": "simulated displacement", "units": experiment.length_unit}),
         "strain": (("frame", "node", "strain_component"), strains(experiment.mesh, u),
                    {"long_name": "Green-Lagrange strain of the simulation at the nodes", "units": "1"}),
         "simulated": (("frame", "channel"), fields.simulated[shown], {"long_name": "simulated channels"}),
@@ -41,7 +43,8 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
         variables |= _measured(fields, shown)
     if residual:
         variables["residual"] = (("frame", "row", "column"), _residuals(fields, shown),
-                                 {"long_name": "f(x) - g(x + u) in the reference image", "units": experiment.value_unit})
+                                 {"long_name": "f(x) - g(x + u) in the reference image",
+                                  "units": experiment.value_unit})
     coordinates: dict[str, Any] = {
         "frame": shown, "label": ("frame", [experiment.labels[frame] for frame in shown]),
         "time": ("frame", experiment.times[shown], {"units": "s" if experiment.extras.get("has_times", True) else "1"}),
@@ -55,7 +58,8 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
         coordinates["xyz"[axis]] = ("node", experiment.mesh.nodes[:, axis], {"units": experiment.length_unit})
     if residual:
         rows, columns = experiment.stack.shape
-        coordinates |= {"row": ("row", np.arange(rows), {"units": "px"}), "column": ("column", np.arange(columns), {"units": "px"})}
+        coordinates |= {"row": ("row", np.arange(rows), {"units": "px"}),
+                        "column": ("column", np.arange(columns), {"units": "px"})}
     return xarray.Dataset(variables, coordinates, {"title": experiment.title, "status": content["status"],
                                                    "kind": experiment.kind, "reference_frame": experiment.reference})
 
@@ -78,7 +82,8 @@ def strain_tensor(fields: Fields, frame: int, measure: str, angle_deg: float, so
                          remedy="write one of these names")
     surface = surface_of(mesh, fields.experiment.surface)
     found = np.full((mesh.n_nodes, 2, 2), np.nan)
-    found[surface.index] = rotated(strain(surface.deformation(fields.u_measured(frame)[surface.index]), measure), angle_deg)
+    found[surface.index] = rotated(strain(surface.deformation(fields.u_measured(frame)[surface.index]), measure),
+                                   angle_deg)
     return found
 
 

@@ -82,7 +82,8 @@ def estimates_html(estimates) -> str:
         f"<tr><td style='text-align:left'>{escape(e.name)}</td><td>{escape(with_std(e.value, e.std, e.unit))}</td>"
         f"<td>{escape(_interval(e))}</td><td>{escape(with_std(e.start, None, e.unit))}</td>"
         f"<td style='text-align:left'>{_state(e)}</td></tr>" for e in estimates)
-    return ("<table><thead><tr><th style='text-align:left'>parameter</th><th>value ± std</th><th>95 %</th><th>start</th>"
+    return ("<table><thead><tr><th style='text-align:left'>parameter</th><th>value ± std</th><th>95 "
+            "%</th><th>start</th>"
             f"<th></th></tr></thead><tbody>{rows}</tbody></table>")
 
 

@@ -34,8 +34,8 @@ _KEYS = {"images": f"{IMAGES}/*.tif", "loads": LOADS, "mesh": MESH, "mask": MASK
 class Experiment:
     """A test with its model, from Python objects; everything is read and checked at once, as experiment.toml is.
 
-    docs/experiment-file.md has every key of the tables. A table of the file is a mapping here, ``[[boundary]]`` a list of
-    mappings; a bare number is short for ``{"value": number}``.
+    docs/experiment-file.md has every key of the tables. A table of the file is a mapping here, ``[[boundary]]`` a list
+    of mappings; a bare number is short for ``{"value": number}``.
 
     Parameters
     ----------
@@ -200,7 +200,8 @@ class _Objects:
 
     def save(self, folder: Path, record: Record, link: bool = False) -> Path:
         objects = self.objects
-        others = [path.relative_to(self.folder.resolve()) for path in further_files(self.tables, objects, self.folder.resolve())]
+        others = [path.relative_to(self.folder.resolve())
+                  for path in further_files(self.tables, objects, self.folder.resolve())]
         folder = empty_folder(folder)
         for path in dict.fromkeys(others):
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
@@ -212,7 +213,8 @@ class _Objects:
         if objects.mask is not None:
             write_images(folder, [(objects.mask > 0).astype(np.uint8)], ".")
             os.replace(folder / "frame_000.tif", folder / MASK)
-        tables = self.tables | {"experiment": {**self.tables["experiment"], "images": pattern, **_frames_by_number(self.tables, record)}}
+        tables = self.tables | {"experiment": {**self.tables["experiment"], "images": pattern,
+                                               **_frames_by_number(self.tables, record)}}
         (folder / NAME).write_text(to_toml(tables), encoding="utf-8")
         return folder
 
@@ -235,7 +237,8 @@ class _File:
         return replace(self, overrides={**self.overrides, **values})
 
     def save(self, folder: Path, record: Record, link: bool = False) -> Path:
-        raise InputError("the experiment is a folder already", file=self.file, expected="an experiment of Python objects",
+        raise InputError("the experiment is a folder already", file=self.file,
+                         expected="an experiment of Python objects",
                          found="one that was read from a file", remedy="copy its folder")
 
 
@@ -288,7 +291,8 @@ def _frames_by_number(tables: Mapping, record: Record) -> dict:
     found = {"reference": list(record.averaged) or [record.reference], "exclude_frames": list(record.excluded),
              "still_frames": list(record.extras["still_frames"])}
     named = tables["experiment"]
-    return {key: numbers for key, numbers in found.items() if key in named and not (key == "still_frames" and isinstance(named[key], str))}
+    return {key: numbers for key, numbers in found.items() if key in named
+            and not (key == "still_frames" and isinstance(named[key], str))}
 
 
 def _mask(mask: Any) -> np.ndarray:

@@ -67,7 +67,8 @@ class Fields(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class FieldsInMemory:
-    """The fields of an identification in this process: its simulation is kept, residuals are made when they are asked for."""
+    """The fields of an identification in this process: its simulation is kept, residuals are made when they are asked
+    for."""
 
     found: Identification
 
@@ -161,11 +162,13 @@ class FieldsOfRun:
 
     def u(self, frame: int) -> np.ndarray:
         k = checked_frame(self.experiment, frame) - self.experiment.reference
-        return FrameArrays.open(self.context.store.group(group_name(self._accepted["evaluation"], BASE)), "u").read(k, k + 1)[0]
+        return FrameArrays.open(self.context.store.group(group_name(self._accepted["evaluation"], BASE)),
+                                "u").read(k, k + 1)[0]
 
     def u_measured(self, frame: int) -> np.ndarray:
         parameters = self.experiment.parameters.with_values(self._accepted["values"])
-        return _freely_measured(correlation_context(self.context, parameters), checked_frame(self.experiment, frame), self.u)
+        return _freely_measured(correlation_context(self.context, parameters), checked_frame(self.experiment, frame),
+                                self.u)
 
     def residual(self, frame: int) -> np.ndarray:
         return self._residuals(checked_frame(self.experiment, frame, later=True))
@@ -189,7 +192,8 @@ def _freely_measured(context: CorrelationContext, frame: int, simulated: Callabl
     experiment, camera = context.experiment, context.camera
     seen = seen_by(experiment, context.reference.image)
     if seen is None:
-        raise InputError("no free FE-DIC of these images", key="source", expected="grey images of a surface, or measured "
+        raise InputError("no free FE-DIC of these images", key="source",
+                         expected="grey images of a surface, or measured "
                          "fields", found=f"{experiment.quantity} images", remedy="use the simulated fields")
     nodes, view = experiment.mesh.nodes, view_of(experiment, camera)
     motion = free_motion(seen, (frame,), lambda k: view.at(k).motion(nodes, experiment.turned(simulated(k)))[:, :2])[0]

@@ -24,13 +24,16 @@ def experiment_html(experiment: Experiment) -> str:
         facts.append(f"{experiment.thickness:g} {experiment.length_unit} thick")
     facts.append("noise to be measured" if experiment.noise.std_gv is None
                  else f"noise {experiment.noise.std_gv:.3g} {escape(experiment.value_unit)}")
-    drives = [f"{entry.nodes}: u{entry.component} {_drive(entry.drive, experiment.length_unit)}" for entry in experiment.prescribed]
+    drives = [f"{entry.nodes}: u{entry.component} {_drive(entry.drive, experiment.length_unit)}"
+              for entry in experiment.prescribed]
     drives += [f"{load.edges}: {load.kind} {_drive(load.drive, '')}" for load in experiment.loads]
     channels = [f"{channel.column}: {channel.kind} of {channel.nodes}" for channel in experiment.channels]
     picture = "" if experiment.stack is None else (
-        f"<img alt='mesh on the reference image' style='max-width:100%;width:{PICTURE_PX}px' src='{overlay(experiment).data_uri}'>")
+        f"<img alt='mesh on the reference image' style='max-width:100%;width:{PICTURE_PX}px' "
+        f"src='{overlay(experiment).data_uri}'>")
     return (f"<div><b>{escape(experiment.title)}</b><p>{', '.join(facts)}</p>{_start_values(experiment)}"
-            f"{_listed('Boundaries', drives)}{_listed('Channels', channels)}{_listed('Notes', experiment.notes)}{picture}</div>")
+            f"{_listed('Boundaries', drives)}{_listed('Channels', channels)}{_listed('Notes', experiment.notes)}"
+            f"{picture}</div>")
 
 
 def result_html(content: Mapping, estimates: Estimates, failure: str | None = None) -> str:
@@ -42,9 +45,11 @@ def result_html(content: Mapping, estimates: Estimates, failure: str | None = No
 
 
 def _start_values(experiment: Experiment) -> str:
-    rows = "".join(f"<tr><td style='text-align:left'>{escape(p.name)}</td><td>{escape(with_std(p.shown, None, p.unit))}</td>"
+    rows = "".join(f"<tr><td style='text-align:left'>{escape(p.name)}</td>"
+                   f"<td>{escape(with_std(p.shown, None, p.unit))}</td>"
                    f"<td style='text-align:left'>{_role(p)}</td></tr>" for p in experiment.parameters.values())
-    return f"<table><thead><tr><th style='text-align:left'>parameter</th><th>start</th><th></th></tr></thead><tbody>{rows}</tbody></table>"
+    return (f"<table><thead><tr><th "
+            f"style='text-align:left'>parameter</th><th>start</th><th></th></tr></thead><tbody>{rows}</tbody></table>")
 
 
 def _role(parameter: Parameter) -> str:
@@ -56,7 +61,8 @@ def _drive(drive: Drive, unit: str) -> str:
         return f"= {drive.value:g} {unit}".rstrip()
     if isinstance(drive, Column):
         return f"from column {drive.column}"
-    return f"as {drive.modes} × {drive.time_modes} modes" if isinstance(drive, Parametrised) else "measured from the images"
+    return f"as {drive.modes} × {drive.time_modes} modes" if isinstance(drive,
+                                                                        Parametrised) else "measured from the images"
 
 
 def _listed(title: str, entries: Iterable[str]) -> str:

@@ -52,11 +52,13 @@ def identify(experiment: Experiment | str | os.PathLike, out: str | os.PathLike 
     if not isinstance(experiment, (Experiment, str, os.PathLike)):
         raise InputError("not an experiment", key="experiment", expected="an idic.Experiment, or the path of a folder",
                          found=type(experiment).__name__,
-                         remedy="identify several together from their folders: idic.identify_experiment([first, second], run)")
+                         remedy="identify several together from their folders: idic.identify_experiment([first, "
+                                "second], run)")
     given = experiment if isinstance(experiment, Experiment) else Experiment.read(experiment)
     given = given.changed(overrides) if overrides else given
     if out is None:
-        for key, value, default in (("resume", resume, False), ("workers", workers, 0), ("sensitivity", sensitivity, "auto")):
+        for key, value, default in (("resume", resume, False), ("workers", workers, 0),
+                                    ("sensitivity", sensitivity, "auto")):
             if value != default:
                 raise InputError(f"{key} without a RUN folder", key=key, expected="out, a folder for the run",
                                  found=f"{key} = {value!r}", remedy=f'give out="runs/first", or leave {key} out')

@@ -22,4 +22,5 @@ def optional(name: str) -> ModuleType:
         if missing.name != name:
             raise
         raise InputError(f"{name} is not installed", expected=f"the package {name}", found="none",
-                         remedy=f"pip install {name}, or all packages for notebooks: pip install 'idic[notebook]'") from None
+                         remedy=f"pip install {name}, or all packages for notebooks: pip install "
+                                f"'idic[notebook]'") from None

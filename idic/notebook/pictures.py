@@ -22,7 +22,8 @@ from idic.report.figures.style import BLUE, DIVERGING, DPI, FAINT, GREY, ORANGE,
 from idic.report.words import short_names, time_label, with_std
 
 MAP_INCH, CORNER_INCH = 6.0, 1.9  # width of a map, side of a panel
-ELLIPSES = ((1.5096, "-", 68), (2.4477, "--", 95))  # standard deviations that hold so many % of a plane Gaussian: chi, 2 degrees
+# standard deviations that hold so many % of a plane Gaussian: chi, 2 degrees
+ELLIPSES = ((1.5096, "-", 68), (2.4477, "--", 95))
 REACH = 3.2  # standard deviations shown on each side
 
 
@@ -117,8 +118,10 @@ class Plots:
                         _ellipses(axis, posterior, column, row)
                     _label(axis, posterior, shown, row, column)
             if n > 1:
-                lines = [Line2D([], [], color=BLUE, ls=style, lw=1.1, label=f"{share} % of a pair") for _, style, share in ELLIPSES]
-                figure.legend(handles=[*lines, Patch(color=FAINT, alpha=0.7, lw=0, label="95 % of one")], loc="upper right")
+                lines = [Line2D([], [], color=BLUE, ls=style, lw=1.1, label=f"{share} % of a pair")
+                         for _, style, share in ELLIPSES]
+                figure.legend(handles=[*lines, Patch(color=FAINT, alpha=0.7, lw=0, label="95 % of one")],
+                              loc="upper right")
         return figure
 
 

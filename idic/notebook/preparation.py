@@ -26,9 +26,9 @@ from idic.run.prepare import check_before_writing
 class Prepared:
     """An experiment that can be identified.
 
-    experiment : with its noise, the excluded frames and the modes of virtual boundaries; local : (n_frames, m) mm, start
-    of the frame-local unknowns; free : the free FE-DIC of each camera for which one was made; begin : start values that
-    a search found, internal units
+    experiment : with its noise, the excluded frames and the modes of virtual boundaries; local : (n_frames, m) mm,
+    start of the frame-local unknowns; free : the free FE-DIC of each camera for which one was made; begin : start
+    values that a search found, internal units
     """
 
     experiment: Experiment

@@ -52,7 +52,8 @@ class Result:
         """Why the last simulation failed, where that ended the identification."""
         if self.status != "forward_failed":
             return None
-        return next((entry["message"] for entry in reversed(self.content.get("history", ())) if entry.get("message")), None)
+        return next((entry["message"] for entry in reversed(self.content.get("history", ())) if entry.get("message")),
+                    None)
 
     @property
     def parameters(self) -> Estimates:

@@ -190,7 +190,8 @@ class _Reader:
 
     def _surface(self, raw, name, kind, data, where, nodes_of: LabelSets, elements_of: LabelSets) -> None:
         if kind == "NODE":
-            found = [nodes_of.named(self._label_or_name(cells[0], number), number, f"surface {name}") for number, cells in data]
+            found = [nodes_of.named(self._label_or_name(cells[0], number), number, f"surface {name}")
+                     for number, cells in data]
             raw.node_sets.setdefault(name, nodes_of.indices(sorted(set().union(*found))))
             return
         index, faces = nodes_of.index, []

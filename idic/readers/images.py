@@ -119,7 +119,8 @@ def image_entries(path: Path) -> list[ImageEntry]:
     facts = image_facts(path)
     if facts is None:
         return _headers(path)
-    return [ImageEntry(path, page, tuple(shape), dtype, label, turn) for page, shape, dtype, label, turn in facts.entries]
+    return [ImageEntry(path, page, tuple(shape), dtype, label, turn)
+            for page, shape, dtype, label, turn in facts.entries]
 
 
 def _size(entry: ImageEntry) -> str:

@@ -50,7 +50,8 @@ class Drawing:
                              expected=error.expected, found=error.found, remedy=error.remedy) from None
 
     def on_arcs(self, mesh: Mesh, camera: AnyCamera | None = None) -> Mesh:
-        """The quadratic mesh in mm with the mid-side nodes of the boundary on the arcs; `camera`: of a drawing in px."""
+        """The quadratic mesh in mm with the mid-side nodes of the boundary on the arcs; `camera`: of a drawing in
+        px."""
         if camera is None:
             return follow_arcs(mesh, self.outline, self.holes)
         drawn = replace(mesh, nodes=camera.project(mesh.nodes))

@@ -10,7 +10,8 @@ from idic.errors import InputError
 
 def natural_key(text: str) -> list[tuple[int, int, str]]:
     """Sort key in which ``frame_2`` comes before ``frame_10``."""
-    return [(0, int(part), "") if part.isdecimal() else (1, 0, part.lower()) for part in re.split(r"(\d+)", text) if part]
+    return [(0, int(part), "") if part.isdecimal() else (1, 0, part.lower()) for part in re.split(r"(\d+)", text)
+            if part]
 
 
 def inside(folder: Path, name: str, *, file, key) -> Path:

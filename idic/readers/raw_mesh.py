@@ -96,7 +96,8 @@ def _check_content(raw: RawMesh, n_dim: int) -> None:
     if top != n_dim:
         raise InputError(f"the dimension of the mesh does not fit kind = {kind_key}", file=raw.file, key="mesh",
                          found=", ".join(sorted(kinds)) or "no elements",
-                         expected="quadrilaterals or triangles" if n_dim == 2 else "tetrahedra or hexahedra (hex8, hex20)",
+                         expected="quadrilaterals or triangles" if n_dim == 2
+                         else "tetrahedra or hexahedra (hex8, hex20)",
                          remedy="correct kind in [experiment], or mesh the specimen with such elements")
     wrong = sorted(kind for kind in kinds if DIMENSION[kind] == n_dim and kind not in SUPPORTED)
     if wrong:

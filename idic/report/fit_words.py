@@ -22,21 +22,30 @@ WORDS_OF_FIELDS = (  # what is said of images, and of measured fields in their p
     ("Image residual per frame", "Residual of the fields per stage"), ("image residual", "residual of the fields"),
     ("stated camera noise", "stated noise of the fields"), ("than camera noise", "than their noise"),
     ("to camera noise", "to their noise"), ("is camera noise", "is their noise"), ("camera noise alone", "noise alone"),
-    ("camera noise", "noise of the fields"), ("per pixel", "per component"), ("a free FE-DIC", "a free fit of the fields"),
-    ("The free FE-DIC", "The free fit of the fields"), ("free FE-DIC", "free fit"), ("noise of one image", "noise of a component"),
-    ("camera's floor", "floor of the fields"), ("camera&#39;s floor", "floor of the fields"), (", after interpolation and low-pass", ""),
-    ("f + h − g(x + u) in the reference image; ", "Both components of a point, rms. "), ("residual of image noise alone", "noise alone"),
-    ("pixels off the image or in gaps", "points that are missing"), ("light or aliasing is left", "the fields are not smooth"),
+    ("camera noise", "noise of the fields"), ("per pixel", "per component"),
+    ("a free FE-DIC", "a free fit of the fields"),
+    ("The free FE-DIC", "The free fit of the fields"), ("free FE-DIC", "free fit"),
+    ("noise of one image", "noise of a component"),
+    ("camera's floor", "floor of the fields"), ("camera&#39;s floor", "floor of the fields"),
+    (", after interpolation and low-pass", ""),
+    ("f + h − g(x + u) in the reference image; ", "Both components of a point, rms. "),
+    ("residual of image noise alone", "noise alone"),
+    ("pixels off the image or in gaps", "points that are missing"),
+    ("light or aliasing is left", "the fields are not smooth"),
     ("light, or aliasing is left", "or the fields are not smooth"), ("motion or brightness (height)", "motion"),
-    ("Residuals: measured images and channels minus simulated ones", "Residuals: measured fields and channels minus simulated ones"),
+    ("Residuals: measured images and channels minus simulated ones",
+     "Residuals: measured fields and channels minus simulated ones"),
     ("Motion in images at rest", "Motion in stages at rest"), ("in images at rest", "in stages at rest"),
     ("Light, air, focus or aliasing make it, in loaded frames too", "The other system makes it, in loaded stages too"),
-    ("image noise are taken off", "noise are taken off"), ("the image does not match the reference", "no smooth motion follows the points"),
+    ("image noise are taken off", "noise are taken off"),
+    ("the image does not match the reference", "no smooth motion follows the points"),
     ("from the noise of images and channels", "from the noise of fields and channels"),
     ("Image with the simulated mesh, and the residual", "Points with the simulated mesh, and the residual"),
     ("How far the pattern moves", "How far the points move"), ("over the reference image", "over the points"),
-    ("explains the images better", "explains the fields better"), ("it changes neither images nor channels", "it changes neither "
-     "fields nor channels"), ("the noise of the images", "the noise of the fields"), ("a camera shows only", "a field shows only"),
+    ("explains the images better", "explains the fields better"),
+    ("it changes neither images nor channels", "it changes neither "
+     "fields nor channels"), ("the noise of the images", "the noise of the fields"),
+     ("a camera shows only", "a field shows only"),
 )
 
 
@@ -98,22 +107,24 @@ def images(result: Mapping) -> tuple[str, str, str]:
                 f"The image residual is smaller than the stated camera noise ({numbers}). "
                 f"The noise is overstated, and so are the error bars.{local}")
     if free is not None and not free.failed and not free.follows:
-        return ("look", f"Look closer: a free motion explains the images better (χ² = {free.free:.3g}, model {free.model:.3g})",
-                f"The image residual is {'larger than' if chi2 > NOISE_CHI2[1] else 'close to'} camera noise ({numbers}), and "
-                f"a motion without a law explains {_share(free)} of what is above noise. The model lacks an effect. The "
-                f"residual maps show where.{local}")
+        return ("look",
+                f"Look closer: a free motion explains the images better (χ² = {free.free:.3g}, model {free.model:.3g})",
+                f"The image residual is {'larger than' if chi2 > NOISE_CHI2[1] else 'close to'} camera noise "
+                f"({numbers}), and "
+                f"a motion without a law explains {_share(free)} of what is above noise. The model lacks an effect. "
+                f"The residual maps show where.{local}")
     if chi2 > NOISE_CHI2[1]:
         if free is not None and free.follows:
             return ("look", "Look closer: the model follows as well as any motion does; light or aliasing is left",
-                    f"The image residual is larger than camera noise ({numbers}), for a free motion too: no law explains "
-                    f"it. {remedies(result)}{local}".rstrip())
+                    f"The image residual is larger than camera noise ({numbers}), for a free motion too: no law "
+                    f"explains it. {remedies(result)}{local}".rstrip())
         return ("look", f"Look closer: the image residual has {chi2:.3g} times the variance of the noise",
                 f"The image residual is larger than camera noise ({numbers}). The model lacks an effect, or light or "
                 f"aliasing is left. The residual maps show where.{local}")
     if where:
         return ("look", "Look closer: the residual is noise on the whole, not everywhere",
-                f"The mean image residual is camera noise ({numbers}), but it is raised {where}. {in_error_bars(result)} "
-                f"{remedies(result)}".rstrip())
+                f"The mean image residual is camera noise ({numbers}), but it is raised {where}. "
+                f"{in_error_bars(result)} {remedies(result)}".rstrip())
     return "good", "Good fit: the residual is noise", f"The image residual is camera noise ({numbers})."
 
 
@@ -132,7 +143,8 @@ def remedies(result: Mapping) -> str:
     best = min(tried, key=lambda one: one["chi2_after"])
     before, after = best["chi2_before"], best["chi2_after"]
     if before - after > MIN_REMEDY_SHARE * max(before - 1.0, 0.0) and before - after > MAX_CHI2_OVER_FREE:
-        return (f"With {best['setting']} it falls from χ² = {before:.3g} to {after:.3g} at the same motion: identify again "
+        return (f"With {best['setting']} it falls from χ² = {before:.3g} to {after:.3g} at the same motion: identify "
+                f"again "
                 "with it under [options].")
     names = "; ".join(one["setting"] for one in tried)
     return f"None of the remedies tried at the same motion removes it ({names}): look at the light and at the pattern."

@@ -56,13 +56,15 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
     laws = (*(stress_strain(record, curve) for curve in record.curves),
             *(hardening_curve(record, curve) for curve in record.hardening),
             *(rubber_energy(record, curve) for curve in record.rubber),
-            *(temperature_dependence(tuple(own)) for _, own in groupby(record.temperature_factors, lambda one: one.name)))
+            *(temperature_dependence(tuple(own))
+              for _, own in groupby(record.temperature_factors, lambda one: one.name)))
     plan = (
         (
             "explained",
             "Does the model explain the test?",
             "Residuals: measured images and channels minus simulated ones.",
-            (charts.residual_level(record), *channels, point_maps(record), maps.local_chi2(record), maps.residuals(record),
+            (charts.residual_level(record), *channels, point_maps(record), maps.local_chi2(record),
+             maps.residuals(record),
              free_dic(record), camera_floor(record)),
         ),
         ("law", "Which law came out?", " ".join(open_curves(record)), laws),
@@ -83,7 +85,8 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
 
 
 def _fields(record: RunRecord) -> Section:
-    return Section("fields", "Fields", "Displacement, strain, stress and state. Point at a field for its value. A click sets a "
+    return Section("fields", "Fields",
+                   "Displacement, strain, stress and state. Point at a field for its value. A click sets a "
                    "point, an extensometer, a line or a circle.", (), viewer=viewer_data(record))
 
 
@@ -156,7 +159,8 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
 def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
     """Short facts under the headline: (label, value, all right; None: neither right nor wrong)."""
     result = record.result
-    facts: list[tuple[str, str, bool | None]] = [("status", str(result["status"]).replace("_", " "), result["status"] in GOOD)]
+    facts: list[tuple[str, str, bool | None]] = [("status", str(result["status"]).replace("_", " "),
+                                                  result["status"] in GOOD)]
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     if chi2 is not None:
         facts.append(("χ² per pixel", f"{chi2:.3f}", NOISE_CHI2[0] <= chi2 <= NOISE_CHI2[1]))

@@ -441,7 +441,8 @@ class RunRecord:
 
     @property
     def motion_unit(self) -> tuple[float, str]:
-        """What a motion in px is multiplied by to be shown, and its unit: µm of measured fields, whose px is their pitch."""
+        """What a motion in px is multiplied by to be shown, and its unit: µm of measured fields, whose px is their
+        pitch."""
         if self.result.get("quantity") == "displacement" and self.pixel_size_mm is not None:
             return 1e3 * self.pixel_size_mm, "µm"
         return 1.0, "px"

@@ -29,13 +29,14 @@ def stress_strain(record: RunRecord, curve: LawCurve) -> Picture | None:
         top.legend()
         bottom.fill_between(strain, 0.0, half, color=BLUE, alpha=0.3, lw=0)
         bottom.plot(strain, half, color=BLUE, lw=1.0)
-        bottom.set(xlabel="nominal strain [%]", ylabel=f"± 95 % [{unit}]", xlim=(min(0.0, strain[-1]), max(0.0, strain[-1])),
+        bottom.set(xlabel="nominal strain [%]", ylabel=f"± 95 % [{unit}]",
+                   xlim=(min(0.0, strain[-1]), max(0.0, strain[-1])),
                    ylim=(0.0, 1.15 * max(float(np.nanmax(half)), 1e-12)))
         figure.align_ylabels([top, bottom])
         last = f"{stress[-1]:.4g} ± {half[-1]:.2g} {unit}"
         caption = (
-            f"The law {curve.law} at one point {'pulled' if strain[-1] > 0 else 'pressed'} along {curve.axis}, as the specimen is "
-            f"on the whole, in {curve.seconds:.4g} {record.time_label_unit}, no "
+            f"The law {curve.law} at one point {'pulled' if strain[-1] > 0 else 'pressed'} along {curve.axis}, as the "
+            f"specimen is on the whole, in {curve.seconds:.4g} {record.time_label_unit}, no "
             f"other stress, up to the 99th percentile of the specimen's strain ({strain[-1]:.3g} %): {last} there. The "
             "band and its half-width below follow from the covariance of the parameters: they contain noise, not "
             f"errors of the law.{' It is drawn at the reference temperature.' if TIMES in curve.law else ''}"

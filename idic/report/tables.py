@@ -62,7 +62,8 @@ def parameter_status(record: RunRecord, name: str) -> str:
 def frames(record: RunRecord) -> str:
     """One row per frame: time, status, residuals, every channel measured and simulated."""
     timed = record.time_label_unit == "s"  # else the abscissa is the number of the frame once more
-    header = ["frame", *([record.time_label.replace(" ", "_")] if timed else []), "label", "status", "rms_before_gv", "rms_gv",
+    header = ["frame", *([record.time_label.replace(" ", "_")] if timed else []), "label", "status", "rms_before_gv",
+              "rms_gv",
               "chi2_dof"]
     for channel in record.channels:
         header += [f"{channel.name}_measured", f"{channel.name}_simulated"]

@@ -142,14 +142,17 @@ def specimen_tables(result: Mapping) -> list[Table]:
                      Cell(words.two_digits(entry["between_std"]) if known else NONE),
                      Cell(f"{words.two_digits(low)} … {words.two_digits(high)}" if known else NONE),
                      Cell(words.with_std(entry["mean"], entry["mean_std"]) if known else NONE),
-                     Cell(f"{entry['p_value']:.2g}" if known else NONE, far=known and entry["p_value"] < MAX_P_OF_EQUAL_SPECIMENS)))
+                     Cell(f"{entry['p_value']:.2g}" if known else NONE,
+                          far=known and entry["p_value"] < MAX_P_OF_EQUAL_SPECIMENS)))
     if not rows:
         return []
-    lead = ("The values of each specimen alone, to first order from the joint ones, with its own alignment and thickness; the "
-            "standard deviation between specimens and its 95 % interval; the mean of the material that the specimens are drawn "
-            "from; and the probability of such a scatter among equal specimens (bold: below "
+    lead = ("The values of each specimen alone, to first order from the joint ones, with its own alignment and "
+            "thickness; the "
+            "standard deviation between specimens and its 95 % interval; the mean of the material that the specimens "
+            "are drawn from; and the probability of such a scatter among equal specimens (bold: below "
             f"{100 * MAX_P_OF_EQUAL_SPECIMENS:g} %). The joint values are of equal specimens.")
-    return [Table("Specimen by specimen", ("parameter", "unit", *names, "std between", "95 %", "mean of the material", "p"),
+    return [Table("Specimen by specimen",
+                  ("parameter", "unit", *names, "std between", "95 %", "mean of the material", "p"),
                   tuple(rows), lead)]
 
 

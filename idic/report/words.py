@@ -9,7 +9,9 @@ import numpy as np
 
 from idic.identify.result import STRESS_UNITS
 from idic.model.mode_names import in_words, is_mode, motions
-from idic.report.fit_words import MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, cluster, images, in_error_bars, remedies
+from idic.report.fit_words import (
+    MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, cluster, images, in_error_bars, remedies,
+)
 from idic.report.stress_scale import held_stresses, in_ratios
 
 STATUS = {
@@ -89,8 +91,8 @@ def discrepancy(result: Mapping) -> str:
     if not found["significant"]:
         return "Nothing beyond noise is left that would widen the intervals."
     px = max(found["motion_px"].values())
-    return (f"The model leaves something unexplained (twice the gain in log-likelihood: {found['likelihood_ratio']:.3g}; "
-            f"smooth motion of about {px:.2g} px): the intervals count it.")
+    return (f"The model leaves something unexplained (twice the gain in log-likelihood: "
+            f"{found['likelihood_ratio']:.3g}; smooth motion of about {px:.2g} px): the intervals count it.")
 
 
 def short_names(names) -> dict[str, str]:
@@ -169,8 +171,8 @@ def undetermined(result: Mapping) -> str:
     if modes:
         reasons[MODES_OPEN] = modes
     if hardly := hardly_determined(result):
-        reasons["the 95 % interval reaches zero: the value is where the misfit of the model has taken it; hold it at a known "
-                "value, or add a test that loads it"] = [names[name] for name in hardly]
+        reasons["the 95 % interval reaches zero: the value is where the misfit of the model has taken it; hold it at a "
+                "known value, or add a test that loads it"] = [names[name] for name in hardly]
     items = [f"{', '.join(group)} ({reason})" for reason, group in reasons.items()]
     return f"Not determined by this test: {'; '.join(items)}." if items else ""
 
@@ -262,11 +264,13 @@ def advice(result: Mapping) -> list[str]:
     if result["status"] == "converged" and images(result)[0] == "look" and (where := cluster(result)):
         sentences.append(f"The residual is raised {where}.")
     if only_light and not channels_missed(result):
-        sentences.append(remedies(result) or "Try brightness = \"patch\", smaller patches or a stronger low-pass under [options].")
+        sentences.append(remedies(result)
+                         or "Try brightness = \"patch\", smaller patches or a stronger low-pass under [options].")
     elif channels_missed(result) or (level == "look" and (chi2 is None or chi2 >= NOISE_CHI2[0])):
-        sentences.append(f"The model does not explain the test within its noise. {in_error_bars(result)} The report shows where "
-                         "and when. Check the position of the mesh (idic check), scale, thickness and boundaries; idic diagnose "
-                         "looks for the missing effect.")
+        sentences.append(f"The model does not explain the test within its noise. {in_error_bars(result)} The report "
+                         f"shows where "
+                         "and when. Check the position of the mesh (idic check), scale, thickness and boundaries; idic "
+                         "diagnose looks for the missing effect.")
     return sentences + cautions(result)
 
 
@@ -306,7 +310,8 @@ def between_specimens(result: Mapping) -> list[str]:
              f"{with_std(entry['mean'], entry['mean_std'], entry['unit'])})"
              for name, entry in (result.get("specimens") or {}).items()
              if entry["p_value"] is not None and entry["p_value"] < MAX_P_OF_EQUAL_SPECIMENS]
-    return [f"The specimens differ by more than their error bars; standard deviation between them: {', '.join(texts)}. The "
+    return [f"The specimens differ by more than their error bars; standard deviation between them: {', '.join(texts)}. "
+            f"The "
             "joint values are of equal specimens."] if texts else []
 
 

@@ -2,8 +2,8 @@
 
 Keys as in `idic.identify.result`; parameters that belong to one experiment are named ``NAME.parameter``, channels
 ``NAME.column``. ``experiments`` holds noise, residual and folder of each; ``frames`` lists those of all, each with its
-``experiment``. ``specimens`` holds, per shared parameter, what each experiment alone says of it and the scatter between them
-(`idic.identify.specimens`).
+``experiment``. ``specimens`` holds, per shared parameter, what each experiment alone says of it and the scatter between
+them (`idic.identify.specimens`).
 """
 
 from __future__ import annotations

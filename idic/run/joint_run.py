@@ -168,7 +168,8 @@ class JointPoints:
         return state
 
     def simulate(self, trials: Sequence[LoopState]) -> list[str]:
-        jobs = [(part.session, self.joint.state_of(name, trial)) for trial in trials for name, part in self.parts.items()]
+        jobs = [(part.session, self.joint.state_of(name, trial)) for trial in trials
+                for name, part in self.parts.items()]
         said = iter(simulate_trials(jobs, self.timing))
         own = [[(name, next(said)) for name in self.parts] for _ in trials]
         return ["; ".join(f"{name}: {why}" for name, why in one if why) for one in own]
@@ -179,7 +180,8 @@ class JointPoints:
             stage = resolve_stages(self.joint.whole)[trial.schedule.stage]
             parts = {name: Evaluation(trial.evaluations, None, None, why) if why else
                      part.correlate_trial(self.joint.state_of(name, trial), stage) for name, part in self.parts.items()}
-            found.append(JointEvaluation(trial.evaluations, None, None, why, 0, parts) if why else self._combined(parts))
+            found.append(JointEvaluation(trial.evaluations, None, None, why, 0, parts) if why
+                         else self._combined(parts))
         return found
 
     def accepted(self, state: LoopState) -> JointEvaluation | None:

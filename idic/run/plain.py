@@ -62,7 +62,8 @@ class OpenRun:
     pause_after: int | None = None
 
     def open_points(self) -> Points:
-        return self.planned.open_points(self.runner, self.sensitivity, self.timing, self.console.tasks, self.console.said)
+        return self.planned.open_points(self.runner, self.sensitivity, self.timing, self.console.tasks,
+                                        self.console.said)
 
     def say_prepare(self) -> None:
         self.console.stage("preparation" + (": noise and motion by a free FE-DIC" if self.planned.measures else ""))
@@ -103,7 +104,8 @@ class OpenRun:
 
 
 def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
-                     scheduler: str | None = None, sensitivity: str = "auto", overrides: Mapping[str, Any] | None = None,
+                     scheduler: str | None = None, sensitivity: str = "auto",
+                     overrides: Mapping[str, Any] | None = None,
                      console: Console | None = None, memory_limit: str | None = None,
                      pause_after: int | None = None, store: str | None = None) -> dict:
     """``idic identify --no-prefect``: the same stages, files and bits without Prefect.
@@ -119,7 +121,8 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
     overrides : ``--set key=value``
     memory_limit : memory of one worker process, "2GB"
     pause_after : stage of the schedule (1: the first) after which the run pauses, to be resumed
-    store : through which the workers of a scheduler get and send files where no disk is common: a URL of fsspec, or "driver"
+    store : through which the workers of a scheduler get and send files where no disk is common: a URL of fsspec, or
+    "driver"
 
     Returns
     -------

@@ -117,7 +117,8 @@ class RunPoints:
             self._write_start(trial.evaluations, next_local(trial, accepted, local, context.names))
 
     def remove_points(self, state: LoopState) -> None:
-        """Delete the points that the checkpointed state no longer needs: all but the first, the accepted and the open point."""
+        """Delete the points that the checkpointed state no longer needs: all but the first, the accepted and the open
+        point."""
         for number in range(state.evaluations):
             if number != 0 and not state.has_accepted(number):
                 self.session.context.store.remove(f"evaluations/{number:03d}")
@@ -159,7 +160,8 @@ def _simulations(session: Session, state: LoopState) -> list[SimulationJob]:
     jobs = [SimulationJob(session.run, state.evaluations, BASE, state.trial.values,
                           context.moving if session.sensitivity == "direct" else (),
                           steps=_frozen_steps(session, state), increments=state.increments.per_frame,
-                          warm_start=None if state.accepted is None else (state.accepted.number, state.accepted.values))]
+                          warm_start=None if state.accepted is None
+                          else (state.accepted.number, state.accepted.values))]
     if session.sensitivity == PERTURBED:
         for name, change in _changes(session, state).items():
             values = dict(state.trial.values) | {name: state.trial.values[name] + change}

@@ -1,7 +1,8 @@
-"""After the last iteration: χ² of every frame, the judgement, the result file; what only the iterations needed is removed.
+"""After the last iteration: χ² of every frame, the judgement, the result file; what only the iterations needed is
+removed.
 
-``run.zarr/final`` holds the residual maps of the frames that the report shows; `idic.run.judgement.residual_maps` computes those
-of any frame from the stored motion and images.
+``run.zarr/final`` holds the residual maps of the frames that the report shows; `idic.run.judgement.residual_maps`
+computes those of any frame from the stored motion and images.
 """
 
 from __future__ import annotations
@@ -96,7 +97,8 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
         write_fields(job, session.runner)
     result = build_result(experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, fits, channels),
-                          frame_entries(experiment, fits[0], context.settings["excluded_by_user"], _free_chi2(context, 0)),
+                          frame_entries(experiment, fits[0], context.settings["excluded_by_user"],
+                                        _free_chi2(context, 0)),
                           _cost(state, timing, began), discrepancy_of(session, state, point))
     if experiment.cameras:
         free = [_free_chi2(context, number) for number in range(len(fits))]
@@ -167,9 +169,11 @@ def _fits_of(session: Session, state: LoopState, point: Evaluation,
     brightness = {record.frame: tuple(record.brightness_of(number).tolist()) for record in point.system.frames}
     fitted = {record.frame: record.n_fitted for record in point.system.frames if record.n_fitted}
     shown, view = shown_frames(experiment), experiment.views[number]
-    with session.context.store.building(group_of(experiment, number, MAPS), {"evaluation": state.accepted.number}) as folder:
+    with session.context.store.building(group_of(experiment, number, MAPS),
+                                        {"evaluation": state.accepted.number}) as folder:
         write_array(folder, "frames", np.array(shown, dtype=np.int64))
-        dtype = "f2" if np.asarray(view.stack.frame(view.reference)).dtype == np.uint8 else "f4"  # three digits are enough to look at
+        # three digits are enough to look at
+        dtype = "f2" if np.asarray(view.stack.frame(view.reference)).dtype == np.uint8 else "f4"
         FrameArrays.create(folder, "residual", len(shown), view.image_shape, 1, dtype, compressed=True)
         jobs = [FitJob(session.run, state.accepted.number, chunk, state.accepted.values,
                        {k: brightness[k] for k in chunk if k in brightness}, number, str(folder / "residual"), shown,

@@ -105,10 +105,12 @@ def ingest(store: RunStore, experiment: Experiment, runner: TaskRunner,
     progress : called as progress(done, total) over the images of all cameras
     """
     stacks = [recorded(view.stack) for view in experiment.views]
-    by_workers = runner.sees_files and runner.workers > 1 and sum(map(_bytes, stacks)) > BYTES_FOR_WORKERS and all(map(_has_a_file_each, stacks))
+    large = sum(map(_bytes, stacks)) > BYTES_FOR_WORKERS
+    by_workers = runner.sees_files and runner.workers > 1 and large and all(map(_has_a_file_each, stacks))
 
     def on_workers(function: Callable[[IngestJob], Ingested], jobs: Sequence[IngestJob]) -> Iterable[Ingested]:
-        return runner.stream(function, [_with_its_own_frames(job) for job in jobs], [job.name for job in jobs], retries=1)
+        return runner.stream(function, [_with_its_own_frames(job) for job in jobs], [job.name for job in jobs],
+                             retries=1)
 
     ingest_all(store, experiment, progress, on_workers if by_workers else map)
 

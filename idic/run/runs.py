@@ -40,7 +40,8 @@ Progress = Callable[[str, int, int], None]
 class Points(PointStore, Protocol):
     """The points of a prepared run, and the files written at its end.
 
-    postprocess : residual maps and result; write_interrupted : the accepted point as a result, nothing where there is none
+    postprocess : residual maps and result; write_interrupted : the accepted point as a result, nothing where there is
+    none
     """
 
     def postprocess(self, state: LoopState, began: float) -> dict: ...
@@ -164,7 +165,8 @@ def check_pause(run: Run, pause_after: int | None) -> None:
     n = run.n_stages
     raise InputError("no stage to pause after", key="--pause-after", found=str(pause_after),
                      expected="a schedule of several stages ([[stage]])" if n == 1 else
-                     f"a stage from 1 to {n - 1}: the schedule has {n}", remedy="choose another number, or leave it out")
+                     f"a stage from 1 to {n - 1}: the schedule has {n}",
+                     remedy="choose another number, or leave it out")
 
 
 def earlier_run(folder: Path) -> InputError:

@@ -1,4 +1,5 @@
-"""Sums of generalised least squares on disk while they are added: each frame keeps columns of nodal values until all are known."""
+"""Sums of generalised least squares on disk while they are added: each frame keeps columns of nodal values until all
+are known."""
 
 from __future__ import annotations
 

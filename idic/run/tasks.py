@@ -147,7 +147,8 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
     influence = job.influence and context.forward.drives.n_local > 0 and not context.external
     forward = context.forward
     if context.external:
-        forward = replace(forward, scratch=context.store.run / SCRATCH, label=path_name(f"it{job.evaluation:03d}-{job.label}"))  # type: ignore[call-arg]
+        forward = replace(forward, scratch=context.store.run / SCRATCH,
+                          label=path_name(f"it{job.evaluation:03d}-{job.label}"))  # type: ignore[call-arg]
         local = local if job.shifted is None else forward.shifted(local, job.shifted)  # type: ignore[attr-defined]
     ways = {} if context.external else {"warm_start": _warm_start(context, job), "increments": job.increments}
     for state in forward.march(parameters, job.names, local, steps, influence, **ways):
@@ -160,7 +161,8 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
             n = len(context.forward.frames)
             sizes = {key: 8 * np.size(value) for key, value in fields.items()}
             size = stored_frames(context.experiment.n_frames, max(sizes[key] for key in sizes if key != LOCAL))
-            writers = {key: _Writer(folder, key, n, np.shape(value), size) for key, value in fields.items() if key != LOCAL}
+            writers = {key: _Writer(folder, key, n, np.shape(value), size) for key, value in fields.items()
+                       if key != LOCAL}
             if influence:
                 writers[LOCAL] = RepeatedWriter(folder, LOCAL, n, np.shape(fields[LOCAL]),
                                                 stored_frames(context.experiment.n_frames, sizes[LOCAL]))
@@ -172,7 +174,8 @@ def _write_frames(context: RunContext, job: SimulationJob, parameters: Parameter
 
 
 def _warm_start(context: RunContext, job: SimulationJob) -> Iterator[np.ndarray] | None:
-    """The simulation of the last accepted point of the same label, predicted to first order at the values of this job."""
+    """The simulation of the last accepted point of the same label, predicted to first order at the values of this
+    job."""
     if job.warm_start is None:
         return None
     number, values = job.warm_start
@@ -210,7 +213,8 @@ def correlate(job: CorrelationJob) -> CorrelationSystem | None:
 
 
 def sum_discrepancy(job: CorrelationJob) -> None:
-    """Store the normal equations of the point with what its model may leave unexplained, and the error of a coarse mesh.
+    """Store the normal equations of the point with what its model may leave unexplained, and the error of a coarse
+    mesh.
 
     The job names all frames; its weights are those of generalised least squares or None.
     """
@@ -281,7 +285,8 @@ def _read_block(context: RunContext, job: CorrelationJob, base: Path, span: tupl
 
 
 def _shifted_quotients(context: RunContext, evaluation: int, span, u, channels) -> tuple[np.ndarray, np.ndarray]:
-    """Influence of the frame-local unknowns, from one run with each of them shifted  # (n, n_nodes, dim, m), (n, c, m)"""
+    """Influence of the frame-local unknowns, from one run with each of them shifted  # (n, n_nodes, dim, m), (n, c,
+    m)"""
     du, dchannels = [], []
     for i, change in enumerate(context.forward.local_changes()):  # type: ignore[attr-defined]
         group = context.store.group(group_name(evaluation, local_label(i)))

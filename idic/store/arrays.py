@@ -1,6 +1,7 @@
 """Arrays on disk with one record per frame: chunks with checksums; a reader refuses incomplete ones.
 
-Images and residual maps are compressed without loss, at 200 MB/s and read at 500 MB/s or more; nodal values would not get smaller.
+Images and residual maps are compressed without loss, at 200 MB/s and read at 500 MB/s or more; nodal values would not
+get smaller.
 
 Zarr returns the fill value for a missing chunk and reports nothing; every reader here checks for the chunks first.
 Damage inside a chunk is found by the crc32c codec.
@@ -44,7 +45,8 @@ def leave_stuck_io() -> None:
     sync.loop[0] = sync.iothread[0] = None
 
 
-def create_array(group: Path | str, name: str, shape, chunks, dtype, attributes=None, compressed: bool = False) -> zarr.Array:
+def create_array(group: Path | str, name: str, shape, chunks, dtype, attributes=None,
+                 compressed: bool = False) -> zarr.Array:
     """A new array in the folder `group`, with crc32c per chunk; floats that are not written read as NaN.
 
     compressed : for grey values and maps of them: camera noise leaves a half to two thirds
@@ -65,7 +67,8 @@ def create_array(group: Path | str, name: str, shape, chunks, dtype, attributes=
 
 
 def _smaller(dtype: np.dtype) -> BloscCodec:
-    return BloscCodec(cname="zstd", clevel=1, shuffle="shuffle" if dtype.kind == "f" else "bitshuffle", typesize=dtype.itemsize)
+    return BloscCodec(cname="zstd", clevel=1, shuffle="shuffle" if dtype.kind == "f" else "bitshuffle",
+                      typesize=dtype.itemsize)
 
 
 def open_array(group: Path | str, name: str, mode: str = "r") -> zarr.Array:
@@ -167,7 +170,8 @@ class FrameArrays:
                compressed: bool = False) -> FrameArrays:
         """A new empty array `name` in the folder `group`, shape ``(n_frames, *shape)``."""
         chunks = (max(1, min(frames_per_chunk, n_frames)), *(max(n, 1) for n in shape))
-        return cls(create_array(group, name, (n_frames, *shape), chunks, dtype, compressed=compressed), Path(group) / name)
+        return cls(create_array(group, name, (n_frames, *shape), chunks, dtype, compressed=compressed),
+                   Path(group) / name)
 
     @classmethod
     def open(cls, group, name: str, mode: str = "r") -> FrameArrays:

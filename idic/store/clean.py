@@ -19,8 +19,8 @@ WORKING_FILES = ("run.zarr", "state.json", "state.copy.json", "run.json", "run.c
 def clean_run(run: Path | str, results_only: bool = False) -> int:
     """Remove pictures and ParaView files of a finished RUN; `idic report` writes them again.
 
-    Pages, tables, results, images, motions and pictures that a diagnosis cites stay, so that resume, report and diagnosis
-    work.
+    Pages, tables, results, images, motions and pictures that a diagnosis cites stay, so that resume, report and
+    diagnosis work.
 
     Parameters
     ----------
@@ -38,8 +38,10 @@ def clean_run(run: Path | str, results_only: bool = False) -> int:
     """
     run = Path(run)
     if not (run / RESULT_FILE).is_file():
-        raise InputError("no finished identification", file=run, expected=f"a RUN folder with {RESULT_FILE}", found="none",
-                         remedy="name a folder that idic identify has written; an interrupted one goes on with --resume")
+        raise InputError("no finished identification", file=run, expected=f"a RUN folder with {RESULT_FILE}",
+                         found="none",
+                         remedy="name a folder that idic identify has written; an interrupted one goes on with "
+                                "--resume")
     with run_lock(run):
         parts = sorted((run / EXPERIMENTS).iterdir()) if _is_folder(run / EXPERIMENTS) else []
         return sum(_clean(part, results_only) for part in (run, *parts) if _is_folder(part))

@@ -38,5 +38,6 @@ def load_discrepancy(store: RunStore, number: int) -> DiscrepancySystem | str:
     mesh_error = read_array(folder, "mesh_error") if (folder / "mesh_error").exists() else None
     components = tuple(Component(name, read_array(folder, f"root_{name}")) for name in kind["components"])
     return DiscrepancySystem(tuple(kind["names"]), read_array(folder, "M"), read_array(folder, "b"),
-                             read_array(folder, "noise"), components, dict(kind["motion_px"]), read_array(folder, "channel_rows"),
+                             read_array(folder, "noise"), components, dict(kind["motion_px"]),
+                             read_array(folder, "channel_rows"),
                              mesh_error)

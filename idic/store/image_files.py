@@ -1,7 +1,7 @@
 """The image files of a RUN: what they held when they were ingested, and whether they still do.
 
-The identity of an experiment hashes the ends of every image alone, as it is asked for at every start of a worker. Here whole
-files are hashed, once at ingest, and again on ``--resume`` where size or time of a file have changed.
+The identity of an experiment hashes the ends of every image alone, as it is asked for at every start of a worker. Here
+whole files are hashed, once at ingest, and again on ``--resume`` where size or time of a file have changed.
 """
 
 from __future__ import annotations

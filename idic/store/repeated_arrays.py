@@ -1,8 +1,8 @@
 """Arrays of one record per frame where many frames share a record: each is stored once.
 
 The influence of frame-local unknowns is the largest record of a simulation, and that of an elastic model is the same in
-all frames. ``NAME`` holds the records that differ, ``NAME_of_frame`` the number of the record of every frame. Without the
-latter, as earlier versions wrote it, every frame has its own.
+all frames. ``NAME`` holds the records that differ, ``NAME_of_frame`` the number of the record of every frame. Without
+the latter, as earlier versions wrote it, every frame has its own.
 """
 
 from __future__ import annotations

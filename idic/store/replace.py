@@ -1,7 +1,7 @@
 """Files and folders put in the place of others, also while another program looks at them.
 
-On Windows a file that another program has open, a virus scanner or a reader of the RUN, can neither be replaced nor renamed; it
-is let go after moments.
+On Windows a file that another program has open, a virus scanner or a reader of the RUN, can neither be replaced nor
+renamed; it is let go after moments.
 """
 
 from __future__ import annotations

@@ -24,7 +24,8 @@ except ImportError:  # not on Windows; without either, the process number in the
     msvcrt = None  # type: ignore[assignment]
 
 LOCK_NAME = "run.lock"
-LOCKED_BYTE = 1 << 30  # Windows locks this byte, and nobody else can read it; the holder's process number lies before it
+# Windows locks this byte, and nobody else can read it; the holder's process number lies before it
+LOCKED_BYTE = 1 << 30
 
 
 class RunBusy(InputError):

@@ -129,7 +129,8 @@ class RunStore:
         return _attributes(folder).get("ident", {})
 
     def described(self, name: str, ident: Mapping | None = None) -> Path | None:
-        """The folder of a group with the inputs `ident` that was finished once, whether or not it has all its chunks."""
+        """The folder of a group with the inputs `ident` that was finished once, whether or not it has all its
+        chunks."""
         folder = self._inside(name)
         attributes = _attributes(folder)
         if not attributes.get("finished") or (ident is not None and attributes.get("ident") != _as_json(ident)):
@@ -172,10 +173,12 @@ class RunStore:
 
     # helpers --------------------------------------------------------------------------------------
     def _inside(self, name: str) -> Path:
-        """The folder of a group; it lies in the store, whatever the name and whatever links another program put there."""
+        """The folder of a group; it lies in the store, whatever the name and whatever links another program put
+        there."""
         folder = self.path / name
         if ".." in PurePath(name).parts or not folder.resolve().is_relative_to(self.path.resolve()):
-            raise InputError("a part of the run would lie outside its folder", file=self.path, expected="a name inside it",
+            raise InputError("a part of the run would lie outside its folder", file=self.path,
+                             expected="a name inside it",
                              found=name, remedy="rename the set or material in the mesh, and remove links in the RUN")
         return folder
 
@@ -299,7 +302,8 @@ def _is_described(folder: Path) -> bool:
 def _describe(folder: Path) -> None:
     """Write the description of a group without attributes, atomically."""
     temporary = folder / f".zarr.json.{uuid.uuid4().hex[:12]}.tmp"
-    temporary.write_text(json.dumps({"attributes": {}, "zarr_format": 3, "node_type": "group"}, indent=2), encoding="utf-8")
+    temporary.write_text(json.dumps({"attributes": {}, "zarr_format": 3, "node_type": "group"}, indent=2),
+                         encoding="utf-8")
     _sync(temporary)
     replace_file(temporary, folder / "zarr.json")
     _sync(folder)

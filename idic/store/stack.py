@@ -17,7 +17,8 @@ from idic.store.image_files import FILES, describe, files_of
 
 GROUP = "images"
 ARRAY = "frames"
-_MIN_OWN_CHUNK_BYTES = 500_000  # bytes of a frame; smaller frames share chunks of up to 16, as a read takes at least 0.3 ms
+# bytes of a frame; smaller frames share chunks of up to 16, as a read takes at least 0.3 ms
+_MIN_OWN_CHUNK_BYTES = 500_000
 _FRAMES_PER_SMALL_CHUNK = 16
 
 
@@ -132,9 +133,11 @@ def ingest(store, stack: Stack, progress: Callable[[int, int], None] | None = No
     if existing is not None:
         return ZarrStack(existing)
     _require_space(store.run, stack.n_frames * first.nbytes)
-    step = 1 if first.nbytes >= _MIN_OWN_CHUNK_BYTES else -(-stack.n_frames // -(-stack.n_frames // _FRAMES_PER_SMALL_CHUNK))
+    step = 1 if first.nbytes >= _MIN_OWN_CHUNK_BYTES else -(-stack.n_frames //
+                                                            -(-stack.n_frames // _FRAMES_PER_SMALL_CHUNK))
     with store.building(name, ident) as group:
-        array = create_array(group, ARRAY, (stack.n_frames, *first.shape), (step, *first.shape), first.dtype, compressed=True)
+        array = create_array(group, ARRAY, (stack.n_frames, *first.shape), (step, *first.shape), first.dtype,
+                             compressed=True)
         checksums: list[int] = []
         files: list[dict] = []
         jobs = _ingest_jobs(str(group), stack, step)

@@ -8,7 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 
 from idic.identify.step.state import (GENERALISED_REJECTED, ORDINARY, AcceptedPoint, Activation, Ending,
-                                      EstimatorChoice, IncrementChoice, LoopState, ParallelTrial, SchedulePosition, Trial, TrustRegion)
+                                      EstimatorChoice, IncrementChoice, LoopState, ParallelTrial, SchedulePosition,
+                                      Trial, TrustRegion)
 from idic.store.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
 
 STATE_FILE = "state.json"
@@ -57,7 +58,8 @@ def _convert_numbers(record: dict, convert: Callable) -> None:
     known = [accepted] if accepted else []
     for owner in (trial, *trial["parallel"], *record["history"], *known):
         owner["values"] = {name: convert(value) for name, value in owner["values"].items()}
-    for owner, key in ((estimator, "ordinary_solution"), (record["increments"], "coarser"), (record["increments"], "change")):
+    for owner, key in ((estimator, "ordinary_solution"), (record["increments"], "coarser"),
+                       (record["increments"], "change")):
         if owner[key] is not None:
             owner[key] = {name: convert(value) for name, value in owner[key].items()}
     numbers = [(record["trust"], "radius"), (record["trust"], "damping"), *((own, "phi") for own in known),

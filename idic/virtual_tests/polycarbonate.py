@@ -87,7 +87,8 @@ def polycarbonate(reduced: bool = False, foreign: bool = False) -> VirtualTest:
     return necking_strip(size, FOREIGN_MESH_REFINEMENT, FOREIGN_INCREMENTS_PER_STEP) if foreign else necking_strip(size)
 
 
-def necking_strip(size: Size, finer: float = 1.0, steps: int = 1, supersampling: int = SAMPLES_PER_PIXEL_SIDE) -> VirtualTest:
+def necking_strip(size: Size, finer: float = 1.0, steps: int = 1,
+                  supersampling: int = SAMPLES_PER_PIXEL_SIDE) -> VirtualTest:
     """The same test at any size.
 
     finer : divisions of the truth's mesh in the plane over those of the model's; steps : increments over the model's;

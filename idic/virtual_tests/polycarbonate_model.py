@@ -134,7 +134,8 @@ def pull(mesh: Mesh, n_frames: int, substeps: int = 1, values: np.ndarray | None
     values = np.array(list(TRUTH.values())) if values is None else values
     states = [(s.u.copy(), s.channels[0], s.steps) for s in march(strip_model(mesh, times), {"strip": values}, times,
                                                                   substeps=substeps)]
-    return Pulled(times, GRIP_SPEED_MM_PER_S * times, np.array([u for u, *_ in states]), np.array([f for _, f, _ in states]),
+    return Pulled(times, GRIP_SPEED_MM_PER_S * times, np.array([u for u, *_ in states]),
+                  np.array([f for _, f, _ in states]),
                   len(states[-1][2].times))
 
 

@@ -1,7 +1,7 @@
 """The files of a RUN between the driver, who keeps it, and workers that do not see its disk.
 
-Before tasks are sent the driver lists what the RUN holds and stores what is new; after a task it takes what the worker wrote. The
-way is an object storage (``--store s3://bucket/prefix``) or the connections of Dask (``--store driver``).
+Before tasks are sent the driver lists what the RUN holds and stores what is new; after a task it takes what the worker
+wrote. The way is an object storage (``--store s3://bucket/prefix``) or the connections of Dask (``--store driver``).
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ _KEPT_LISTS = 3  # lists of files whose objects stay in the storage
 class Way:
     """How a worker reaches the files of a command.
 
-    url : of the storage, "" where the driver serves; session : names this command; areas : paths of the driver and the folders
-    that stand for them
+    url : of the storage, "" where the driver serves; session : names this command; areas : paths of the driver and the
+    folders that stand for them
     """
 
     url: str
@@ -184,8 +184,10 @@ class Exchange:
         elif content is None and self._objects is not None:
             return self._objects.get(entry.sha256)
         if content is None or digest_of(content) != entry.sha256:
-            raise InputError("a file that a worker reported did not arrive", file=self.run, expected=f"{entry.size} bytes",
-                             found="none" if content is None else "another content", remedy="run the command again with --resume")
+            raise InputError("a file that a worker reported did not arrive", file=self.run,
+                             expected=f"{entry.size} bytes",
+                             found="none" if content is None else "another content",
+                             remedy="run the command again with --resume")
         return content
 
 

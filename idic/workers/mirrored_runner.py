@@ -1,4 +1,5 @@
-"""Tasks on workers that do not see the disk of the driver: each runs on local folders that stand for RUN and experiment."""
+"""Tasks on workers that do not see the disk of the driver: each runs on local folders that stand for RUN and
+experiment."""
 
 from __future__ import annotations
 
@@ -62,7 +63,8 @@ def relocated(value: Any, moved: Mapping[str, str]) -> Any:
     if type(value) in (tuple, list):
         return type(value)(relocated(item, moved) for item in value)
     if is_dataclass(value) and not isinstance(value, type):
-        return replace(value, **{one.name: relocated(getattr(value, one.name), moved) for one in fields(value) if one.init})
+        return replace(value,
+                       **{one.name: relocated(getattr(value, one.name), moved) for one in fields(value) if one.init})
     return value
 
 
@@ -81,7 +83,8 @@ _mirrors: dict[str, Mirror] = {}
 def _mirror(way: Way) -> Mirror:
     if way.session not in _mirrors:
         place, folder = this_worker()
-        _mirrors[way.session] = Mirror(Path(folder) / f"{way.session}-{os.getpid()}", objects_of(way, place), way.areas, place)
+        _mirrors[way.session] = Mirror(Path(folder) / f"{way.session}-{os.getpid()}", objects_of(way, place), way.areas,
+                                       place)
     return _mirrors[way.session]
 
 
@@ -133,7 +136,8 @@ class MirroredRunner:
 
     def background(self, function, job, name) -> Callable[[], None]:
         """See `TaskRunner.background`."""
-        return self._inner.background(run_mirrored, MirroredJob(function, job, self._exchange.way, self._exchange.publish()), name)
+        return self._inner.background(run_mirrored,
+                                      MirroredJob(function, job, self._exchange.way, self._exchange.publish()), name)
 
 
 @contextmanager
@@ -172,7 +176,8 @@ def check_store(client, store: str) -> None:
         name = exchange.put(token)
         try:
             for worker in client.nthreads():
-                future = client.submit(_try_store, (exchange.way, name), workers=[worker], key=f"store-{name[:8]}-{worker}",
+                future = client.submit(_try_store, (exchange.way, name), workers=[worker],
+                                       key=f"store-{name[:8]}-{worker}",
                                        pure=False)
                 future.result(timeout=ANSWER_SECONDS)
         finally:
@@ -189,6 +194,7 @@ def _try_store(job: tuple[Way, str]) -> None:
 def checked_store(store: str | None, scheduler: str | None) -> str | None:
     """The option ``--store``; `InputError` where idic starts the workers itself, which see the disk of this machine."""
     if store is not None and scheduler is None:
-        raise InputError("a store, but no cluster", key="--store (or IDIC_STORE)", expected="--scheduler ADDRESS", found=store,
+        raise InputError("a store, but no cluster", key="--store (or IDIC_STORE)", expected="--scheduler ADDRESS",
+                         found=store,
                          remedy="leave --store out: worker processes of this machine see its disk")
     return store

@@ -13,7 +13,8 @@ except ImportError:  # Windows
 
 
 def peak_memory_mb(children: bool = True) -> float:
-    """Largest resident memory of this process, or of one of its finished children, MB; on Windows of this process alone."""
+    """Largest resident memory of this process, or of one of its finished children, MB; on Windows of this process
+    alone."""
     if resource is None:
         return psutil.Process().memory_info().peak_wset / 1e6
     unit = 1.0 if sys.platform == "darwin" else 1024.0  # ru_maxrss is in bytes there, in KiB elsewhere

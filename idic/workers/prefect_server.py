@@ -2,8 +2,8 @@
 
 A server started by Prefect itself is slow (all services, a limit of 20 s) and survives a killed run. This one starts in
 the background at the begin of a command, on the loopback interface, and always ends with this process (`parent_guard`).
-It answers only those who know its key, drawn for each start: other users share the loopback interface, and so do the pages
-of a browser. Prefect itself is not imported here.
+It answers only those who know its key, drawn for each start: other users share the loopback interface, and so do the
+pages of a browser. Prefect itself is not imported here.
 """
 
 from __future__ import annotations
@@ -170,7 +170,8 @@ class PrefectServer:
         command += ["--timeout-graceful-shutdown", "1"]
         with open(self._log, "ab") as log:
             self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=log, stderr=log, env=_server_environment(home, port, self.password), close_fds=True,
+                command, stdin=subprocess.PIPE, stdout=log, stderr=log,
+                env=_server_environment(home, port, self.password), close_fds=True,
                 cwd=empty_folder(),
             )
         os.environ["PREFECT_API_URL"] = self.url

@@ -1,7 +1,7 @@
 """What every worker of an existing cluster must share with the driver: packages, experiments, the RUN folder, rounding.
 
-A job is asked of each worker before a run writes anything. A worker that reads another experiment from the same path, or
-writes to another disk, would be a wrong result and no error.
+A job is asked of each worker before a run writes anything. A worker that reads another experiment from the same path,
+or writes to another disk, would be a wrong result and no error.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ class ExperimentToSee:
 
 @dataclass(frozen=True)
 class ProbeJob:
-    """What a worker is asked. token_file : a file of the driver beside the RUN folder, "" where the disk is not common; token :
+    """What a worker is asked. token_file : a file of the driver beside the RUN folder, "" where the disk is not common;
+    token :
     what is in it"""
 
     experiments: tuple[ExperimentToSee, ...]
@@ -95,7 +96,8 @@ def _problem(job: ProbeJob) -> tuple[str, str, str] | tuple[()]:
     folder = os.path.dirname(job.token_file)
     if token != job.token:
         return (f"the folder {folder} of the driver", f"another folder or none ({token[:60]})",
-                "put RUN on a file system that all workers mount at the same path, or send the files: --store URL (docs/scale.md)")
+                "put RUN on a file system that all workers mount at the same path, or send the files: --store URL "
+                "(docs/scale.md)")
     if not os.access(folder, os.W_OK):
         return f"write access to {folder}", "none", "start the worker as a user who may write there"
     for one in job.experiments:
@@ -141,7 +143,8 @@ def check_workers(client, experiments: Sequence[ExperimentToSee], run: Path | st
             raise _refused(worker, answer.host, *answer.problem)
     others = sorted({answer.host for answer in answers.values() if answer.rounding != rounding})
     if others:
-        say(f"{', '.join(others)}: another processor or library rounds differently. Values agree within rounding; a run "
+        say(f"{', '.join(others)}: another processor or library rounds differently. Values agree within rounding; a "
+            f"run "
             "repeated on other machines may differ in its last digits")
 
 

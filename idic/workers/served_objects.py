@@ -1,7 +1,7 @@
 """Contents that the driver serves to its workers over the connections of Dask: no further port, no further program.
 
-Two queues of the scheduler carry requests and answers. Everything passes through the scheduler: for large tests an object
-storage is faster (`idic.store.mirror.objects`).
+Two queues of the scheduler carry requests and answers. Everything passes through the scheduler: for large tests an
+object storage is faster (`idic.store.mirror.objects`).
 """
 
 from __future__ import annotations
@@ -37,8 +37,10 @@ class ServedObjects:
         """See `Objects.get`."""
         content = self._asked({"get": sha256})
         if content is None or digest_of(content) != sha256:
-            raise InputError(f"{self._place} asked the driver for a file that it does not have any more", key="--store driver",
-                             expected=f"the content {sha256[:16]}", found="none" if content is None else "another content",
+            raise InputError(f"{self._place} asked the driver for a file that it does not have any more",
+                             key="--store driver",
+                             expected=f"the content {sha256[:16]}",
+                             found="none" if content is None else "another content",
                              remedy="run the command again with --resume; do not change RUN or experiment meanwhile")
         return content
 

@@ -1,8 +1,9 @@
 """An empty working folder: a file in the folder where a command was started configures no dependency.
 
-Prefect reads ``.env``, ``prefect.toml`` and ``pyproject.toml`` of the working folder, numba ``.numba_config.yaml``, Matplotlib
-``matplotlibrc``, and Python imports modules from it. In the folder of a stranger each of them would be his program or his
-settings. Commands therefore work in an empty folder, and so do the processes that they start (docs/safety.md).
+Prefect reads ``.env``, ``prefect.toml`` and ``pyproject.toml`` of the working folder, numba ``.numba_config.yaml``,
+Matplotlib ``matplotlibrc``, and Python imports modules from it. In the folder of a stranger each of them would be his
+program or his settings. Commands therefore work in an empty folder, and so do the processes that they start
+(docs/safety.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""One evaluation of a large solid with its sensitivities, in a process of its own: ``python solid_job.py SOLVER N FRAMES``.
+"""One evaluation of a large solid with its sensitivities, in a process of its own: ``python solid_job.py SOLVER N
+FRAMES``.
 
 SOLVER : "fronts", or "superlu" for minimum degree with a new factorisation per Newton iteration. Prints equations, CPU
 seconds and peak memory in MB.

@@ -54,7 +54,8 @@ def test_the_narrow_factorisation_beats_lapack(measured):
 
 
 def test_a_warm_start_saves_iterations(measured):
-    """As near the end of an identification: parameters that moved by 0.1 %, on the increments of the solution before."""
+    """As near the end of an identification: parameters that moved by 0.1 %, on the increments of the solution
+    before."""
     test = bulge_test()
     model, names = bulge_model(test), tuple(TRUTH)
     before = list(march(model, law_values(FIXED | TRUTH, model), test.times, directions(model, names)))

@@ -35,8 +35,8 @@ def timed_by_stage(run):
 def test_a_diagnosis_costs_a_few_identifications(measured, tmp_path, monkeypatch):
     """Less than one for a screening of the library, less than three for the whole.
 
-    The twin is small (16 frames of 116 x 184 px), so that building 140 models weighs more than their simulation. Medians
-    of three, each beside an identification of the same minute: a shared processor is not equally fast for long.
+    The twin is small (16 frames of 116 x 184 px), so that building 140 models weighs more than their simulation.
+    Medians of three, each beside an identification of the same minute: a shared processor is not equally fast for long.
     """
     monkeypatch.syspath_prepend(Path(__file__).parents[1] / "diagnose")
     from material_twins import write_folder

@@ -1,10 +1,10 @@
-"""Measured fields: 900 stages of 2700 points around a hole, an orthotropic law off its axes with four parameters; memory
-with 100 and with 900 stages.
+"""Measured fields: 900 stages of 2700 points around a hole, an orthotropic law off its axes with four parameters;
+memory with 100 and with 900 stages.
 
-The displacements of all 900 stages together are 19 MB, their text 90 MB. CPU time is that of the whole command, from the
-files to the report, in one process. The truth is the elastic solution of the whole specimen between its grips, on another mesh of
-quadratic elements; 100 of its 160 mm are in view, and the ends of the view are measured. It is linear: one solution
-serves all stages.
+The displacements of all 900 stages together are 19 MB, their text 90 MB. CPU time is that of the whole command, from
+the files to the report, in one process. The truth is the elastic solution of the whole specimen between its grips, on
+another mesh of quadratic elements; 100 of its 160 mm are in view, and the ends of the view are measured. It is linear:
+one solution serves all stages.
 """
 
 import json
@@ -73,7 +73,8 @@ def points() -> np.ndarray:
 
 def write_stage(folder, k: int, at: np.ndarray, force: float) -> None:
     head = ["# Units: length:mm angle:deg time:s force:N", f"# Stage: {k}", "stage;index;relative_time;date",
-            f'"{k}";{k};{k}.0;"now"', "# Name : Analog 0", "force;untransformed;transformed", f"{force:.4f};0;{force:.4f}",
+            f'"{k}";{k};{k}.0;"now"', "# Name : Analog 0", "force;untransformed;transformed",
+            f"{force:.4f};0;{force:.4f}",
             "# Name : Surface 1", "id;x;y;z"]
     rows = [f"{i};{a:.6f};{b:.6f};0.000000" for i, (a, b) in enumerate(at.tolist())]
     (folder / f"stage_{k:04d}.csv").write_text("\n".join([*head, *rows]))
@@ -88,7 +89,8 @@ def solution(folder) -> tuple[np.ndarray, float]:
     (folder / "loads.csv").write_text("frame,grip_mm,force_N\n0,0,0\n1,0.8,0\n")
     parameters = "\n".join(f"{name} = {value}" for name, value in TRUE.items())
     (folder / "experiment.toml").write_text(EXPERIMENT.format(
-        more='loads = "loads.csv"\nfields_noise_um = 0.5', margin=30.5, hole=list(HOLE), size=1.3, parameters=parameters,
+        more='loads = "loads.csv"\nfields_noise_um = 0.5', margin=30.5, hole=list(HOLE), size=1.3,
+        parameters=parameters,
         boundary=GRIPS, force="force_N") + "noise_std = 1.0\n")
     there = load_experiment(folder)
     found = solve(build_forward(there), there.parameters)
@@ -108,13 +110,15 @@ def write(folder, n: int, u: np.ndarray, force: float) -> None:
         write_stage(folder / "stages", k, at + share * u + rng.normal(0.0, NOISE_MM, at.shape),
                     share * force + rng.normal(0.0, NOISE_N))
     parameters = "\n".join(f"{name} = {{ value = {value}, identify = true }}" for name, value in START.items())
-    (folder / "experiment.toml").write_text(EXPERIMENT.format(more="", margin=0.5, hole=list(HOLE), size=2.0, parameters=parameters,
+    (folder / "experiment.toml").write_text(EXPERIMENT.format(more="", margin=0.5, hole=list(HOLE), size=2.0,
+                                                              parameters=parameters,
                                                               boundary=MEASURED, force="force"))
 
 
 def run(folder, out) -> tuple[float, float]:
     """CPU time (s) and largest resident memory (MB) of the command."""
-    process = subprocess.Popen([sys.executable, "-m", "idic", "identify", str(folder), "--out", str(out), "--workers", "0",
+    process = subprocess.Popen([sys.executable, "-m", "idic", "identify", str(folder), "--out", str(out), "--workers",
+                                "0",
                                 "--no-prefect"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
     assert os.waitstatus_to_exitcode(status) == 0
@@ -129,8 +133,10 @@ def test_nine_hundred_stages_and_a_hundred(tmp_path, measured):
         found[n] = run(tmp_path / str(n), tmp_path / f"run_{n}")
     result = json.loads((tmp_path / f"run_{MANY}" / "result.json").read_text())
     entries = {name: result["parameters"][f"PLY.{name}"] for name in TRUE}
-    errors = ", ".join(f"{name} {(entries[name]['value'] - true) / entries[name]['std']:+.1f}" for name, true in TRUE.items())
-    measured(f"measured fields, {MANY} stages of {len(points())} points, orthotropic, 4 parameters, {result['iterations']} iterations",
+    errors = ", ".join(f"{name} {(entries[name]['value'] - true) / entries[name]['std']:+.1f}"
+                       for name, true in TRUE.items())
+    measured(f"measured fields, {MANY} stages of {len(points())} points, orthotropic, 4 parameters, "
+             f"{result['iterations']} iterations",
              f"{found[MANY][0]:.0f} CPU s, {found[MANY][1]:.0f} MB; error / std {errors}",
              f"{FEW} stages: {found[FEW][0]:.0f} CPU s, {found[FEW][1]:.0f} MB")
     assert result["status"] == "converged"

@@ -1,4 +1,5 @@
-"""Large solids: cubes of hex8, elastoplastic, four exact sensitivities; SuperLU in the same run; CalculiX on the same mesh."""
+"""Large solids: cubes of hex8, elastoplastic, four exact sensitivities; SuperLU in the same run; CalculiX on the same
+mesh."""
 
 import os
 import shutil
@@ -30,7 +31,8 @@ def evaluate(solver: str, n: int, n_frames: int) -> tuple[int, float, float, flo
 def test_fronts_are_faster_than_superlu_and_take_less_memory(n, gain, measured):
     equations, seconds, memory, force = evaluate("fronts", n, 4)
     _, before, memory_before, force_before = evaluate("superlu", n, 4)
-    measured(f"{equations} equations, hex8, elastoplastic, 3 frames, 4 sensitivities", f"{seconds:.1f} CPU s, {memory:.0f} MB",
+    measured(f"{equations} equations, hex8, elastoplastic, 3 frames, 4 sensitivities",
+             f"{seconds:.1f} CPU s, {memory:.0f} MB",
              f"SuperLU, minimum degree {before:.1f} CPU s, {memory_before:.0f} MB: {before / seconds:.1f} x")
     assert force == pytest.approx(force_before, rel=1e-8)  # Newton's tolerance is 1e-9
     assert before > gain * seconds and memory < memory_before
@@ -43,7 +45,8 @@ def deck(mesh, grip: np.ndarray, yield_stress: float) -> str:
              *(", ".join(map(str, [e, *cell])) for e, cell in enumerate((mesh.blocks[0].connectivity + 1).tolist(), 1))]
     for name in ("LEFT", "RIGHT"):
         lines += [f"*NSET, NSET={name}", *(str(i + 1) for i in mesh.node_sets[name])]
-    lines += ["*MATERIAL, NAME=M", "*ELASTIC", "70000, 0.3", "*PLASTIC", f"{yield_stress}, 0", f"{yield_stress + 1500}, 1",
+    lines += ["*MATERIAL, NAME=M", "*ELASTIC", "70000, 0.3", "*PLASTIC", f"{yield_stress}, 0",
+              f"{yield_stress + 1500}, 1",
               "*SOLID SECTION, ELSET=BODY, MATERIAL=M", "*BOUNDARY", "LEFT, 1, 3", "RIGHT, 2, 3"]
     for value in grip.tolist():
         lines += ["*STEP, NLGEOM, INC=100", "*STATIC, DIRECT", "1., 1.", "*BOUNDARY", f"RIGHT, 1, 1, {value:.15g}",
@@ -52,7 +55,8 @@ def deck(mesh, grip: np.ndarray, yield_stress: float) -> str:
 
 
 def test_calculix_agrees_on_the_same_mesh_and_is_slower(tmp_path, measured):
-    """At a yield stress of 10 MPa: idic's is a Kirchhoff stress, CalculiX's a Cauchy stress; they differ by elastic dilatation."""
+    """At a yield stress of 10 MPa: idic's is a Kirchhoff stress, CalculiX's a Cauchy stress; they differ by elastic
+    dilatation."""
     if shutil.which("ccx") is None:
         pytest.skip("CalculiX is not installed (Debian: apt install calculix-ccx)")
     n, yield_stress = 16, 10.0
@@ -74,7 +78,7 @@ def test_calculix_agrees_on_the_same_mesh_and_is_slower(tmp_path, measured):
     u = np.array([line.split()[1:] for line in text[3:] if len(line.split()) == 4], dtype=float)
     difference = np.abs(own.u - u).max() / np.abs(u).max()
     measured(f"{model.n_dof} dofs, hex8, elastoplastic, 3 frames", f"{seconds:.1f} CPU s",
-             f"CalculiX 2.20 {theirs:.1f} CPU s: {theirs / seconds:.1f} x; force differs by {own.channels[0] / force - 1:.1e}, "
-             f"motion by {difference:.1e} of the largest")
+             f"CalculiX 2.20 {theirs:.1f} CPU s: {theirs / seconds:.1f} x; force differs by "
+             f"{own.channels[0] / force - 1:.1e}, motion by {difference:.1e} of the largest")
     assert own.channels[0] == pytest.approx(force, rel=1e-4) and difference < 1e-4
     assert theirs > 2.0 * seconds

@@ -1,4 +1,5 @@
-"""Images of flat targets by ray casting, with code of its own: no function of idic projects, undistorts or rotates here."""
+"""Images of flat targets by ray casting, with code of its own: no function of idic projects, undistorts or rotates
+here."""
 
 from dataclasses import dataclass
 
@@ -49,13 +50,16 @@ def poses(n, distance, generator, reach=6.0, tilt=30.0):
     """Rotations and shifts of a target whose middle is near the optical axis of camera 0."""
     found = []
     for k in range(n):
-        turn = Rotation.from_euler("zyx", [generator.uniform(-25, 25), tilt * np.sin(2.4 * k), tilt * np.cos(1.7 * k)], degrees=True)
-        found.append((turn.as_matrix(), np.array([*generator.uniform(-reach, reach, 2), distance * generator.uniform(0.94, 1.06)])))
+        turn = Rotation.from_euler("zyx", [generator.uniform(-25, 25), tilt * np.sin(2.4 * k), tilt * np.cos(1.7 * k)],
+                                   degrees=True)
+        found.append((turn.as_matrix(),
+                      np.array([*generator.uniform(-reach, reach, 2), distance * generator.uniform(0.94, 1.06)])))
     return found
 
 
 def render(camera, rays, pose, surface, noise, generator, light=0.0):
-    """8-bit image; ``surface(x, y, size)`` is the reflectance in mm of the target, ``size`` the footprint of a ray in mm."""
+    """8-bit image; ``surface(x, y, size)`` is the reflectance in mm of the target, ``size`` the footprint of a ray in
+    mm."""
     rotation, shift = camera.rotation @ pose[0], camera.rotation @ pose[1] + camera.shift
     normal = rotation[:, 2]
     depth = (normal @ shift) / (rays @ normal)

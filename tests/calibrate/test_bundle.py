@@ -19,7 +19,8 @@ POINTS = np.column_stack([INDEX * SPACING, np.zeros(len(INDEX))])
 MIDDLE = POINTS - POINTS.mean(axis=0)
 TURN = Rotation.from_euler("xyz", [2, 20, -1], degrees=True).as_matrix()
 LEFT = TrueCamera(2400.0, 2404.0, 246.0, 195.0, -0.12, 0.9, np.eye(3), np.zeros(3))
-RIGHT = TrueCamera(2420.0, 2418.0, 236.0, 203.0, -0.08, 0.4, TURN, np.array([0, 0, 300.0]) - TURN @ np.array([0, 0, 300.0]))
+RIGHT = TrueCamera(2420.0, 2418.0, 236.0, 203.0, -0.08, 0.4, TURN,
+                   np.array([0, 0, 300.0]) - TURN @ np.array([0, 0, 300.0]))
 
 
 def seen_points(camera, pose, noise, generator, unique=True, shape=MIDDLE):
@@ -73,7 +74,8 @@ def test_every_derivative_of_the_projection_is_its_difference_quotient():
 def test_exact_points_give_the_exact_rig():
     result = calibrate(stereo_views(0.0, 0), (SIZE, SIZE), SPACING)
     assert result.rms_px < 1e-6  # the tolerance of the adjustment
-    assert np.abs(errors(result) / [1e3, 1e3, 1e2, 1e2, 1, 1, 1e3, 1e3, 1e2, 1e2, 1, 1, 1, 1, 1, 1e2, 1e2, 1e2]).max() < 1e-5
+    assert np.abs(errors(result)
+                  / [1e3, 1e3, 1e2, 1e2, 1, 1, 1e3, 1e3, 1e2, 1e2, 1, 1, 1, 1, 1, 1e2, 1e2, 1e2]).max() < 1e-5
 
 
 def test_one_camera_agrees_with_opencv_on_the_same_points():
@@ -138,11 +140,13 @@ def test_a_bent_target_is_told_and_identified_with_its_points():
     assert any("residuals repeat on the points of the target" in note for note in flat.notes)
     free = calibrate(views, (SIZE, SIZE), SPACING, target_std_mm=0.1)
     assert free.noise_px == pytest.approx(0.02, rel=0.1)
-    z = free.points_mm[:, 2] - bent[np.lexsort((INDEX[:, 1], INDEX[:, 0])), 2]  # points are numbered by column, then row
+    # points are numbered by column, then row
+    z = free.points_mm[:, 2] - bent[np.lexsort((INDEX[:, 1], INDEX[:, 0])), 2]
     plane = np.column_stack([np.ones(len(z)), free.points_mm[:, :2]])
     assert np.abs(z - plane @ np.linalg.lstsq(plane, z, rcond=None)[0]).max() < 0.05  # of 0.15 mm
     deviation = np.sqrt(np.diag(free.rig.covariance))
-    assert np.abs(errors(free) / deviation).max() < 4.0 < np.abs(errors(flat) / np.sqrt(np.diag(flat.rig.covariance))).max()
+    assert np.abs(errors(free) / deviation).max() < 4.0 < np.abs(errors(flat)
+                                                                 / np.sqrt(np.diag(flat.rig.covariance))).max()
 
 
 def test_pairs_in_another_order_are_refused():
@@ -159,7 +163,8 @@ def test_the_shift_of_a_dot_is_the_centroid_of_its_outline():
     circle = centre + radius * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     x, y = camera.project(in_camera_0(pose, circle)).T
     cross = x * np.roll(y, -1) - np.roll(x, -1) * y
-    centroid = np.array([((x + np.roll(x, -1)) * cross).sum(), ((y + np.roll(y, -1)) * cross).sum()]) / (3 * cross.sum())
+    centroid = np.array([((x + np.roll(x, -1)) * cross).sum(),
+                         ((y + np.roll(y, -1)) * cross).sum()]) / (3 * cross.sum())
     expected = centroid - camera.project(in_camera_0(pose, centre))[0]
     assert np.linalg.norm(expected) > 0.05
     # the quadrature is exact to the fifth order in radius over distance

@@ -22,8 +22,10 @@ SHARED = Path(os.environ.get("IDIC_SHARED_DATA", "../shared/data")) / "stereo"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="the shared stereo data are not here")
 TURN = Rotation.from_euler("y", 20, degrees=True).as_matrix()
 LEFT = TrueCamera(3000.0, 3005.0, 245.0, 196.0, -0.12, 0.8, np.eye(3), np.zeros(3))
-RIGHT = TrueCamera(3010.0, 3012.0, 236.0, 203.0, -0.08, 0.3, TURN, np.array([0, 0, 400.0]) - TURN @ np.array([0, 0, 400.0]))
-MARKED, PLAIN, BOARD = dots((14, 11), 4.0, 1.2, ((4, 3), (9, 3), (4, 7))), dots((12, 9), 4.0, 1.2), chessboard((10, 7), 4.0)
+RIGHT = TrueCamera(3010.0, 3012.0, 236.0, 203.0, -0.08, 0.3, TURN,
+                   np.array([0, 0, 400.0]) - TURN @ np.array([0, 0, 400.0]))
+MARKED, PLAIN, BOARD = dots((14, 11), 4.0, 1.2,
+                            ((4, 3), (9, 3), (4, 7))), dots((12, 9), 4.0, 1.2), chessboard((10, 7), 4.0)
 
 
 def command(*words):
@@ -44,7 +46,8 @@ def pairs(tmp_path_factory):
     rays = LEFT.rays(), RIGHT.rays()
     for k, pose in enumerate(poses(7, 400.0, generator)):
         for c, camera in enumerate((LEFT, RIGHT)):
-            Image.fromarray(render(camera, rays[c], pose, MARKED, 1.5, generator, 0.3)).save(folder / f"cal_{k:02d}_{c}.png")
+            Image.fromarray(render(camera, rays[c], pose, MARKED, 1.5, generator,
+                                   0.3)).save(folder / f"cal_{k:02d}_{c}.png")
     return folder
 
 
@@ -75,7 +78,8 @@ def test_corners_of_a_chessboard_are_found_to_a_hundredth_of_a_pixel():
     view = find_target(image, "chessboard", (10, 7))
     true = LEFT.sees((np.column_stack([view.index * 4.0 - [18.0, 12.0], np.zeros(view.n)])) @ pose[0].T + pose[1])
     flipped = LEFT.sees((np.column_stack([[18.0, 12.0] - view.index * 4.0, np.zeros(view.n)])) @ pose[0].T + pose[1])
-    assert min(np.sqrt(((view.points_px - t) ** 2).mean()) for t in (true, flipped)) < 0.015  # noise of 1 % of the contrast along edges of 30 px
+    # noise of 1 % of the contrast along edges of 30 px
+    assert min(np.sqrt(((view.points_px - t) ** 2).mean()) for t in (true, flipped)) < 0.015
 
 
 def test_an_image_without_a_target_has_none():
@@ -133,13 +137,15 @@ def test_the_real_chessboard_pairs_agree_with_one_rig(tmp_path):
         (tmp_path / side).mkdir()
         for k in range(0, 20, 2):
             (tmp_path / side / f"{k:02d}.tif").symlink_to(folder / f"img{side}" / f"image_{k:02d}.tif")
-    code, text = command(tmp_path / "left", tmp_path / "right", "--spacing", 8, "--grid", "11x7", "--free", "fx,fy,cx,cy,k1",
+    code, text = command(tmp_path / "left", tmp_path / "right", "--spacing", 8, "--grid", "11x7", "--free",
+                         "fx,fy,cx,cy,k1",
                          "--target-std", 0.05, "--out", tmp_path / "rig.json")
     assert code == 0, text
     rms = float(re.search(r"reprojection ([\d.]+) px", text)[1])
     assert rms < 0.05  # px; a flat board leaves 0.1
     first, second = read_calibration(tmp_path / "rig.json").cameras
-    assert first.fx == pytest.approx(first.fy, rel=3e-3) and second.fx == pytest.approx(second.fy, rel=3e-3)  # square pixels
+    # square pixels
+    assert first.fx == pytest.approx(first.fy, rel=3e-3) and second.fx == pytest.approx(second.fy, rel=3e-3)
     shape = tifffile.imread(folder / "imgleft" / "image_00.tif").shape
     for camera in (first, second):  # the centre of the image is that of the lens within 5 % of the width
         assert abs(camera.cx - (shape[1] - 1) / 2) < 30 and abs(camera.cy - (shape[0] - 1) / 2) < 30

@@ -34,12 +34,14 @@ def test_exactly_the_pixels_closer_than_the_border_are_lost():
 def test_at_rest_nothing_is_lost():
     texture = Texture()
     reference = build_reference(make_map("quad4", shape=SHAPE, mask=inner()), texture.picture(SHAPE), border_px=BORDER)
-    assert nodal_equations(reference, prefilter(texture.picture(SHAPE)), rigid(reference.pixel_map, (0.0, 0.0))).n_lost == 0
+    assert nodal_equations(reference, prefilter(texture.picture(SHAPE)),
+                           rigid(reference.pixel_map, (0.0, 0.0))).n_lost == 0
 
 
 @pytest.mark.parametrize("degree", [3, 5])
 def test_pixels_that_the_mirror_boundary_changes_are_left_out(degree):
-    """Half a pixel off, a texture of 10 px and longer: inside, the spline is right; at the border it bends with the mirror."""
+    """Half a pixel off, a texture of 10 px and longer: inside, the spline is right; at the border it bends with the
+    mirror."""
     texture, shift = Texture(shortest_px=10.0, longest_px=30.0), (0.5, 0.5)
     f, g, pm = texture.picture(SHAPE), moved(texture, shift), make_map("quad4", shape=SHAPE, mask=inner())
     kept = residual_map(build_reference(pm, f, degree, border_px=BORDER), prefilter(g, degree), rigid(pm, shift))

@@ -175,7 +175,8 @@ def test_pixels_near_gaps_are_in_no_sum_and_the_others_are_as_before(roughness, 
     f, g, reference, motion, phi = case(roughness, "quad4", degree)
     holed, gaps = gappy(g)
     frame = height_frame(holed, reference.level, degree)
-    slow = height_normal_equations(reference.pixel_map, f, np.where(gaps, fill_gaps(g, gaps), g), motion, phi, degree, gaps)
+    slow = height_normal_equations(reference.pixel_map, f, np.where(gaps, fill_gaps(g, gaps), g), motion, phi, degree,
+                                   gaps)
     share = height_equations(reference, frame, motion)
     assert share.n_lost == np.count_nonzero(~slow.valid) > 100
     gram = share.gram(phi.reshape(3 * len(motion), -1))

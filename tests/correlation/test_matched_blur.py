@@ -34,7 +34,8 @@ def squares(side=SIDE, rim=RIM, n=6):
     k = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
     conn = np.stack([k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]], axis=-1).reshape(-1, 4)
     nodes = np.column_stack([x.ravel(), y.ravel()])
-    return build_pixel_map(nodes, [Block("quad4", conn, 0)], Camera.from_table(1.0, axes=("+col", "+row")), (side, side))
+    return build_pixel_map(nodes, [Block("quad4", conn, 0)], Camera.from_table(1.0, axes=("+col", "+row")),
+                           (side, side))
 
 
 def motion(pixel_map, F, middle=MIDDLE):
@@ -74,10 +75,12 @@ def test_at_the_true_motion_the_blur_of_a_stretched_frame_leaves_a_few_per_cent_
         assert excess(unmatched(reference), g, F, sigma) > before
 
 
-@pytest.mark.parametrize("F", [stretched(1.25), stretched(1.7, 35.0), stretched(0.8, 20.0), np.array([[1.1, 0.4], [0.0, 1.0]])],
+@pytest.mark.parametrize("F", [stretched(1.25), stretched(1.7, 35.0), stretched(0.8, 20.0),
+                               np.array([[1.1, 0.4], [0.0, 1.0]])],
                          ids=["stretch", "large stretch", "compression", "shear"])
 def test_the_matched_reference_is_what_the_frame_shows(F):
-    """Plane waves: both blurs are known. Left is the sixth order in the wave, k^6 R^3/48 = 3 % of a k of 1.26, R of 0.7."""
+    """Plane waves: both blurs are known. Left is the sixth order in the wave, k^6 R^3/48 = 3 % of a k of 1.26, R of
+    0.7."""
     weights = np.array(lowpass_weights(LOWPASS))
     position = np.arange(len(weights)) - len(weights) // 2
     wave = 2.0 * np.pi / 5.0 * np.column_stack([np.cos(angles := np.arange(0.1, np.pi, 0.25)), np.sin(angles)])
@@ -104,7 +107,8 @@ def test_the_matched_reference_is_what_the_frame_shows(F):
 @pytest.mark.parametrize("shift", [(0.7, -0.4), (25.0, 3.0)], ids=["inside", "leaving"])
 def test_the_image_kernel_agrees_with_the_equation_pixel_by_pixel(degree, kind, shift):
     texture = Texture()
-    f, g = lowpass(texture.picture(), LOWPASS), lowpass(texture.picture(gradient=stretched(1.3, 20.0), shift=shift), LOWPASS)
+    f, g = lowpass(texture.picture(), LOWPASS), lowpass(texture.picture(gradient=stretched(1.3, 20.0), shift=shift),
+                                                        LOWPASS)
     reference = build_reference(make_map(kind), texture.picture(), degree, lowpass_px=LOWPASS)
     pm, rng = reference.pixel_map, np.random.default_rng(0)
     u = (pm.nodes_px - 50.0) @ (stretched(1.28, 20.0) - np.eye(2)).T + shift + 0.1 * rng.normal(size=pm.nodes_px.shape)

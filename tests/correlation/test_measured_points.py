@@ -1,4 +1,5 @@
-"""Measured fields in the place of images: points in elements, M and b, averages over subsets, the free motion, noise."""
+"""Measured fields in the place of images: points in elements, M and b, averages over subsets, the free motion,
+noise."""
 
 from __future__ import annotations
 
@@ -103,7 +104,8 @@ def test_a_mask_leaves_points_out():
 
 
 def test_subsets_average_the_motion():
-    """Of a quadratic field the mean over a square of width b differs from the middle by b²/24 times the second derivatives."""
+    """Of a quadratic field the mean over a square of width b differs from the middle by b²/24 times the second
+    derivatives."""
     width = 2.5
     there = experiment(subset_px=width, crooked=False)  # x² is exact in straight elements
     reference = build_field_reference(there, there.camera)
@@ -192,8 +194,10 @@ def test_the_noise_of_a_small_field_of_overlapping_subsets_is_not_underestimated
     found = []
     for _ in range(12):
         first = noise()
-        stages = [np.zeros_like(first), *(0.5 * k * np.column_stack([column, row]) + noise() - first for k in range(1, 9))]
-        found.append(field_noise(ArrayStack(np.array(stages, dtype=np.float32)), np.column_stack([column, row]), range(9), 0))
+        stages = [np.zeros_like(first),
+                  *(0.5 * k * np.column_stack([column, row]) + noise() - first for k in range(1, 9))]
+        found.append(field_noise(ArrayStack(np.array(stages, dtype=np.float32)), np.column_stack([column, row]),
+                                 range(9), 0))
     assert np.mean([one.std for one in found]) == pytest.approx(1.0, rel=0.05)
     exact = float(np.sqrt(kernel.sum()))  # single estimates scatter by a fifth
     assert np.mean([one.sum_std for one in found]) == pytest.approx(exact, rel=0.12)
@@ -226,5 +230,6 @@ def test_a_rigid_motion_of_the_whole_specimen_is_an_unknown_of_the_frame():
     assert np.abs(left.r).max() < 0.05  # µm of 300: frames are float32
     step = 1e-3
     moved = reference.compare(there, 1, motion + step)  # by the difference quotient, as q and rb
-    np.testing.assert_allclose((equations.rb - moved.rb) / step, np.asarray(equations.hb.sum(axis=0)).ravel(), rtol=1e-6,
+    np.testing.assert_allclose((equations.rb - moved.rb) / step, np.asarray(equations.hb.sum(axis=0)).ravel(),
+                               rtol=1e-6,
                                atol=1e-6 * np.abs(equations.hb.sum(axis=0)).max())

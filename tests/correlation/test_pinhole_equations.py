@@ -89,7 +89,8 @@ def test_columns_are_difference_quotients_of_the_position_in_the_frame(name):
     view, step = PinholeView(camera, mesh, surface), 1e-5
     columns = view.columns(mesh.nodes, u, du).reshape(len(mesh.nodes), 2, -1)
     for i in range(du.shape[2]):
-        quotient = (view.motion(mesh.nodes, u + step * du[:, :, i]) - view.motion(mesh.nodes, u - step * du[:, :, i])) / (
+        quotient = (view.motion(mesh.nodes, u + step * du[:, :, i])
+                    - view.motion(mesh.nodes, u - step * du[:, :, i])) / (
             2 * step)
         assert np.abs(columns[:, :, i] - quotient).max() < 1e-6 * np.abs(quotient).max()  # step squared, rounding
 

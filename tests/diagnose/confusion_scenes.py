@@ -1,7 +1,7 @@
 """Errors of setup, machine and camera that used to get another one's name, on the generator of the blind trial.
 
-The truth is made on another mesh with finer steps, rendered from an analytic texture; nothing of the corrections and cameras
-of an experiment.toml is used for it.
+The truth is made on another mesh with finer steps, rendered from an analytic texture; nothing of the corrections and
+cameras of an experiment.toml is used for it.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ def twice(scene: Scene) -> np.ndarray:
 
 
 def _larger(camera, factor):
-    return replace(camera, matrix=factor * camera.matrix, origin_px=centre_px() + factor * (camera.origin_px - centre_px()))
+    return replace(camera, matrix=factor * camera.matrix,
+                   origin_px=centre_px() + factor * (camera.origin_px - centre_px()))
 
 
 def _turned(camera, degrees):

@@ -1,7 +1,8 @@
 """A strip with a hole in which one thing is not as the model says: at the grips, the load cell, the camera, the body.
 
 The truth is simulated by `idic.fe.march` on a finer mesh with motions, moduli and cameras of its own, and rendered by
-`idic.virtual_tests.render`; nothing of the corrections, distortions or heterogeneities of an experiment.toml is used for it.
+`idic.virtual_tests.render`; nothing of the corrections, distortions or heterogeneities of an experiment.toml is used
+for it.
 """
 
 from __future__ import annotations

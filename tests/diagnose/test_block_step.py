@@ -1,4 +1,5 @@
-"""One step from a finished fit gives the fit to a part of the recording; the other part judges it. On made-up normal equations."""
+"""One step from a finished fit gives the fit to a part of the recording; the other part judges it. On made-up normal
+equations."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -77,8 +78,10 @@ def test_frames_that_do_not_determine_the_model_do_not_judge():
     channels = null.channels.copy()
     channels[:7, :, 1] = 0.0
     found = evidence()
-    model = with_residual(found, Columns(null.names, fields, channels), np.zeros((T, fields.shape[1])), np.zeros((T, 1)))
-    names = [part.name for part, fit in zip(parts_of(found, GRID), judged_parts(model, GRID, parts_of(found, GRID)), strict=True) if fit]
+    model = with_residual(found, Columns(null.names, fields, channels), np.zeros((T, fields.shape[1])),
+                          np.zeros((T, 1)))
+    names = [part.name for part, fit in zip(parts_of(found, GRID), judged_parts(model, GRID, parts_of(found, GRID)),
+                                            strict=True) if fit]
     assert names == ["squares 1", "squares 2"]
 
 

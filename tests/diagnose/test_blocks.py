@@ -77,7 +77,8 @@ def test_a_model_with_a_lens_is_measured_by_the_same_free_motions(tmp_path):
     plain, bent = load_experiment(path), load_experiment(path, {"camera.k1": -2e-5})
     found = identify(plain)
     before = residual_evidence(found, light=False)
-    after = residual_evidence(identification_at(bent, found.parameters.as_values(), found.local, found.steps), light=False)
+    after = residual_evidence(identification_at(bent, found.parameters.as_values(), found.local, found.steps),
+                              light=False)
     size = next(n for n in np.arange(1.5, 4.0, 0.1) if (grid_of(after, n).cells != grid_of(before, n).cells).any())
     grid = grid_of(before, size)
     np.testing.assert_array_equal(fit(after, grid).rank, fit(before, grid).rank)
@@ -93,7 +94,8 @@ def test_a_right_model_with_a_measured_edge_leaves_noise_on_later_frames(tmp_pat
     experiment = load_experiment(write_folder(tmp_path / "clean", Side(), toml=MEASURED))
     found = identify(experiment, measured_start(experiment, dic_stack(experiment).u_px, ()))
     one = later_frames(range(1, experiment.n_frames))[0]
-    left = judged(FittedModel(experiment, found.parameters.as_values(), found.local), one, grid_of(residual_evidence(found)))
+    left = judged(FittedModel(experiment, found.parameters.as_values(), found.local), one,
+                  grid_of(residual_evidence(found)))
     assert abs(left.excess) < 4.0 * left.excess_std
     assert (np.abs(left.channels) < 4.5).all()
 

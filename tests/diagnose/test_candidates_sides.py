@@ -86,7 +86,8 @@ def test_a_thickness_is_the_modulus_where_that_is_free_and_found_where_it_is_kno
 
 
 LATE = {"force_drift": (Side(force=lambda F: F + 2.0 * np.maximum(TIMES - 5.5, 0.0)), 5.5),
-        "grip_rotation": (Side(motion={("RIGHT", "x"): np.column_stack([0.0 * TIMES, 0.003 * np.maximum(TIMES - 5.5, 0.0) / 5.5])}),
+        "grip_rotation": (Side(motion={("RIGHT", "x"): np.column_stack([0.0 * TIMES,
+                                                                        0.003 * np.maximum(TIMES - 5.5, 0.0) / 5.5])}),
                           5.5)}
 
 
@@ -124,8 +125,8 @@ def test_a_slip_is_named_and_the_refit_finds_its_onset(twin):
 def test_a_soft_inclusion_is_found_at_its_place(twin):
     """Its edge is sharp, the model's is smooth: without noise the stiffness comes out 0.9 standard deviations low.
 
-    Bounds: mean plus three scatters, in stated standard deviations, over ten other draws of the noise. Noise moves place
-    and stiffness of a small spot farther than first order says.
+    Bounds: mean plus three scatters, in stated standard deviations, over ten other draws of the noise. Noise moves
+    place and stiffness of a small spot farther than first order says.
     """
     path = twin("heterogeneity")
     _, result = screening(path, None)

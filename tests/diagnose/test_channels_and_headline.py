@@ -1,4 +1,5 @@
-"""A residual in a channel forbids a verdict; the headline, the effects not excluded, and the probability of the named set."""
+"""A residual in a channel forbids a verdict; the headline, the effects not excluded, and the probability of the named
+set."""
 
 from dataclasses import replace
 
@@ -52,7 +53,8 @@ def test_what_is_left_in_a_channel_forbids_single():
 
 def test_a_channel_that_is_left_is_told_with_its_size():
     (said,) = channel_cautions([channel(10.0, 3.5), channel(20.0, 3.5)])
-    assert said.startswith("force_N is not explained: 0.67 % of its largest reading") and "11% of the excess before" in said
+    assert said.startswith("force_N is not explained: 0.67 % of its largest reading")
+    assert "11% of the excess before" in said
 
 
 def test_a_channel_that_no_candidate_explains_is_no_none():
@@ -77,7 +79,8 @@ def test_the_probability_grows_with_the_strength_and_falls_with_what_is_left():
 
 def test_the_words_without_a_name_have_probabilities_of_their_own():
     verdict, rounds, excess = verdict_of(5000.0)
-    told = {word: probability(replace(verdict, word=word), rounds, excess, []) for word in ("none", "blind", "outside_library")}
+    told = {word: probability(replace(verdict, word=word), rounds, excess, [])
+            for word in ("none", "blind", "outside_library")}
     assert told == {"none": P_NONE, "blind": None, "outside_library": P_UNEXPLAINED}
 
 
@@ -102,8 +105,10 @@ def test_a_headline_says_cause_time_size_and_what_it_does_to_the_parameters():
 
 
 def test_a_cause_with_a_course_begins_where_its_course_does_and_its_knots_are_one_number():
-    after = {f"channel.force_N.drift_knot[{k}]": {"value": v, "std": 0.5, "unit": "N"} for k, v in ((8, 8.0), (10, 11.0))}
-    drift = CONTENT | {"named": ["force_drift"], "courses": [{"onset_frames": (5, 6)}], "candidates": [{"name": "force_drift"}],
+    after = {f"channel.force_N.drift_knot[{k}]": {"value": v, "std": 0.5, "unit": "N"}
+             for k, v in ((8, 8.0), (10, 11.0))}
+    drift = CONTENT | {"named": ["force_drift"], "courses": [{"onset_frames": (5, 6)}],
+                       "candidates": [{"name": "force_drift"}],
                        "rounds": [{"winner": "force_drift", "form": None, "new": list(after), "equals": []}],
                        "model": {"parameters_before": {}, "parameters_after": after}}
     said = headline(drift, {"force_drift": "force drift"})
@@ -124,7 +129,8 @@ def test_a_nearest_cause_that_explains_most_is_said_and_doubted():
 
 
 def test_what_is_left_is_said_with_its_size():
-    force = {"column": "force_N", "z": 9.0, "share": 0.03, "reading_share": 0.004, "significant": True, "matters": False}
+    force = {"column": "force_N", "z": 9.0, "share": 0.03, "reading_share": 0.004, "significant": True,
+             "matters": False}
     left_of = {"motion_px": 0.02, "motion_z": 40.0, "motion_share": 0.29, "channels": [force]}
     said = left_over(CONTENT | {"left": left_of, "camera_floor_px": 0.019})
     assert "0.02 px of motion that is also there at rest (29 % of the excess before)" in said

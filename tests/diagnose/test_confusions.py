@@ -56,7 +56,8 @@ def test_an_error_that_does_not_show_is_told_with_the_shift_of_the_modulus_that_
         (entry,) = [one for one in content["not_excluded"] if one["name"] == "load_cell_curvature"]
         assert "would move E by" in entry["why"] or "would move BODY.E by" in entry["why"]
     else:
-        assert "load_cell_curvature" in {*content["named"], *(n for group in content["indistinguishable"] for n in group)}
+        assert "load_cell_curvature" in {*content["named"],
+                                         *(n for group in content["indistinguishable"] for n in group)}
 
 
 @pytest.mark.slow

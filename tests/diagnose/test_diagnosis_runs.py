@@ -123,7 +123,8 @@ def test_a_page_that_cannot_be_written_does_not_cost_the_verdict(yielding, quick
 
 def test_a_quick_diagnosis_refits_one_candidate_and_says_so(yielding, quick):
     content = quick[1]
-    assert content["named"] == ["plasticity"] and [c["name"] for c in content["candidates"] if c["refitted"]] == ["plasticity"]
+    assert content["named"] == ["plasticity"] and [c["name"] for c in content["candidates"]
+                                                   if c["refitted"]] == ["plasticity"]
     assert content["cautions"][0].startswith("This was a quick diagnosis") and len(content["rounds"]) == 1
     after, whole = content["model"]["parameters_after"]["BODY.E"], yielding[2]["model"]["parameters_after"]["BODY.E"]
     assert abs(after["value"] - whole["value"]) < 3.0 * after["std"]  # a copy with twice the noise variance
@@ -176,7 +177,8 @@ def test_the_command_prints_its_verdict_and_writes_the_files_that_it_names(sound
     content = json.loads((run / "diagnosis.json").read_text())
     assert content["verdict"] == "none"
     assert answer.stdout.startswith(content["headline"]) and "Traceback" not in answer.stderr
-    assert f"results  {run / 'diagnosis.json'}" in answer.stdout and f"report   {run / 'diagnosis.html'}" in answer.stdout
+    assert f"results  {run / 'diagnosis.json'}" in answer.stdout
+    assert f"report   {run / 'diagnosis.html'}" in answer.stdout
     assert "screening of the library" in answer.stderr and (run / "diagnosis.html").stat().st_size > 10_000
 
 
@@ -232,7 +234,8 @@ def test_a_test_with_hardly_a_load_is_blind_and_not_with_the_load_that_it_asks_f
     assert content["verdict"] == "blind" and content["named"] == [] and content["excluded"]
     factor = float(re.search(r"load it ([0-9.]+) times as far", content["sentence"])[1])
     assert 1.5 < factor < 5.0
-    assert pulled(1.2 * 0.02 * factor, tmp_path / "enough")["verdict"] != "blind"  # a fifth more: it is told to first order
+    # a fifth more: it is told to first order
+    assert pulled(1.2 * 0.02 * factor, tmp_path / "enough")["verdict"] != "blind"
 
 
 @pytest.mark.slow

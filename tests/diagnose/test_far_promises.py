@@ -1,4 +1,5 @@
-"""An effect so large that the score test misjudges every candidate: the cause is found among those that promise less."""
+"""An effect so large that the score test misjudges every candidate: the cause is found among those that promise
+less."""
 
 import pytest
 
@@ -9,7 +10,8 @@ from idic.virtual_tests.examples import write_example
 
 @pytest.mark.slow
 def test_a_strip_far_into_plasticity_is_named_where_poisson_s_ratio_is_held(tmp_path):
-    """E is a third of the truth; warmth, a drift of the force, creep, viscosity and damage promise more than plasticity."""
+    """E is a third of the truth; warmth, a drift of the force, creep, viscosity and damage promise more than
+    plasticity."""
     write_example("demo", tmp_path / "strip", reduced=True)
     file = tmp_path / "strip" / "experiment.toml"
     text = file.read_text()

@@ -1,5 +1,5 @@
-"""A course that the data give is screened as one: its knots count together, and it stands for a candidate where no screened
-course of any candidate comes near it.
+"""A course that the data give is screened as one: its knots count together, and it stands for a candidate where no
+screened course of any candidate comes near it.
 """
 
 from dataclasses import replace
@@ -46,7 +46,8 @@ def test_the_sum_of_knots_promises_what_they_promise_together_at_amplitude_one()
 def test_under_noise_a_course_is_as_significant_as_chance_makes_it():
     """Three knots promise 3 of chi-square on the mean; their statistic is unit normal all the same."""
     groups, signs = {"alone": [0], "course": [4]}, np.zeros(5)
-    found = [significances(scored(seed)[1], groups, signs, np.random.default_rng(1), {4: KNOTS}, draws=200)["course"].statistic
+    found = [significances(scored(seed)[1], groups, signs, np.random.default_rng(1), {4: KNOTS},
+                           draws=200)["course"].statistic
              for seed in range(150)]
     assert abs(np.mean(found)) < 0.25 and abs(np.std(found) - 1.0) < 0.2
 
@@ -57,9 +58,11 @@ def test_of_two_courses_that_explain_as_much_the_one_with_fewer_knots_is_taken()
     near = columns.fields[..., [2]] + columns.fields[..., [3]]
     evidence, parameter = made(np.random.default_rng(3)), Columns(("E",), near + 1e-4, columns.channels[..., [0]])
     found = score(evidence, null_model(evidence, parameter), columns)
-    pushed = replace(found, U=60.0 * found.information[:, 1] / np.sqrt(found.information[1, 1]))  # as by the first knot alone
+    # as by the first knot alone
+    pushed = replace(found, U=60.0 * found.information[:, 1] / np.sqrt(found.information[1, 1]))
     assert fewest_knots(pushed, KNOTS) == [1]
-    one = Variant("drift", {"dof": [{"name": "camera.k1"}]}, ("a", "b", "c"), dict.fromkeys("abc", 0.0), free_course=True)
+    one = Variant("drift", {"dof": [{"name": "camera.k1"}]}, ("a", "b", "c"), dict.fromkeys("abc", 0.0),
+                  free_course=True)
     kept = with_knots(one, ["a"])
     assert kept.new == ("a",) and [entry.get("identify", True) for entry in kept.edits["dof"]] == [True, False, False]
     assert with_knots(one, ["a", "b", "c"]) is one
@@ -102,8 +105,10 @@ def test_a_load_cell_that_wanders_off_and_back_is_proposed_with_its_course(wande
     labels, columns = score_columns(found, residual, trials, load)
     first = max(screen(residual.evidence, residual.null, labels, columns).ranked, key=lambda r: r.gain)
     assert first.candidate.name == "force_drift" and first.variant.free_course and first.standing == "significant"
-    course = np.interp(TIMES, [0, *(int(name[name.index("[") + 1:-1]) for name in first.start)], [0, *first.start.values()])
-    assert np.argmax(course) == 6 and course[-1] < 0.2 * course.max()  # of its size E takes a part: the load peaks there, too
+    course = np.interp(TIMES, [0, *(int(name[name.index("[") + 1:-1]) for name in first.start)],
+                       [0, *first.start.values()])
+    # of its size E takes a part: the load peaks there, too
+    assert np.argmax(course) == 6 and course[-1] < 0.2 * course.max()
 
 
 def test_a_pattern_times_its_course_is_the_response_of_the_whole_model_to_it(wandering):
@@ -112,7 +117,8 @@ def test_a_pattern_times_its_course_is_the_response_of_the_whole_model_to_it(wan
     chosen = {"grip_slip": "slips slowly along x from 4.4", "grip_rotation": "turns (ux)"}
     trials = [(c, v) for c in candidates() if c.name in chosen for v in c.variants(here) if chosen[c.name] in v.label]
     assert {c.name for c, _ in trials} == set(chosen)
-    answers = [score_columns(found, residual, [(c, replace(v, exact=exact)) for c, v in trials], lambda edits: load_experiment(path, edits))
+    answers = [score_columns(found, residual, [(c, replace(v, exact=exact)) for c, v in trials],
+                             lambda edits: load_experiment(path, edits))
                for exact in (True, False)]
     for one, other in zip(answers[0][0], answers[1][0], strict=True):
         assert one.name == other.name
@@ -122,9 +128,12 @@ def test_a_pattern_times_its_course_is_the_response_of_the_whole_model_to_it(wan
 
 
 def test_one_free_course_per_pattern_whatever_its_screened_courses():
-    variants = [Variant(f"drift from {k}", {"dof": [{"name": "channel.F.drift"}]}, ("channel.F.drift",), {}, {}) for k in range(3)]
-    loaded = SimpleNamespace(parameters=SimpleNamespace(free=("E", "channel.F.drift_knot[3]", "channel.F.drift_knot[6]")))
-    made_of = with_free_courses([(candidates()[0], v) for v in variants], {"channel": [{"column": "F"}]}, ("E",), lambda edits: loaded)
+    variants = [Variant(f"drift from {k}", {"dof": [{"name": "channel.F.drift"}]}, ("channel.F.drift",), {}, {})
+                for k in range(3)]
+    loaded = SimpleNamespace(parameters=SimpleNamespace(free=("E", "channel.F.drift_knot[3]",
+                                                              "channel.F.drift_knot[6]")))
+    made_of = with_free_courses([(candidates()[0], v) for v in variants], {"channel": [{"column": "F"}]}, ("E",),
+                                lambda edits: loaded)
     ((_, one),) = made_of
     assert one.free_course and one.new == ("channel.F.drift_knot[3]", "channel.F.drift_knot[6]")
 

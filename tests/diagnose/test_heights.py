@@ -72,7 +72,9 @@ def test_a_field_pulled_back_weighs_as_much_in_the_reference(strip):
 def test_the_mismatch_is_located_and_drawn(strip):
     mismatch = locate(*strip)
     assert mismatch.is_significant and mismatch.place is not None
-    assert {"diagnosis_where", "diagnosis_when"} <= {p.name for p in pictures(where_record(strip[1], mismatch, SelectedEffect("bulk", False)))}
+    assert {"diagnosis_where",
+            "diagnosis_when"} <= {p.name
+                                  for p in pictures(where_record(strip[1], mismatch, SelectedEffect("bulk", False)))}
 
 
 def test_nothing_is_solved_for_no_columns():

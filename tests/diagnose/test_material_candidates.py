@@ -25,7 +25,8 @@ CONTRACT = {"plasticity", "hardening_curvature", "kinematic_hardening", "pressur
             "viscoelasticity", "creep", "damage", "orthotropy", "poisson_ratio", "geometric_nonlinearity",
             "heterogeneity", "thermal_expansion", "grip_slip", "grip_rotation", "machine_compliance", "force_scale",
             "force_offset", "force_drift", "frame_time_offset", "illumination", "lens_distortion", "magnification",
-            "camera_motion", "defocus", "pixel_size", "camera_rotation", "origin", "hole_geometry", "thickness", "seating",
+            "camera_motion", "defocus", "pixel_size", "camera_rotation", "origin", "hole_geometry", "thickness",
+            "seating",
             "friction", "load_cell_curvature", "nonlinear_elasticity", "parallax"}
 ALSO = {
     "finite": NullModel('law = "elastic"\nkinematics = "finite"\nK = 2222.0\nG = { value = 740.0, identify = true }\n',
@@ -39,18 +40,21 @@ ALSO = {
                    'hardening_modulus = 0.0\nC = { value = 300, identify = true }\n', PLASTIC.grip),
     "one_branch": NullModel('law = "maxwell"\nE = { value = 2000, identify = true }\nnu = 0.35\n'
                        'g_1 = { value = 0.1, identify = true }\ntau_1 = 5.0\n', ELASTIC.grip),
-    "composite": NullModel('law = "orthotropic"\nE1 = { value = 2000, identify = true }\nE2 = 1500\nnu12 = 0.3\nG12 = 700\n'
+    "composite": NullModel('law = "orthotropic"\nE1 = { value = 2000, identify = true }\nE2 = 1500\nnu12 = 0.3\nG12 = '
+                           '700\n'
                       'angle = 10.0\n', ELASTIC.grip)}
 EVERY = NULLS | ALSO
 APPLY = {  # which of MATERIAL a null leaves open
     "elastic": {"plasticity", "rate_dependence", "viscoelasticity", "creep", "damage", "orthotropy",
                 "geometric_nonlinearity", "thermal_expansion", "nonlinear_elasticity"},
-    "held": {"nonlinear_elasticity", "plasticity", "rate_dependence", "viscoelasticity", "creep", "damage", "orthotropy", "poisson_ratio",
+    "held": {"nonlinear_elasticity", "plasticity", "rate_dependence", "viscoelasticity", "creep", "damage",
+             "orthotropy", "poisson_ratio",
              "geometric_nonlinearity", "thermal_expansion"},
     "plastic": {"hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
                 "thermal_expansion"},
     "rubber": {"plasticity", "rate_dependence", "viscoelasticity", "creep", "second_invariant", "thermal_expansion"},
-    "finite": {"nonlinear_elasticity", "plasticity", "rate_dependence", "viscoelasticity", "creep", "damage", "orthotropy",
+    "finite": {"nonlinear_elasticity", "plasticity", "rate_dependence", "viscoelasticity", "creep", "damage",
+               "orthotropy",
                "thermal_expansion"},
     "perfect": {"hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
                 "poisson_ratio", "thermal_expansion"},
@@ -78,7 +82,8 @@ def folders(tmp_path_factory):
             e = load_experiment(path)
             levels = np.abs(stress_of(e, {})).max() * np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9])
             made[name] = path, Situation(read_toml(path / "experiment.toml"), e, e.parameters.as_values(),
-                                         {"BODY": levels}, {"BODY": 0.04}, np.zeros((5, e.mesh.n_nodes, 2)), np.zeros((5, 1)))
+                                         {"BODY": levels}, {"BODY": 0.04}, np.zeros((5, e.mesh.n_nodes, 2)),
+                                         np.zeros((5, 1)))
         return made[name]
 
     return folder

@@ -62,7 +62,8 @@ def test_a_candidate_of_one_file_is_told_by_its_title(added):
 
 
 def test_every_candidate_has_a_twin_in_which_it_is_concealed():
-    before_a_lens = {"specimen_motion", "focal_length", "placement"}  # test_lens_candidates.py; the first alone is concealed there
+    # test_lens_candidates.py; the first alone is concealed there
+    before_a_lens = {"specimen_motion", "focal_length", "placement"}
     concealed = {name.split("_of_")[0] for name in TRUTHS} | set(SIDES) | before_a_lens
     assert {c.name for c in candidates()} <= concealed
 

@@ -85,7 +85,8 @@ def test_a_camera_that_moves_from_frame_to_frame_stays_where_it_was_in_the_last_
     assert len(found) == len(separations(*models[:2]))
     assert all(t.D < 1e-6 for t in found)  # it has not moved: both are the same model
     motion = continued(moving.found.experiment, Continuation("", (1.0, 0.5), (0.1, 0.2))).camera.motion
-    np.testing.assert_array_equal(motion.courses[:, -2:], np.repeat(moving.found.experiment.camera.motion.courses[:, -1:],
+    np.testing.assert_array_equal(motion.courses[:, -2:],
+                                  np.repeat(moving.found.experiment.camera.motion.courses[:, -1:],
                                                                     2, axis=1))
 
 
@@ -136,7 +137,8 @@ def test_a_test_whose_edges_are_known_from_images_alone_is_not_continued(tmp_pat
                    np.zeros((experiment.n_frames, build_forward(experiment).drives.n_local)), None)
     model = Model("one", found, residual_evidence(found, light=False))
     assert separations(model, model) == ()
-    assert reason_against_continuation(experiment) == "the motion of LEFT along x, LEFT along y is known from images alone"
+    assert reason_against_continuation(experiment) == ("the motion of LEFT along x, LEFT along y is known from images "
+                                                       "alone")
     noise = SimpleNamespace(excess=0.0, excess_std=0.1, excess_z=0.0)
     verdict = SimpleNamespace(indistinguishable=(("one", "other"),), before=noise, after=noise)
     undecided = SimpleNamespace(found=found, active=None, rounds=(), verdict=verdict, excess_left=(), margin=Margin(),

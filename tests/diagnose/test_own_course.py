@@ -34,7 +34,8 @@ def test_a_correction_gets_knots_in_the_place_of_its_course_and_its_neighbours_s
 
 def test_a_drift_loses_its_start_and_its_own_degree_of_freedom():
     document = {"channel": [{"column": "F", "drift_from_s": 4.0}, {"column": "G"}]}
-    edits = free_edits(document, {"dof": [{"name": "channel.F.drift"}, {"name": "camera.k1"}]}, variant("channel.F.drift"))
+    edits = free_edits(document, {"dof": [{"name": "channel.F.drift"}, {"name": "camera.k1"}]},
+                       variant("channel.F.drift"))
     assert edits["channel"] == [{"column": "F", "drift_knots": KNOTS}, {"column": "G"}]
     assert edits["dof"] == [{"name": "camera.k1"}]
 
@@ -59,12 +60,14 @@ def test_a_fit_that_leaves_only_noise_keeps_its_course():
 
 
 @pytest.mark.parametrize("value, std, onset", [
-    ((0.0, 0.1, 0.2, 5.0, 6.0), 1.0, (2, 3)), ((0.0, 4.0, 4.0, 4.0, 4.0), 1.0, (0, 1)), ((0.0, 0.1, 2.0, 2.0, 1.0), 1.0, None)])
+    ((0.0, 0.1, 0.2, 5.0, 6.0), 1.0, (2, 3)), ((0.0, 4.0, 4.0, 4.0, 4.0), 1.0, (0, 1)),
+    ((0.0, 0.1, 2.0, 2.0, 1.0), 1.0, None)])
 def test_a_course_begins_between_its_last_frame_at_zero_and_its_first_beyond_noise(value, std, onset):
     assert Course("grip_slip", "x", "mm", np.array(value), np.full(5, std), True).onset == onset
 
 
-@pytest.mark.parametrize("way, channels, tested", [((0.0, 1.0, 2.0), (), False), ((0.0, 2.0, 0.2), (), True), ((0.0, 1.0, 2.0), ("F",), True)])
+@pytest.mark.parametrize("way, channels, tested",
+                         [((0.0, 1.0, 2.0), (), False), ((0.0, 2.0, 0.2), (), True), ((0.0, 1.0, 2.0), ("F",), True)])
 def test_damage_is_tested_only_where_a_force_or_a_way_back_tells_it_from_plastic_flow(way, channels, tested):
     damage = next(c for c in candidates() if c.name == "damage")
     u = np.array(way)[:, None, None] * np.ones((3, 4, 2))
@@ -72,7 +75,8 @@ def test_damage_is_tested_only_where_a_force_or_a_way_back_tells_it_from_plastic
     assert (damage.reason_against(here) == "") is tested
 
 
-@pytest.mark.parametrize("way, share, told", [((0.0, 1.0, 2.0), 1.01, ("nonlinear_elasticity",)), ((0.0, 1.0, 2.0), 0.99, ()),
+@pytest.mark.parametrize("way, share, told",
+                         [((0.0, 1.0, 2.0), 1.01, ("nonlinear_elasticity",)), ((0.0, 1.0, 2.0), 0.99, ()),
                                               ((0.0, 2.0, 0.2), 1.01, ())])
 def test_where_the_load_only_grows_a_free_drift_is_not_told_from_a_rival_that_explains_nearly_as_much(way, share, told):
     """As of a woven laminate that stiffens: a drift of 9 % of the largest force, along the square of the load."""

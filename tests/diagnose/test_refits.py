@@ -75,7 +75,8 @@ GRID = Grid(np.zeros((4, 2)), np.zeros(2), np.ones(2), np.array([3, 2]))
 
 
 def job(**changes):
-    given = {"name": "one", "source": Source("nowhere", {}), "labels": ("a",), "edits": ({"x": 1.0},), "values": ({"E": 1.0},),
+    given = {"name": "one", "source": Source("nowhere", {}), "labels": ("a",), "edits": ({"x": 1.0},),
+             "values": ({"E": 1.0},),
                  "local": np.zeros((3, 1)), "grid": GRID, "target": 5.0, "seed": 3}
     return RefitJob(**given | changes)
 
@@ -84,7 +85,8 @@ def made(**changes):
     rng = np.random.default_rng(0)
     one = Fit(np.arange(1, 4), rng.random(3), np.array([7, 8, 9]), rng.random((3, 2)), 0.4)
     given = {"name": "one", "label": "a", "status": "converged", "values": {"E": 1.1, "sy": float("inf")},
-                 "stds": {"E": 0.1, "sy": None}, "local": rng.random((3, 1)), "steps": np.array([1.0, 2.0]), "choice": one,
+                 "stds": {"E": 0.1, "sy": None}, "local": rng.random((3, 1)), "steps": np.array([1.0, 2.0]),
+                 "choice": one,
                  "judgement": None, "evaluations": 4, "problem": "", "phi": 3.5}
     return Refit(**given | changes)
 
@@ -216,7 +218,8 @@ def test_a_candidate_that_promises_nearly_as_much_is_refitted_though_five_others
     first = [ranked(YIELD, gain=1e5 - k, name=f"candidate {k}") for k in range(5)]
     sixth, seventh = ranked(YIELD, gain=0.85e5, name="sixth"), ranked(YIELD, gain=0.7e5, name="seventh")
     assert asked_for(first, [sixth, seventh], 1e5, 100.0) == [*(r.candidate.name for r in first), "sixth"]
-    everything = asked_for(first, [sixth, seventh], 1e5, 2e4)  # the best leaves a fifth: more may be wrong with promises
+    # the best leaves a fifth: more may be wrong with promises
+    everything = asked_for(first, [sixth, seventh], 1e5, 2e4)
     assert everything[5:] == ["sixth", "seventh"]
     assert asked_for(first, [replace(sixth, gain=0.4e5)], 1e5, 2e4)[5:] == []
 
@@ -238,7 +241,8 @@ def test_both_copies_judge_where_one_leaves_it_open(rivals, names):
 
 
 def swapped(rivals, drops, null_usable=True):
-    """What both copies say where refits to the second one explain `drops` of what its null leaves, and what was asked."""
+    """What both copies say where refits to the second one explain `drops` of what its null leaves, and what was
+    asked."""
     asked = []
 
     def refits(jobs):
@@ -346,7 +350,8 @@ def test_a_swapped_refit_is_fitted_to_the_copy_that_judges_otherwise(tmp_path, m
 
 def test_equals_on_both_copies_differ_by_less_than_nine_on_each():
     def twice(name, achieved, heldout):
-        return replace(rival(name, achieved, 0.0), heldout=heldout, crossed_judgement=leaving(0.0), achieved_on_other=achieved)
+        return replace(rival(name, achieved, 0.0), heldout=heldout, crossed_judgement=leaving(0.0),
+                       achieved_on_other=achieved)
 
     screening = SimpleNamespace(separation_chi2=lambda one, other: 1e3)
     assert judge([twice("a", 30.0, 50.0), twice("b", 25.0, 34.0)], screening)[1] == ("b",)

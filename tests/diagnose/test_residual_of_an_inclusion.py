@@ -48,14 +48,16 @@ def with_spot(case):
 
 def test_a_true_inclusion_leaves_noise(case, with_spot):
     _, _, before = case
-    (left,) = local_residual_tests(before, residual_evidence(with_spot, light=False), grid_of(before), with_spot.parameters.as_values())
+    (left,) = local_residual_tests(before, residual_evidence(with_spot, light=False), grid_of(before),
+                                   with_spot.parameters.as_values())
     assert left.before.excess_z > 20.0 and abs(left.after.excess_z) < 4.0 and not left.matters
 
 
 def test_an_inclusion_in_the_wrong_place_leaves_a_significant_excess(case, with_spot):
     _, _, before = case
     values = dict(with_spot.parameters.as_values()) | {"BODY.inclusion.y": PLACE[1] - 0.8}
-    after = residual_evidence(identification_at(with_spot.experiment, values, with_spot.local, with_spot.steps), light=False)
+    after = residual_evidence(identification_at(with_spot.experiment, values, with_spot.local, with_spot.steps),
+                              light=False)
     (left,) = local_residual_tests(before, after, grid_of(before), values)
     assert left.matters and left.motion_px > 0.004
 
@@ -64,7 +66,8 @@ def test_a_model_with_other_visible_nodes_is_judged_at_those(case, with_spot):
     _, _, before = case
     camera = with_spot.experiment.camera
     moved = replace(with_spot.experiment, camera=replace(camera, origin_px=camera.origin_px + [0.3, 0.0]))
-    after = residual_evidence(identification_at(moved, with_spot.parameters.as_values(), with_spot.local, with_spot.steps), light=False)
+    after = residual_evidence(identification_at(moved, with_spot.parameters.as_values(), with_spot.local,
+                                                with_spot.steps), light=False)
     assert len(after.evidence.seen) != len(before.evidence.seen)
     (left,) = local_residual_tests(before, after, grid_of(before), with_spot.parameters.as_values())
     assert abs(left.after.excess_z) < 4.0 and not left.matters
@@ -101,4 +104,5 @@ def test_the_time_course_test_equals_dense_columns_of_all_frames(case, with_spot
     good = values > MIN_EIGENVALUE_SHARE * values.max()
     fit = time_course_test(before, residual_evidence(with_spot, light=False), grid).before
     assert fit.rank[0] == good.sum()
-    assert fit.gain[0] == pytest.approx((((vectors[:, good].T @ (scores.U * scale)) ** 2 / values[good]).sum()), rel=1e-6)
+    assert fit.gain[0] == pytest.approx((((vectors[:, good].T @ (scores.U * scale)) ** 2 / values[good]).sum()),
+                                        rel=1e-6)

@@ -1,5 +1,5 @@
-"""Selection goes both ways: causes that later ones make idle are removed, and rivals that fit the whole better take their
-place. On a world whose answers are known: chi-square that is left by every set of causes.
+"""Selection goes both ways: causes that later ones make idle are removed, and rivals that fit the whole better take
+their place. On a world whose answers are known: chi-square that is left by every set of causes.
 """
 
 from dataclasses import dataclass, field, replace
@@ -176,7 +176,8 @@ def test_every_wave_of_refits_is_told_with_its_number_and_the_time_that_is_left(
 
 @pytest.mark.parametrize("loss, stays", [(5.0, False), (60.0, True)])
 def test_a_course_of_its_own_is_given_back_where_a_later_cause_makes_it_idle(loss, stays):
-    """With the course of the screening and the later cause the whole is as good: the freed course had stood in for it."""
+    """With the course of the screening and the later cause the whole is as good: the freed course had stood in for
+    it."""
     left = sets(((), 5000.0), (("magnification",), 1000.0), (("magnification", "camera_motion"), 10.0 + loss),
                 (("camera_motion",), 3000.0))
     rounds = chosen(("magnification", "camera_motion"), left)

@@ -28,7 +28,8 @@ def at_rest(tmp_path_factory):
     image = known.stack.frame(0).astype(np.float32)
     images = image + NOISE * rng.standard_normal((n, *image.shape)).astype(np.float32)
     channels = tuple(replace(c, values=c.noise_std * rng.standard_normal(n), rates=None) for c in known.channels)
-    prescribed = tuple(replace(p, drive=replace(p.drive, values=np.zeros(n), rates=None)) if hasattr(p.drive, "values") else p
+    prescribed = tuple(replace(p, drive=replace(p.drive, values=np.zeros(n), rates=None)) if hasattr(p.drive, "values")
+                       else p
                        for p in known.prescribed)
     return replace(known, stack=ArrayStack(images), channels=channels, prescribed=prescribed, times=np.arange(float(n)),
                    labels=tuple(str(k) for k in range(n)), reference=STILL - 1, averaged=tuple(range(STILL)),

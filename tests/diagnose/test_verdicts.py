@@ -61,7 +61,8 @@ def test_the_rival_with_the_larger_held_out_drop_wins_and_a_distant_one_is_no_eq
 
 def test_two_within_three_standard_deviations_of_each_other_are_equals():
     """The drops of models that D tells apart differ by 2 sqrt(D) of noise; three of these are nobody's win."""
-    winner, equals = judge([rival("creep", 1000.0), rival("plasticity", 1000.0 + 0.9 * MIN_SEPARATION_CHI2)], screening())
+    winner, equals = judge([rival("creep", 1000.0), rival("plasticity", 1000.0 + 0.9 * MIN_SEPARATION_CHI2)],
+                           screening())
     assert winner.name == "plasticity" and equals == ("creep",)
 
 
@@ -139,19 +140,22 @@ def test_rivals_of_the_best_candidates_family_are_refitted_whatever_first_order_
     others = [ranked("force_drift", direct=True), ranked("rate_dependence"), ranked("plasticity")]
     best = rival("kinematic_hardening", 300.0)
     assert same_family_rivals(screening(bend, *others, pressure), [best]) == [bend, others[2], pressure]
-    assert same_family_rivals(screening(bend, pressure), [rival("kinematic_hardening", MIN_HELDOUT_DROP)]) == []  # nothing is named
+    # nothing is named
+    assert same_family_rivals(screening(bend, pressure), [rival("kinematic_hardening", MIN_HELDOUT_DROP)]) == []
 
 
 def test_the_family_of_the_best_fit_is_refitted_before_both_copies_judge():
     near = rival("creep", 6.0, achieved=37.0)
-    assert same_family_rivals(screening(ranked("viscoelasticity"), ranked("damage")), [near]) == [ranked("viscoelasticity")]
+    assert same_family_rivals(screening(ranked("viscoelasticity"), ranked("damage")),
+                              [near]) == [ranked("viscoelasticity")]
     assert same_family_rivals(screening(ranked("viscoelasticity")), [rival("creep", 6.0, achieved=8.0)]) == []
 
 
 def test_bends_of_the_hardening_curve_are_refitted_if_no_candidate_is_significant():
     bend, pressure, warmth = (ranked(n) for n in ("hardening_curvature", "pressure_dependence", "thermal_expansion"))
     entries = screening(bend, ranked("plasticity"), pressure, warmth)
-    assert same_family_rivals(entries, [rival("thermal_expansion", -10.0, achieved=48.0)], bends=True) == [bend, pressure]
+    assert same_family_rivals(entries, [rival("thermal_expansion", -10.0, achieved=48.0)],
+                              bends=True) == [bend, pressure]
     assert same_family_rivals(entries, [rival("thermal_expansion", 30.0)], bends=True) == []  # it passes
     assert same_family_rivals(entries, [], bends=True) == []  # nothing is significant
 
@@ -182,7 +186,8 @@ def faint(name, largest_probe_z, verdict="cannot_tell"):
 
 
 def test_a_test_whose_noise_hides_every_candidate_of_the_specimen_is_blind_and_proposes_a_better_test():
-    """The nearest would stand out by 2 of the 5 standard deviations that are wanted: 2.5 times the load, 6.25 images."""
+    """The nearest would stand out by 2 of the 5 standard deviations that are wanted: 2.5 times the load, 6.25
+    images."""
     entries = screening(ranked("lens_distortion", "excluded"), faint("plasticity", 2.0), faint("creep", 0.5),
                         faint("thermal_expansion", 8.0, "excluded"))  # needs no load
     found = conclude([round_of(entries)], left(0.0), left(0.0), real=False, excess=LEFT)
@@ -191,7 +196,8 @@ def test_a_test_whose_noise_hides_every_candidate_of_the_specimen_is_blind_and_p
     assert KNOWN["plasticity"].title in found.next_experiment
 
 
-@pytest.mark.parametrize("seen", [faint("damage", 8.0), faint("damage", 2.0, "excluded"), faint("damage", 2.0, "small")])
+@pytest.mark.parametrize("seen",
+                         [faint("damage", 8.0), faint("damage", 2.0, "excluded"), faint("damage", 2.0, "small")])
 def test_a_test_that_would_have_shown_one_candidate_of_the_specimen_is_not_blind(seen):
     entries = screening(faint("plasticity", 2.0), seen)
     assert conclude([round_of(entries)], left(0.0), left(0.0), real=False, excess=LEFT).word == "none"
@@ -269,7 +275,8 @@ def test_a_law_and_a_gradient_have_no_place_on_the_body_and_an_inclusion_and_a_g
 
 
 def test_a_bend_of_the_hardening_curve_begins_at_yield_and_not_at_its_first_visible_frame():
-    record = SimpleNamespace(is_significant=True, onset_frame=13, onset_ci=(12, 14), onset=SimpleNamespace(from_start=False))
+    record = SimpleNamespace(is_significant=True, onset_frame=13, onset_ci=(12, 14),
+                             onset=SimpleNamespace(from_start=False))
     assert Mismatch.reported_onset(record, SelectedEffect("bulk", False, 2, True)) == (2, (2, 14))
     assert Mismatch.reported_onset(record, SelectedEffect("bulk", False, 2)) == (13, (12, 14))
 

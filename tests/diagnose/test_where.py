@@ -100,7 +100,8 @@ def test_the_residual_needs_no_derivatives_and_no_second_simulation(clean):
     grid = grid_of(whole)
     less = residual_evidence(found, light=False, null=False, responses=simulated(found, null=False))
     for name in ("gain", "rank", "channels", "light"):
-        np.testing.assert_allclose(getattr(fit(less, grid), name), getattr(fit(whole, grid), name), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(getattr(fit(less, grid), name), getattr(fit(whole, grid), name), rtol=1e-9,
+                                   atol=1e-9)
     assert less.null.n == 0 < whole.null.n
 
 
@@ -251,7 +252,8 @@ def test_growth_after_the_corner_widens_the_interval():
     open_ = SimpleNamespace(is_significant=True, onset_frame=1, onset_ci=(0, 2), onset=SimpleNamespace(from_start=True))
     assert Mismatch.reported_onset(open_, SelectedEffect("bulk", False, 3)) == (3, (0, 3))
     assert Mismatch.reported_onset(open_, SelectedEffect("bulk", False, 1)) == (1, (0, 2))
-    unseen = SimpleNamespace(is_significant=True, onset_frame=None, onset_ci=None, onset=SimpleNamespace(from_start=False))
+    unseen = SimpleNamespace(is_significant=True, onset_frame=None, onset_ci=None,
+                             onset=SimpleNamespace(from_start=False))
     assert Mismatch.reported_onset(unseen, SelectedEffect("bulk", False, 3)) == (3, (3, 3))
 
 

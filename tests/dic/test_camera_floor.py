@@ -113,7 +113,8 @@ def test_the_floor_is_the_motion_of_the_air_and_not_the_shift_of_the_specimen(ha
     own = [without_rigid(haze(MESH.nodes, 0.03, 1.3 * k).reshape(1, -1), MESH.nodes) for k in (1, 5)]
     truth = float(np.sqrt(np.mean(np.square(own))))
     assert floor.frames == (1, 5)
-    assert floor.px == pytest.approx(truth, rel=0.2)  # waves of 130 px lose a tenth to the smoothing, three motions go too
+    # waves of 130 px lose a tenth to the smoothing, three motions go too
+    assert floor.px == pytest.approx(truth, rel=0.2)
     assert np.sqrt(np.mean(floor.nodes_px**2)) == pytest.approx(floor.px, rel=0.02)
     shifts = [np.hypot(0.3 * np.sin(k), 0.4 * np.cos(k)) / np.sqrt(2.0) for k in (1, 5)]
     assert floor.drift_px == pytest.approx(shifts, abs=0.02)

@@ -82,7 +82,8 @@ def test_a_cluster_at_the_end_of_the_test_is_found_in_its_part():
 
 def test_a_residual_that_is_raised_everywhere_is_no_cluster():
     rng = np.random.default_rng(6)
-    found = local_residual(pixels(), sums_of(rng, raised=(np.ones(pixels().n_pixels, dtype=bool), 1.4, range(N_FRAMES))))
+    found = local_residual(pixels(),
+                           sums_of(rng, raised=(np.ones(pixels().n_pixels, dtype=bool), 1.4, range(N_FRAMES))))
     assert not found.is_cluster and found.typical_chi2 == pytest.approx(1.96, rel=0.05)
 
 
@@ -138,6 +139,7 @@ def test_standard_deviations_end_at_eight(z, text):
     assert z_text(z) == text
 
 
-@pytest.mark.parametrize(("p", "text"), [(0.034, "0.034"), (2e-6, "2e-06"), (4e-54, "< 1e-6"), (0.0, "< 1e-6"), (1.0, "1")])
+@pytest.mark.parametrize(("p", "text"),
+                         [(0.034, "0.034"), (2e-6, "2e-06"), (4e-54, "< 1e-6"), (0.0, "< 1e-6"), (1.0, "1")])
 def test_probabilities_end_at_one_in_a_million(p, text):
     assert p_text(p) == text

@@ -29,12 +29,14 @@ def make_folder(folder: Path, n: int = 3) -> Path:
 
 def plan(**changes) -> dict:
     """What the page sends for that folder."""
-    sketch = {"outline": [[22.0, 32.0], [218.0, 32.0], [212.0, 80.0, 218.0, 128.0], [22.0, 128.0]], "holes": [[120.0, 80.0, 15.0]],
+    sketch = {"outline": [[22.0, 32.0], [218.0, 32.0], [212.0, 80.0, 218.0, 128.0], [22.0, 128.0]],
+              "holes": [[120.0, 80.0, 15.0]],
               "element_px": 16.0, "elements": "quads", "mesher": "idic", "edge_names": {"LEFT": [4], "RIGHT": [2]}}
     content = {
         "title": 'strip "A"', "images": "images/*.tif", "loads": "loads.csv", "sketch": sketch, "kind": "plane_stress",
         "thickness_mm": 2.0, "pixel_size_mm": 0.1, "origin_px": [22.0, 128.0], "rotation_deg": 0.0,
-        "motions": {"LEFT": {"kind": "fixed"}, "RIGHT": {"kind": "column", "column": "grip_displacement_mm", "component": "x"}},
+        "motions": {"LEFT": {"kind": "fixed"},
+                    "RIGHT": {"kind": "column", "column": "grip_displacement_mm", "component": "x"}},
         "force": {"column": "force_N", "edge": "RIGHT", "component": "x"}, "law": "elastic",
         "parameters": {"E": {"value": 70000.0, "identify": True}, "nu": {"value": 0.3, "identify": True}}}
     return content | changes

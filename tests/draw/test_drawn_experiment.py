@@ -27,7 +27,10 @@ images = "images/*.tif"
 loads = "loads.csv"
 kind = "plane_stress"
 thickness_mm = 2.0
-mesh = { outline_px = [[22, 32], [218, 32], [212, 80, 218, 128], [22, 128]], holes_px = [[120, 80, 15]], element_px = 16, edge_names = { LEFT = [4], RIGHT = [2] } }
+mesh.outline_px = [[22, 32], [218, 32], [212, 80, 218, 128], [22, 128]]
+mesh.holes_px = [[120, 80, 15]]
+mesh.element_px = 16
+mesh.edge_names = { LEFT = [4], RIGHT = [2] }
 [camera]
 pixel_size_mm = 0.1
 origin_px = [22, 128]

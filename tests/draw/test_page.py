@@ -23,7 +23,8 @@ from idic.virtual_tests.examples import write_example  # noqa: E402
 
 pytestmark = pytest.mark.skipif(find_browser() is None, reason="no Chromium on the path")
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
-MESHED = 'document.body?.dataset.ready === "yes" && document.getElementById("mesh-text").textContent.includes("elements")'
+MESHED = ('document.body?.dataset.ready === "yes" && '
+          'document.getElementById("mesh-text").textContent.includes("elements")')
 SAID = 'document.getElementById("message").innerText'
 MAX_CLICKS = 12  # from an unknown folder to a first identification
 
@@ -31,7 +32,8 @@ MAX_CLICKS = 12  # from an unknown folder to a first identification
 @contextmanager
 def opened(folder: Path, width: int = 1440, height: int = 900):
     """`idic draw` and a browser on its page, once the mesh is shown."""
-    program = subprocess.Popen([sys.executable, "-m", "idic", "draw", str(folder), "--no-browser"], stdout=subprocess.PIPE,
+    program = subprocess.Popen([sys.executable, "-m", "idic", "draw", str(folder), "--no-browser"],
+                               stdout=subprocess.PIPE,
                                stderr=subprocess.DEVNULL, text=True)
     try:
         address = program.stdout.readline().split()[1]
@@ -52,7 +54,8 @@ def elements(browser) -> int:
 
 def remeshed(browser, before: str) -> str:
     """What is said of the mesh, once it has changed from `before`."""
-    return browser.wait(f'(t => t !== {before!r} && parseInt(t) && t)(document.getElementById("mesh-text").textContent)', 20)
+    return browser.wait(f'(t => t !== {before!r} && parseInt(t) && '
+                        f't)(document.getElementById("mesh-text").textContent)', 20)
 
 
 def written(browser, folder: Path) -> dict:
@@ -127,7 +130,8 @@ def test_everything_can_be_done_with_the_keyboard(tmp_path):
         page.key("Enter")
         page.wait(f'{SAID}.includes("is written")')
         mesh = tomllib.loads((folder / "experiment.toml").read_text())["experiment"]["mesh"]
-        assert mesh["holes_px"][0][2] == pytest.approx(12, abs=0.1) and mesh["holes_px"][0][:2] == pytest.approx([119.5, 79.5], abs=2)
+        assert mesh["holes_px"][0][2] == pytest.approx(12, abs=0.1)
+        assert mesh["holes_px"][0][:2] == pytest.approx([119.5, 79.5], abs=2)
         x = sorted(entry[-2] for entry in mesh["outline_px"])
         assert x[1] - x[0] == pytest.approx(3, abs=0.01)
         assert page.clicks == 0
@@ -150,8 +154,8 @@ def test_nothing_is_wider_than_the_screen(width, height, tmp_path):
         page.value('document.getElementById("show-floor").click()')
         assert page.too_wide() == []
         if width < 700:
-            seen = page.value("""[...document.querySelectorAll("button, select, input:not([type])")].filter(e => e.offsetParent
-                && e.getBoundingClientRect().height < 32).map(e => e.id || e.textContent)""")
+            seen = page.value("""[...document.querySelectorAll("button, select, input:not([type])")].filter(
+                e => e.offsetParent && e.getBoundingClientRect().height < 32).map(e => e.id || e.textContent)""")
             assert seen == []  # fingers
 
 
@@ -225,7 +229,8 @@ def test_the_demo_is_identified_with_few_clicks_and_watched_within_a_second(tmp_
             except (OSError, ValueError):
                 continue
             began = time.monotonic()
-            page.wait(f'parseInt(document.getElementById("run-facts").textContent.match(/, (\\d+) eval/)?.[1] || 0) >= {known}', 30)
+            page.wait(f'parseInt(document.getElementById("run-facts").textContent.match(/, (\\d+) eval/)?.[1] || 0) >= '
+                      f'{known}', 30)
             behind.append(time.monotonic() - began)
         assert max(behind) < 1.0 * machine_factor() + 0.5, max(behind)  # half a second between two questions
         page.wait('document.getElementById("run-status").textContent.includes("converged")', 120)
@@ -234,7 +239,8 @@ def test_the_demo_is_identified_with_few_clicks_and_watched_within_a_second(tmp_
     values = {name: entry["value"] for name, entry in result["parameters"].items()}
     assert result["status"] == "converged"
     # an outline to the pixel: 1 of 160 px of width is 0.6 % of the force
-    assert values["SPECIMEN.E"] == pytest.approx(70000, rel=0.06) and values["SPECIMEN.yield_stress"] == pytest.approx(200, rel=0.03)
+    assert values["SPECIMEN.E"] == pytest.approx(70000, rel=0.06)
+    assert values["SPECIMEN.yield_stress"] == pytest.approx(200, rel=0.03)
 
 
 @pytest.mark.slow
@@ -250,7 +256,8 @@ def test_a_run_outlives_browser_and_page_and_has_the_bits_of_the_command_line(tm
         page.program.terminate()
         page.program.wait(30)
     own = identified(None, folder)
-    subprocess.run([sys.executable, "-m", "idic", "identify", str(folder), "--out", str(tmp_path / "typed")], check=False,
+    subprocess.run([sys.executable, "-m", "idic", "identify", str(folder), "--out", str(tmp_path / "typed")],
+                   check=False,
                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     typed = json.loads((tmp_path / "typed" / "result.json").read_text())
     assert own["parameters"] == typed["parameters"] and own["history"] == typed["history"]

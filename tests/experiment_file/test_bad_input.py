@@ -201,7 +201,8 @@ CASES = {
                                  TOML,
                                  "experiment.mesh", "no element size"),
     "an outline that crosses itself": (text('mesh = "mesh.inp"\nmesh_unit = "mm"',
-                                            "mesh = { outline_px = [[10, 10], [50, 40], [50, 10], [10, 41]], element_px = 5 }"),
+                                            "mesh = { outline_px = [[10, 10], [50, 40], [50, 10], [10, 41]], "
+                                            "element_px = 5 }"),
                                        TOML, "experiment.mesh", "a crossing of the outline"),
     "a name of an edge that the outline lacks": (
         text('mesh = "mesh.inp"\nmesh_unit = "mm"',

@@ -43,7 +43,8 @@ def test_a_sound_experiment_is_told_nothing_but_its_start_values(folder):
 def test_a_modulus_of_another_unit_is_told_with_the_typical_one(folder):
     change(folder, "experiment.toml", 'value = 70, unit = "GPa"', 'value = 70, unit = "MPa"')
     change(folder, "experiment.toml", "bounds = [10, 200], prior = { mean = 70, std = 5 }", "bounds = [10, 200]")
-    assert ("SPECIMEN.E = 70 MPa; typical of elastic: 70 000 MPa. Check its unit; if it is meant, nothing needs to be done"
+    assert ("SPECIMEN.E = 70 MPa; typical of elastic: 70 000 MPa. Check its unit; if it is meant, nothing needs to be "
+            "done"
             in warnings(folder))
 
 

@@ -60,7 +60,8 @@ def test_no_terms_are_perfect_plasticity():
 @pytest.mark.parametrize(("changes", "key", "expected"), [
     ({"hardening": [{"Q": 3.0}]}, "hardening[0].kind", "linear | voce | power | free"),
     ({"hardening": [{"kind": "voice", "Q": 3.0, "b": 4.0}]}, "hardening[0].kind", "linear | voce | power | free"),
-    ({"hardening": [{"kind": "voce", "Q": 3.0}]}, "hardening[0].b", "b (rate of the saturation over plastic strain, -)"),
+    ({"hardening": [{"kind": "voce", "Q": 3.0}]}, "hardening[0].b",
+     "b (rate of the saturation over plastic strain, -)"),
     ({"hardening": [{"kind": "voce", "Q": 3.0, "b": 4.0, "H": 2.0}]}, "hardening[0].H", "Q, b"),
     ({"hardening": "voce"}, "hardening", '{ kind = "linear", ... }'),
     ({"rate": [{"kind": "norton", "eta": 1.0, "m": 2.0}]}, "rate", '{ kind = "..." }, one rate'),
@@ -80,7 +81,8 @@ def test_a_free_curve_starts_on_a_straight_line_of_identified_values():
 
 
 FACTORS = [{"kind": "linear", "of": "E", "slope": -4e-4},
-           {"kind": "johnson_cook", "of": ["yield_stress", "hardening_1_Q"], "m": {"value": 1.0, "identify": True}, "melting": 640.0}]
+           {"kind": "johnson_cook", "of": ["yield_stress", "hardening_1_Q"], "m": {"value": 1.0, "identify": True},
+            "melting": 640.0}]
 
 
 def test_factors_of_the_temperature_name_what_they_multiply():
@@ -102,7 +104,8 @@ def test_a_factor_without_its_parameter_or_reference_is_told(changes, key):
 
 
 def test_material_axes_of_the_elasticity_serve_hills_surface_too():
-    record, found = read(E=None, nu=None, elasticity={"kind": "orthotropic", "E1": 140e3, "E2": 1e4, "nu12": 0.3, "G12": 5e3, "angle": 30.0},
+    record, found = read(E=None, nu=None, elasticity={"kind": "orthotropic", "E1": 140e3, "E2": 1e4, "nu12": 0.3,
+                                                      "G12": 5e3, "angle": 30.0},
                          nonlinear_elasticity=[{"kind": "fibre", "gamma": 15.0}])
     assert record.law.startswith("elastoplastic(orthotropic+fibre+hill48+voce+linear")
     assert found["elasticity_angle"].value == 30.0 and "yield_surface_angle" not in found and "E" not in found
@@ -113,7 +116,8 @@ def test_material_axes_of_the_elasticity_serve_hills_surface_too():
 def test_a_law_file_is_taken_in_and_keys_beside_it_win(tmp_path):
     from idic.experiment_file.toml_file import read_toml
 
-    (tmp_path / "sheet.toml").write_text('law = "j2_linear"\nE = 70e3\nnu = 0.3\nyield_stress = 200\nhardening_modulus = 900\n')
+    (tmp_path
+     / "sheet.toml").write_text('law = "j2_linear"\nE = 70e3\nnu = 0.3\nyield_stress = 200\nhardening_modulus = 900\n')
     main = tmp_path / "experiment.toml"
     main.write_text('[material.SHEET]\nfrom = "sheet.toml"\nnu = 0.33\n')
     assert read_toml(main)["material"]["SHEET"] == {"law": "j2_linear", "E": 70e3, "nu": 0.33, "yield_stress": 200,
@@ -150,7 +154,8 @@ def test_a_load_that_never_turns_back_is_told_where_two_mechanisms_look_alike():
     assert course_notes([record], [replace(p, free=False) for p in parameters], [there]) == []
 
 
-RUBBER = {"law": "free_rubber", "kappa": 600.0, "I1": {"knots": 5, "range": 4.0, "C10": 0.4, "g3": 0.5}, "I2": {"knots": 3, "range": 3.0}}
+RUBBER = {"law": "free_rubber", "kappa": 600.0, "I1": {"knots": 5, "range": 4.0, "C10": 0.4, "g3": 0.5},
+          "I2": {"knots": 3, "range": 3.0}}
 
 
 def read_rubber(**changes):

@@ -145,7 +145,8 @@ def test_options_stages_and_degrees_of_freedom_are_read(folder):
 
 def test_every_further_degree_of_freedom_of_the_contract_has_a_name(folder):
     names = [f"camera.{n}" for n in ("pixel_size", "rotation_deg", "shift_col", "shift_row", "k1", "tilt_x", "tilt_y")]
-    names += [f"channel.force_kN.{n}" for n in ("scale", "offset", "drift", "curvature", "friction", "friction_share")] + ["geometry.thickness", "time.offset"]
+    names += [f"channel.force_kN.{n}" for n in ("scale", "offset", "drift", "curvature", "friction",
+                                                "friction_share")] + ["geometry.thickness", "time.offset"]
     with (folder / "experiment.toml").open("a") as stream:
         stream.writelines(f'[[dof]]\nname = "{name}"\n' for name in names)
     e = load_experiment(folder)
@@ -277,17 +278,20 @@ def test_every_hole_leaves_a_mesh_of_sound_elements(hole, tmp_path):
 
 
 @pytest.mark.parametrize("elements", ["quads", "triangles"])
-@pytest.mark.parametrize("camera", ["", '[camera]\npixel_size_mm = 0.1\naxes = ["+col", "-row"]\norigin_px = [0.0, 49.0]\n'])
+@pytest.mark.parametrize("camera",
+                         ["", '[camera]\npixel_size_mm = 0.1\naxes = ["+col", "-row"]\norigin_px = [0.0, 49.0]\n'])
 def test_a_drawn_outline_is_meshed_with_its_arcs_holes_and_names(camera, elements, tmp_path):
     toml = re.sub(r"\[camera\].*?\n\n", camera, NO_FORCE, flags=re.S)
     toml = toml.replace('mesh = "mesh.inp"\nmesh_unit = "mm"',
                         "mesh = { outline_px = [[5, 5], [55, 5], [50, 25, 55, 45], [5, 45]], element_px = 5, "
-                        "holes_px = [[30, 25, 6], [[10, 12], [18, 12], [14, 18]]], edge_names = { TOP = [1], BOTTOM = [3] }, "
+                        "holes_px = [[30, 25, 6], [[10, 12], [18, 12], [14, 18]]], edge_names = { TOP = [1], BOTTOM = "
+                        "[3] }, "
                         f'elements = "{elements}" }}')
     e = load_with_its_defaults(write_experiment(tmp_path / "a", toml))
     px = e.camera.project(e.mesh.nodes)
     assert e.length_unit == ("mm" if camera else "px")
-    assert px[e.mesh.node_sets["TOP"]][:, 1] == pytest.approx(5.0) and px[e.mesh.node_sets["BOTTOM"]][:, 1] == pytest.approx(45)
+    assert px[e.mesh.node_sets["TOP"]][:, 1] == pytest.approx(5.0)
+    assert px[e.mesh.node_sets["BOTTOM"]][:, 1] == pytest.approx(45)
     assert {block.cell for block in e.mesh.blocks} >= {"quad8" if elements == "quads" else "tri6"}
     for name, centre, radius in (("HOLE1", (30, 25), 6.0), ("EDGE2", (92.5, 25), 42.5)):  # 42.5 = (20² + 5²) / (2 · 5)
         rim = px[np.unique(np.concatenate([e.mesh.face_nodes(face) for face in e.mesh.edge_sets[name]]))]
@@ -298,7 +302,8 @@ def test_a_drawn_outline_is_meshed_with_its_arcs_holes_and_names(camera, element
 
 
 def test_a_drawn_outline_in_mm_needs_the_scale(tmp_path):
-    toml = NO_FORCE.replace('mesh = "mesh.inp"', "mesh = { outline_mm = [[0, 0], [4, 0], [4, 3], [0, 3]], element_mm = 1, "
+    toml = NO_FORCE.replace('mesh = "mesh.inp"',
+                            "mesh = { outline_mm = [[0, 0], [4, 0], [4, 3], [0, 3]], element_mm = 1, "
                            "edge_names = { BOTTOM = [1], TOP = [3] } }")
     e = load_with_its_defaults(write_experiment(tmp_path / "a", toml))
     assert e.mesh.nodes.max(axis=0) == pytest.approx([4, 3])

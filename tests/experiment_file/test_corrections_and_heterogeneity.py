@@ -141,7 +141,8 @@ along_x = { value = 0.2, identify = true }
 
 def test_heterogeneities_become_factors_of_the_stress(tmp_path):
     experiment = load_experiment(write_experiment(tmp_path / "test", TOML + SPOT + GRADIENT))
-    assert {f"SPECIMEN.inclusion.{last}" for last in ("stiffness", "radius", "x", "y")} < set(experiment.parameters.free)
+    assert {f"SPECIMEN.inclusion.{last}"
+            for last in ("stiffness", "radius", "x", "y")} < set(experiment.parameters.free)
     spot, gradient = variations_at(experiment, experiment.parameters)
     assert spot.factor(np.array([[1.0, 1.5], [3.5, 1.5]])) == pytest.approx([0.7, 1.0], abs=1e-4)  # tanh(5)
     assert gradient.factor(np.array([[0.0, 1.0], [2.0, 1.0], [4.0, 1.0]])) == pytest.approx([0.8, 1.0, 1.2])
@@ -223,7 +224,8 @@ def test_a_free_course_has_one_amplitude_per_knot_and_is_linear_between_them(tmp
     names = [name for name in experiment.parameters.free if "_knot[" in name]
     assert [name for name in names if "rotation" in name] == [f"boundary.TOP.y.rotation_knot[{k}]" for k in (2, 3)]
     assert [name for name in names if "slip" in name] == [f"boundary.TOP.y.slip_knot[{k}]" for k in (1, 2, 3)]
-    drives, at = build_drives(experiment), {"boundary.TOP.y.rotation_knot[2]": 0.1, "boundary.TOP.y.rotation_knot[3]": 0.3}
+    drives, at = build_drives(experiment), {"boundary.TOP.y.rotation_knot[2]": 0.1,
+                                            "boundary.TOP.y.rotation_knot[3]": 0.3}
     histories = drives.histories(experiment.parameters.with_values(at))
     turned = histories[:, [i for i, name in enumerate(drives.names) if "rotation" in name]].sum(axis=1)
     half = float(np.interp(experiment.times[1], experiment.times[[0, 2]], [0.0, 0.1]))

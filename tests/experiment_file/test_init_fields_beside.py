@@ -36,7 +36,8 @@ def test_a_log_at_its_own_rate_needs_the_times_of_the_stages(tmp_path):
 
 def test_a_table_with_times_takes_them(tmp_path):
     write_folder(tmp_path, 51)
-    lines = [f"{k},{k}.0,{a},{b},0.0,{1e-3 * k * b}" for k in range(3) for a in np.arange(0.5, 8.0) for b in np.arange(0.5, 12.0)]
+    lines = [f"{k},{k}.0,{a},{b},0.0,{1e-3 * k * b}" for k in range(3) for a in np.arange(0.5, 8.0)
+             for b in np.arange(0.5, 12.0)]
     (tmp_path / "sub").mkdir()
     (tmp_path / "machine.csv").rename(tmp_path / "sub" / "machine.csv")
     (tmp_path / "sub" / "all.csv").write_text("\n".join(["stage,time_s,x_mm,y_mm,ux_mm,uy_mm", *lines]))
@@ -50,7 +51,8 @@ def test_a_mesh_beside_the_stages_is_laid_onto_them(tmp_path):
     number = np.arange(1, 9).reshape(4, 2)
     nodes = [f"{number[j, i]}, {100 + 12 * i}, {12 * j}" for j in range(4) for i in range(2)]
     cells = [f"{j + 1}, {number[j, 0]}, {number[j, 1]}, {number[j + 1, 1]}, {number[j + 1, 0]}" for j in range(3)]
-    (tmp_path / "strip.inp").write_text("\n".join(["*NODE", *nodes, "*ELEMENT, TYPE=CPS4, ELSET=ALL", *cells, "*NSET, NSET=TOP", "7, 8",
+    (tmp_path / "strip.inp").write_text("\n".join(["*NODE", *nodes, "*ELEMENT, TYPE=CPS4, ELSET=ALL", *cells,
+                                                   "*NSET, NSET=TOP", "7, 8",
                                                    "*NSET, NSET=BOTTOM", "1, 2"]))
     text = write_initial_experiment(tmp_path).read_text()
     assert 'mesh = "strip.inp"' in text and '\nplacement = "outline"' in text

@@ -113,7 +113,8 @@ def test_amplitudes_of_a_rigid_motion_are_degrees_of_freedom(tmp_path):
     ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\nrotation = [[1,0,0],[0,1,0],[0,0,1]]\n', "half of a pose"),
     ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\nidentify_calibration = true\n' + POSE, "deviations"),
     ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\n' + POSE.replace("200.0", "-200.0"), "behind the camera"),
-    ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\n' + POSE.replace("[-2.0, ", "[90.0, "), "outside the image"),
+    ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\n' + POSE.replace("[-2.0, ", "[90.0, "),
+     "outside the image"),
     ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\nalignment = { points_mm = [[0,0],[1,0],[2,0]], '
      "points_px = [[1,1],[2,2],[3,3]] }\n", "on a line"),
     ('[camera]\nmodel = "pinhole"\ncalibration = "cal.json"\nalignment = { points_mm = [[0,0],[4,0],[4,3],[0,3]], '

@@ -1,4 +1,5 @@
-"""[[boundary]] temperature: columns, infrared images, what is refused, what makes the identity, what simulate copies."""
+"""[[boundary]] temperature: columns, infrared images, what is refused, what makes the identity, what simulate
+copies."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""hex20 of idic and C3D20R of CalculiX are one element: a skewed block of them, stretched between clamps, moves alike."""
+"""hex20 of idic and C3D20R of CalculiX are one element: a skewed block of them, stretched between clamps, moves
+alike."""
 
 from __future__ import annotations
 
@@ -40,7 +41,8 @@ def test_a_block_of_quadratic_bricks_moves_as_in_calculix(ccx, tmp_path):
     mesh = grid("hex20", (3, 2, 1), mapping=wavy)
     left, right = (where(mesh, lambda x, *_, at=at: np.abs(x - at) < 1e-9) for at in (0.0, 4.0))
     parts = [(left, axis, 0.0) for axis in "xyz"] + [(right, "x", [0.0, 0.01]), (right, "y", 0.0), (right, "z", 0.0)]
-    ours = last(body(mesh, "solid", "elastic", "small", held(mesh, parts), channels=(Reaction(dofs_of(right, "x", 3)),)),
+    ours = last(body(mesh, "solid", "elastic", "small", held(mesh, parts),
+                     channels=(Reaction(dofs_of(right, "x", 3)),)),
                 [70000.0, 0.3])
     named = replace(mesh, node_sets={"LEFT": left, "RIGHT": right}, element_sets={"BODY": np.arange(mesh.n_elements)})
     (tmp_path / "block.inp").write_text(inp_text(named, "block") + DECK)

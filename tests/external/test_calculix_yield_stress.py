@@ -1,4 +1,5 @@
-"""Where the built-in J2 law and CalculiX differ at finite strain: the stress of the yield condition, and nothing else."""
+"""Where the built-in J2 law and CalculiX differ at finite strain: the stress of the yield condition, and nothing
+else."""
 
 import shutil
 import subprocess
@@ -20,10 +21,12 @@ def calculix(folder, yield_stress):
     lines = ["*NODE, NSET=ALL", *(f"{i}, {x}, {y}, {z}" for i, (x, y, z) in enumerate(CUBE, 1)),
              "*ELEMENT, TYPE=C3D8, ELSET=BODY", "1, 1, 2, 3, 4, 5, 6, 7, 8", "*NSET, NSET=X0", "1, 4, 5, 8",
              "*NSET, NSET=X1", "2, 3, 6, 7", "*NSET, NSET=Y0", "1, 2, 5, 6", "*NSET, NSET=Z0", "1, 2, 3, 4",
-             "*MATERIAL, NAME=M", "*ELASTIC", f"{E}, {NU}", "*PLASTIC", f"{yield_stress}, 0", f"{yield_stress + HARDENING}, 1",
+             "*MATERIAL, NAME=M", "*ELASTIC", f"{E}, {NU}", "*PLASTIC", f"{yield_stress}, 0",
+             f"{yield_stress + HARDENING}, 1",
              "*SOLID SECTION, ELSET=BODY, MATERIAL=M", "*BOUNDARY", "X0, 1, 1", "Y0, 2, 2", "Z0, 3, 3"]
     for k in range(1, STEPS + 1):
-        lines += ["*STEP, NLGEOM, INC=100", "*STATIC, DIRECT", "1., 1.", "*BOUNDARY", f"X1, 1, 1, {STRAIN * k / STEPS:.15g}",
+        lines += ["*STEP, NLGEOM, INC=100", "*STATIC, DIRECT", "1., 1.", "*BOUNDARY",
+                  f"X1, 1, 1, {STRAIN * k / STEPS:.15g}",
                   "*NODE PRINT, NSET=X1, TOTALS=ONLY", "RF", "*NODE PRINT, NSET=X1", "U", "*END STEP"]
     (folder / "job.inp").write_text("\n".join(lines) + "\n")
     subprocess.run(["ccx", "-i", "job"], cwd=folder, check=True, capture_output=True)

@@ -23,7 +23,8 @@ def misbehaving(fault, mark="", **more):
 
 
 @pytest.mark.parametrize("fault, said", [
-    ("crash", r"exit code 7; its last lines: strip: E .* \| .*the strip has had enough"), ("signal", "killed by signal"),
+    ("crash", r"exit code 7; its last lines: strip: E .* \| .*the strip has had enough"),
+    ("signal", "killed by signal"),
     ("nan", "not finite in frame 4"), ("huge", "a displacement of"),
     ("short", r"no displacements of frame 4 \(time 4\)"), ("node", "1 of 93 nodes are missing"),
     ("chatter", "exit code 1")])

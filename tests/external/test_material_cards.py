@@ -59,7 +59,8 @@ ALL, {start}
 
 
 def pulled_by_calculix(folder, card, strain, warm=None):
-    """Nominal stress of one element in tension along x at every strain but the first, MPa; warm : °C at every strain."""
+    """Nominal stress of one element in tension along x at every strain but the first, MPa; warm : °C at every
+    strain."""
     course = lambda values: "\n".join(f"{k}, {e:.9g}" for k, e in enumerate(values))  # noqa: E731
     step = STEP.format(amplitude=course(strain), end=len(strain) - 1)
     if warm is not None:
@@ -94,7 +95,8 @@ def test_one_element_of_calculix_goes_as_the_law_with_the_exported_card(ccx, tmp
 
 
 def test_a_warmed_element_of_calculix_goes_as_the_law_with_tables_over_the_temperature(ccx, tmp_path):
-    """Pulled, warmed by 150 K under load, pulled on and unloaded while it cools; the tables are linear in between, as the law."""
+    """Pulled, warmed by 150 K under load, pulled on and unloaded while it cools; the tables are linear in between, as
+    the law."""
     law = "elastoplastic(voce+linear*E+linear*flow_stress)"
     values = dict(zip(get_law(law).parameter_names, (70e3, 0.3, 200.0, 80.0, 20.0, -5e-4, -2e-3, 20.0), strict=True))
     strain = np.concatenate([np.linspace(0.0, 0.01, 11), np.full(10, 0.01), np.linspace(0.01, 0.03, 11)[1:],
@@ -148,7 +150,8 @@ def test_plasticity_on_orthotropic_elasticity_goes_as_in_calculix(ccx, tmp_path)
     theirs, ours, card = compared(tmp_path, law, values, strain)
     assert card.missing == ()
     stretch = 1.0 + strain[1:]
-    # CalculiX takes the second Piola-Kirchhoff stress of Green's strain for such a body, idic the Kirchhoff stress of the
+    # CalculiX takes the second Piola-Kirchhoff stress of Green's strain for such a body, idic the Kirchhoff stress of
+    # the
     # logarithmic strain: the strains differ by strain^2, at yield 0.0025^2 E1 = 0.75 MPa
     assert np.abs(theirs / stretch - ours * stretch).max() < 0.75
 
@@ -157,7 +160,8 @@ def test_plasticity_on_orthotropic_elasticity_goes_as_in_calculix(ccx, tmp_path)
 def test_a_term_without_a_card_is_named_in_the_card(program):
     law = get_law("elastoplastic(in_plane_shear+voce+norton+lemaitre)")
     card = material_card("M", law.name, dict(zip(law.parameter_names, law.defaults(), strict=True)), program)
-    assert [what.split(":")[0] for what in card.missing] == ["rate norton", "damage lemaitre", "yield_surface in_plane_shear"]
+    assert [what.split(":")[0] for what in card.missing] == ["rate norton", "damage lemaitre",
+                                                             "yield_surface in_plane_shear"]
     assert all(f"** NOT IN THIS CARD: {what}" in card.text for what in card.missing)
     egp = get_law("egp")
     assert material_card("M", "egp", dict(zip(egp.parameter_names, egp.defaults(), strict=True)), program).missing

@@ -1,4 +1,5 @@
-"""A strip that is warmed while it is pulled, by CalculiX: the temperature dependence of modulus and flow stress is found."""
+"""A strip that is warmed while it is pulled, by CalculiX: the temperature dependence of modulus and flow stress is
+found."""
 
 import pytest
 import warm_strip
@@ -9,7 +10,8 @@ pytestmark = pytest.mark.slow
 TRUTH = {"E": warm_strip.E, "yield_stress": warm_strip.YIELD, "hardening_1_H": warm_strip.H, "alpha": warm_strip.ALPHA,
          "temperature_2_slope": warm_strip.FLOW_SLOPE}  # the slope of E misses by 3 to 4 of its deviations: open
 KIRCHHOFF = 1.5e-3  # (1 - 2 nu) stress / E: CalculiX has the Cauchy stress in the yield condition
-# with increments by error estimate: 1.7 and 1.0 % measured; with one per frame within 0.4 and 1.6 std; the cause is open
+# with increments by error estimate: 1.7 and 1.0 % measured; with one per frame within 0.4 and 1.6 std; the cause is
+# open
 DIFFERENT = {"hardening_1_H": 0.02, "temperature_2_slope": 0.01}
 
 

@@ -1,4 +1,5 @@
-"""A waisted strip that is warmed while it is pulled: the truth by CalculiX, whose tables are linear in the temperature."""
+"""A waisted strip that is warmed while it is pulled: the truth by CalculiX, whose tables are linear in the
+temperature."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ import free_hardening as strip  # noqa: E402
 from idic.virtual_tests.meshes import write_inp  # noqa: E402
 
 E, NU, YIELD, H, E_SLOPE, FLOW_SLOPE, ALPHA, ROOM, WARM = 70e3, 0.3, 200.0, 1500.0, -5e-4, -2e-3, 2e-5, 20.0, 140.0
-GRIP = np.concatenate([np.linspace(0.0, 0.10, 5), np.linspace(0.10, 0.20, 5)[1:], np.linspace(0.20, 0.60, 5)[1:], [0.50, 0.40]])
+GRIP = np.concatenate([np.linspace(0.0, 0.10, 5), np.linspace(0.10, 0.20, 5)[1:], np.linspace(0.20, 0.60, 5)[1:],
+                       [0.50, 0.40]])
 TEMPERATURE = np.interp(np.arange(len(GRIP)), [0, 4, 9, 12, 14], [ROOM, ROOM, WARM, WARM, 60.0])  # °C
 STRAINS = (0.0, 0.01, 0.02, 0.04, 0.08, 0.2)
 THIN = 100.0  # ccx in a hundredth of the thickness (docs/external-solver.md)
@@ -73,7 +75,8 @@ def truth_by_calculix(folder: Path) -> strip.Truth:
     mesh = strip.waisted(*strip.TRUE)
     write_inp(mesh, folder / "mesh.inp", "strip")
     text = (folder / "mesh.inp").read_text()
-    (folder / "mesh.inp").write_text(text.replace("CPS8,", "CPS8R,") + f"*NSET, NSET=ALL, GENERATE\n1, {mesh.n_nodes}\n")
+    (folder / "mesh.inp").write_text(text.replace("CPS8,", "CPS8R,")
+                                     + f"*NSET, NSET=ALL, GENERATE\n1, {mesh.n_nodes}\n")
     rows = {T: (1.0 + E_SLOPE * (T - ROOM), 1.0 + FLOW_SLOPE * (T - ROOM)) for T in (ROOM, WARM)}
     elastic = "\n".join(f"{E * e:.9g}, {NU}, {T}" for T, (e, _) in rows.items())
     plastic = "\n".join(f"{s * (YIELD + H * p):.9g}, {p}, {T}" for T, (_, s) in rows.items() for p in STRAINS)

@@ -21,7 +21,8 @@ from fault_runs import evaluations, finish, is_at, kill, outcome, plain_run, sto
 
 pytestmark = pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="mounts file systems")
 SIZE = 64 << 20  # bytes
-OPTIONS = "loop,commit=300,data=writeback,noauto_da_alloc"  # ext4 at its least forgiving: nothing is written back unasked
+# ext4 at its least forgiving: nothing is written back unasked
+OPTIONS = "loop,commit=300,data=writeback,noauto_da_alloc"
 
 
 def call(*words) -> None:

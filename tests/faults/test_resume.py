@@ -146,7 +146,8 @@ def a_chunk(run, pattern):
 @pytest.mark.parametrize("array, damage", [
     ("images/frames", "flipped"), ("evaluations/accepted/base/u", "missing"),
     *(pytest.param(*case, marks=pytest.mark.slow) for case in (
-        ("evaluations/accepted/system/M", "flipped"), ("images/frames", "missing"), ("evaluations/accepted/base/u", "flipped"), ("prepared/local", "flipped")))])
+        ("evaluations/accepted/system/M", "flipped"), ("images/frames", "missing"),
+        ("evaluations/accepted/base/u", "flipped"), ("prepared/local", "flipped")))])
 def test_damaged_data_are_computed_anew(small, tmp_path, array, damage):
     run = open_run_copy(small, tmp_path)
     chunk = a_chunk(run, array)
@@ -196,18 +197,20 @@ def contents(run):
 
 
 def test_a_finished_run_keeps_only_what_resume_and_report_need(small):
-    """Residual maps of all frames take four times the room of 8-bit images; those of the report's frames stay. The first
-    point's sensitivities are of no use any more."""
+    """Residual maps of all frames take four times the room of 8-bit images; those of the report's frames stay. The
+    first point's sensitivities are of no use any more."""
     stored = small.run / "run.zarr"
     assert [path.relative_to(stored).as_posix() for path in stored.rglob("residual*")] == ["final/residual"]
     frames, maps = read_array(stored / "final", "frames"), FrameArrays.open(stored / "final", "residual")
     assert len(frames) == maps.n_frames == 4 and frames[-1] == len(small.result["frames"]) - 1
     context = open_run(str(small.run))
     entry = [entry for entry in small.result["history"] if entry["accepted"]][-1]
-    np.testing.assert_allclose(maps.read(3, 4)[0], residuals_of(context, entry)(int(frames[3])), rtol=1e-3, atol=1e-6)  # float16
+    # float16
+    np.testing.assert_allclose(maps.read(3, 4)[0], residuals_of(context, entry)(int(frames[3])), rtol=1e-3, atol=1e-6)
     accepted = [entry["evaluation"] for entry in small.result["history"] if entry["accepted"]][-1]
     assert accepted > 0
-    kept = {number: {folder.name for folder in (stored / f"evaluations/{number:03d}/base").glob("*/")} for number in (0, accepted)}
+    kept = {number: {folder.name for folder in (stored / f"evaluations/{number:03d}/base").glob("*/")}
+            for number in (0, accepted)}
     assert kept[0] == {"u", "channels", "steps"} and "du" in kept[accepted]
 
 

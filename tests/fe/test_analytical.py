@@ -105,7 +105,8 @@ def test_one_layer_of_quadratic_bricks_bends_as_the_theory_of_beams_says():
                      loads=Loads(dead=load, dead_histories=np.array([[0.0], [force]])))
         return float(load[:, 0] @ last(model, [E, nu]).u.ravel())
 
-    theory = force * length**3 / (3 * E * width * height**3 / 12) + 1.2 * force * length / (E / 2 / (1 + nu) * width * height)
+    theory = force * length**3 / (3 * E * width * height**3
+                                  / 12) + 1.2 * force * length / (E / 2 / (1 + nu) * width * height)
     assert tip("hex20", (10, 1, 1)) == pytest.approx(theory, rel=0.02)
     assert abs(tip("hex8", (10, 1, 1)) / theory - 1.0) > 0.2
 

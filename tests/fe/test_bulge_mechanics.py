@@ -75,7 +75,8 @@ def test_the_top_runs_from_the_axis_to_the_clamp_and_steps_down_at_the_edge_of_t
 
 def test_the_membrane_takes_four_points_an_element_and_the_narrow_factorisation():
     assert len(element.quadrature("quad8")[1]) == 4
-    assert discretise(bulge_model(bulge_test(2.0, REDUCED, 1))).pattern.half_bandwidth == 27 <= linear.MAX_HALF_BANDWIDTH_OF_OWN_LU
+    assert discretise(bulge_model(bulge_test(2.0, REDUCED,
+                                             1))).pattern.half_bandwidth == 27 <= linear.MAX_HALF_BANDWIDTH_OF_OWN_LU
 
 
 # start and path -------------------------------------------------------------------------------------------

@@ -38,7 +38,8 @@ def test_faces_point_outwards(name):
 
 
 def test_area_and_volume_are_integrated_exactly():
-    for name, n, size in (("tri3", (2, 3), 6.0), ("quad8", (2, 3), 6.0), ("hex8", (1, 2, 1), 12.0), ("hex20", (1, 2, 1), 12.0),
+    for name, n, size in (("tri3", (2, 3), 6.0), ("quad8", (2, 3), 6.0), ("hex8", (1, 2, 1), 12.0),
+                          ("hex20", (1, 2, 1), 12.0),
                           ("tet4", (1, 2, 1), 12.0), ("tet10", (1, 2, 1), 12.0)):
         lengths = (2.0, 3.0, 2.0)[: len(n)]
         mesh = grid(name, n, lengths)

@@ -20,7 +20,8 @@ CASES = {
     "plane stress tri6": ("tri6", "plane_stress"), "solid F-bar": ("hex8", "solid"),
 }
 LAWS = [("elastic", "small"), ("elastic", "finite"), ("neo_hookean", "finite"), ("j2_linear", "finite")]
-EXACT = 1e-10  # of the largest value: Newton's tolerance is 1e-12 (SHARP), and the stiffness matrices are well conditioned
+# of the largest value: Newton's tolerance is 1e-12 (SHARP), and the stiffness matrices are well conditioned
+EXACT = 1e-10
 
 
 def cells_of(kind):

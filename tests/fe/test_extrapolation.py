@@ -41,7 +41,8 @@ def test_extrapolation_is_one_order_above_the_step_of_the_law(name):
     model, params = bar(name)
     exact = force(march_extrapolated(model, params, TIMES, increments=512))
     order = all_laws()[name].time_order
-    numbers = (32, 64) if order == 1 else (16, 32)  # the part of first order in maxwell, 1e-7 of the force, shows with 64
+    # the part of first order in maxwell, 1e-7 of the force, shows with 64
+    numbers = (32, 64) if order == 1 else (16, 32)
     plain = [np.abs(force(march(model, params, TIMES, substeps=n)) - exact).max() for n in numbers]
     ahead = [np.abs(force(march_extrapolated(model, params, TIMES, increments=n)) - exact).max() for n in numbers]
     assert time_order(model) == order
@@ -58,7 +59,8 @@ def test_derivatives_are_extrapolated_exactly():
     moved = {"B": params["B"] + eps * np.eye(5)[2]}, {"B": params["B"] - eps * np.eye(5)[2]}
     up, down = (force(march_extrapolated(model, own, TIMES, steps=states[-1].steps)) for own in moved)
     quotient = (up - down) / (2.0 * eps)
-    assert np.array([state.dchannels[0, 0] for state in states]) == pytest.approx(quotient, rel=1e-5, abs=1e-5 * np.abs(quotient).max())
+    assert np.array([state.dchannels[0, 0]
+                     for state in states]) == pytest.approx(quotient, rel=1e-5, abs=1e-5 * np.abs(quotient).max())
 
 
 def test_frozen_increments_repeat_the_simulation_to_the_last_bit():

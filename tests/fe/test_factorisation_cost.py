@@ -45,7 +45,8 @@ def test_the_fill_counted_on_the_mesh_is_that_of_the_solver(mesh):
 
 
 def test_the_fill_of_a_square_and_of_a_cube_grows_as_theory_says():
-    """n log n entries in a plane, n^(4/3) in space; operations n^(3/2) and n^2 (George, 1973; Lipton and others, 1979)."""
+    """n log n entries in a plane, n^(4/3) in space; operations n^(3/2) and n^2 (George, 1973; Lipton and others,
+    1979)."""
     for small, large, entries, operations in ((plate(40, 40), plate(160, 160), 1.15, 1.5),
                                               (brick(8, 8, 8), brick(24, 24, 24), 4 / 3, 2.0)):
         a, b = dissected(small), dissected(large)

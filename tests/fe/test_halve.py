@@ -24,7 +24,8 @@ def triangles():
     nodes = np.array([[0, 0], [2, 0], [4, 0.3], [0, 2], [2, 2.2], [4, 2]], float)
     return make_mesh(nodes, [("tri3", [[0, 1, 4], [0, 4, 3]]), ("quad4", [[1, 2, 5, 4]])],
                      node_sets={"LEFT": np.array([0, 3]), "ALL": np.arange(6)},
-                     element_sets={"BODY": np.arange(3), "QUAD": np.array([2])}, edge_sets={"TOP": np.array([[1, 1], [2, 2]])})
+                     element_sets={"BODY": np.arange(3), "QUAD": np.array([2])},
+                     edge_sets={"TOP": np.array([[1, 1], [2, 2]])})
 
 
 def bricks():
@@ -34,7 +35,8 @@ def bricks():
                      edge_sets={"FRONT": np.array([[0, 1], [1, 1]])})
 
 
-MESHES = {"linear": triangles, "quadratic": lambda: raise_order(triangles()), "bricks": bricks, "quadratic bricks": lambda: raise_order(bricks()),
+MESHES = {"linear": triangles, "quadratic": lambda: raise_order(triangles()), "bricks": bricks,
+          "quadratic bricks": lambda: raise_order(bricks()),
           "hole": lambda: strip_with_hole(28.0, 16.0, 3.0, "quad8", 2, 3, 1)}
 
 

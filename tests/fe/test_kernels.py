@@ -80,7 +80,8 @@ def test_the_load_stiffness_of_follower_pressure_meets_the_difference_quotient(c
     quotient = (pressure_force(faces, x + h * change) - pressure_force(faces, x - h * change)) / (2 * h)
     exact = np.einsum("eij,ej->ei", pressure_stiffness(faces, x), change.ravel()[faces.dofs])
     assert np.abs(quotient.reshape(exact.shape) - exact).max() < 1e-8  # rounding / h
-    assert pressure_faces(system.model)[0].nodes.shape[1] == {"quad4": 2, "quad8": 3, "hex8": 4, "hex20": 8, "tet4": 3, "tet10": 6}[cell]
+    assert pressure_faces(system.model)[0].nodes.shape[1] == {"quad4": 2, "quad8": 3, "hex8": 4, "hex20": 8, "tet4": 3,
+                                                              "tet10": 6}[cell]
 
 
 def test_a_closed_surface_under_pressure_feels_no_net_force():

@@ -23,7 +23,8 @@ def assembled(mesh, prescribed=(), shift=20.0):
     return pattern, values, csc_array((values.copy(), pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
 
 
-@pytest.mark.parametrize("mesh, prescribed", [(plate(12, 9), range(40)), (brick(6, 5, 4), range(0, 300, 7)), (brick(1, 1, 1), ())],
+@pytest.mark.parametrize("mesh, prescribed",
+                         [(plate(12, 9), range(40)), (brick(6, 5, 4), range(0, 300, 7)), (brick(1, 1, 1), ())],
                          ids=["plate", "brick", "one element"])
 def test_fronts_solve_as_superlu_does(mesh, prescribed):
     pattern, values, matrix = assembled(mesh, prescribed)
@@ -49,7 +50,8 @@ def test_pivots_that_must_come_from_another_front_are_left_to_superlu(pivots):
     leaf = pattern.fronts[0]
     columns = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
     row, inside = pattern.indices, columns < leaf.end
-    touching = np.unique(row[~inside & (row < leaf.end)])[:4]  # equations without a pivot in their front, regular with others
+    # equations without a pivot in their front, regular with others
+    touching = np.unique(row[~inside & (row < leaf.end)])[:4]
     values[np.isin(row, touching) & inside] *= pivots
     matrix = csc_array((values.copy(), pattern.indices, pattern.indptr), shape=matrix.shape)
     factor, rhs = factorise(pattern, values), np.ones(pattern.n)

@@ -1,4 +1,5 @@
-"""Meshes of drawn regions: the area of the drawing, nodes on its arcs, angles, sets, and the drawings that are refused."""
+"""Meshes of drawn regions: the area of the drawing, nodes on its arcs, angles, sets, and the drawings that are
+refused."""
 
 from __future__ import annotations
 
@@ -59,7 +60,8 @@ def test_the_elements_fill_the_drawing_with_sound_angles(case, quads, mesher):
 
 def test_without_arcs_the_area_is_that_of_the_polygon_to_rounding():
     mesh = mesh_polygon(NOTCHED[:3] + [[38, 30]] + [NOTCHED[4]] + [[0, 60]], [TRIANGLE], 3.0)
-    assert area(mesh) == pytest.approx(segments_of(NOTCHED[:3] + [[38, 30], [40, 60], [0, 60]], [TRIANGLE]).area(), rel=1e-12)
+    assert area(mesh) == pytest.approx(segments_of(NOTCHED[:3] + [[38, 30], [40, 60], [0, 60]], [TRIANGLE]).area(),
+                                       rel=1e-12)
 
 
 @pytest.mark.parametrize("quads", [False, True])

@@ -1,4 +1,5 @@
-"""First-order answers of other models along a path: small changes are what a new simulation says, shared points or not."""
+"""First-order answers of other models along a path: small changes are what a new simulation says, shared points or
+not."""
 
 import numpy as np
 import pytest

@@ -32,7 +32,8 @@ def last(made, values, directions=()):
 
 
 def test_of_an_elastic_sheet_it_is_that_of_poissons_ratio():
-    """Small strain: e33 = -nu/(1 - nu) (e11 + e22) at every point, so the mean over the sheet follows from its edges."""
+    """Small strain: e33 = -nu/(1 - nu) (e11 + e22) at every point, so the mean over the sheet follows from its
+    edges."""
     state = last(model("elastic", "small"), [70e3, 0.3])
     for values in state.points:
         trace = values.F[:, 0, 0] + values.F[:, 1, 1] - 2.0

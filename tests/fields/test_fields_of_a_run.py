@@ -135,6 +135,7 @@ def test_gauges_may_be_added_after_the_identification(run):
     with open(run / "tables" / "gauges.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     strain = np.array([float(row["L0.strain_simulated"]) for row in rows])
-    measured, std = (np.array([float(row[f"L0.strain_{name}"]) for row in rows]) for name in ("measured", "measured_std"))
+    measured, std = (np.array([float(row[f"L0.strain_{name}"]) for row in rows])
+                     for name in ("measured", "measured_std"))
     assert strain[0] == 0.0 and 0.005 < strain[4] < 0.05
     assert (np.abs(measured - strain)[1:] < 4.0 * std[1:]).all()

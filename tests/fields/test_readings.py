@@ -84,7 +84,8 @@ def test_a_node_that_is_not_seen_hides_only_its_own_elements(series):
     measured = series.measured.copy()
     lost = int(np.argmin(series.surface.plane.nodes[:, 0]))
     measured[1, lost] = np.nan
-    found = read(FieldSeries(series.surface, series.frames, series.simulated, measured), Gauge("P", "probe", ((8.0, 1.0),)))
+    found = read(FieldSeries(series.surface, series.frames, series.simulated, measured),
+                 Gauge("P", "probe", ((8.0, 1.0),)))
     assert np.isfinite(found["strain_xx"].measured[1]) and found["strain_xx"].std is None
 
 

@@ -25,7 +25,8 @@ def idic(*arguments, **options):
 def test_help_lists_every_command_of_the_contract():
     answer = idic("--help")
     assert answer.returncode == 0
-    for command in ("demo", "init", "example", "check", "design", "simulate", "identify", "diagnose", "report", "compare",
+    for command in ("demo", "init", "example", "check", "design", "simulate", "identify", "diagnose", "report",
+                    "compare",
                     "laws", "physics"):
         assert f"  {command} " in answer.stdout
 
@@ -88,7 +89,8 @@ def test_settings_are_key_and_value():
 
 @pytest.mark.parametrize(
     "status, code",
-    [("converged", 0), ("stalled", 3), ("max_iterations", 3), ("at_bound", 3), ("forward_failed", 3), ("interrupted", 4)],
+    [("converged", 0), ("stalled", 3), ("max_iterations", 3), ("at_bound", 3), ("forward_failed", 3),
+     ("interrupted", 4)],
 )
 def test_the_status_decides_the_exit_code(status, code):
     assert exit_code(status) == code

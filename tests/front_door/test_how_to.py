@@ -1,4 +1,5 @@
-"""The how-to pages: one screen each, every snippet of experiment.toml is read, every command exists with its options."""
+"""The how-to pages: one screen each, every snippet of experiment.toml is read, every command exists with its
+options."""
 
 import re
 import shlex
@@ -49,7 +50,8 @@ def test_the_commands_of_a_page_exist(page):
     lines = [line for block in blocks(page, "sh") for line in block.splitlines() if line.startswith("idic ")]
     for line in lines:
         _, name, *words = shlex.split(line, comments=True)
-        known = {option for parameter in commands[name].params for option in (*parameter.opts, *parameter.secondary_opts)}
+        known = {option for parameter in commands[name].params
+                 for option in (*parameter.opts, *parameter.secondary_opts)}
         assert {word for word in words if word.startswith("--")} <= known, line
 
 

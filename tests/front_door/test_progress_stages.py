@@ -39,7 +39,8 @@ def history(*values):
 
 
 def test_expected_evaluations_follow_the_gains_of_the_last_two_steps():
-    """Gains that fall tenfold per step need as many steps as there are decades to a settled gain, and one to confirm."""
+    """Gains that fall tenfold per step need as many steps as there are decades to a settled gain, and one to
+    confirm."""
     assert evaluations_left(history(5.0, 4.0)) is None
     assert evaluations_left(history(*(1000.0 + 10.0**-k for k in range(-3, 0)))) == 1 + 5
     assert evaluations_left(history(100.0, 50.0, 50.0 - 0.1 * SETTLED_GAIN)) == 1

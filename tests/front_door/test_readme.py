@@ -12,7 +12,8 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 def shell_lines():
     """The lines of all shell blocks."""
-    return [line.strip() for block in re.findall(r"```(?:sh|bash)\n(.*?)```", README, re.S) for line in block.splitlines()]
+    return [line.strip() for block in re.findall(r"```(?:sh|bash)\n(.*?)```", README, re.S)
+            for line in block.splitlines()]
 
 
 def test_the_first_two_commands_install_and_run_the_demo_and_the_tests():

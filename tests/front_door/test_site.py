@@ -35,7 +35,8 @@ def test_every_law_and_every_candidate_has_its_page(source):
         assert get_law(name).reference in text and all(f"`{p.name}`" in text for p in get_law(name).parameters)
     for one in candidates():
         text = (source / "candidates" / f"{one.name}.md").read_text(encoding="utf-8")
-        assert f"# {one.title}" in text and one.null.replace("|", "\\|") in text and all(f"[{r}]" in text or f"`{r}`" in text for r in one.rivals)
+        assert f"# {one.title}" in text and one.null.replace("|", "\\|") in text
+        assert all(f"[{r}]" in text or f"`{r}`" in text for r in one.rivals)
 
 
 def test_every_example_has_a_page_with_its_code(source):
@@ -51,7 +52,8 @@ def test_every_example_runs_and_shows_what_it_prints_and_draws(tmp_path):
     for name in site._example_pages(tmp_path, execute=True):
         text = (tmp_path / f"{name}.md").read_text(encoding="utf-8")
         pictures = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text)
-        assert "```text\n\n" not in text and pictures and all((tmp_path / picture).stat().st_size > 5000 for picture in pictures)
+        assert "```text\n\n" not in text and pictures and all((tmp_path / picture).stat().st_size > 5000
+                                                              for picture in pictures)
 
 
 def test_every_page_of_the_docs_is_in_a_table_of_contents(source):

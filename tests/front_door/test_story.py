@@ -19,7 +19,8 @@ TRUTH = {"sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus"}
 def idic(*arguments, cwd=None):
     """A command as a user starts it, its output taken by a file."""
     command = [sys.executable, "-m", "idic", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=900, env={**os.environ, "COLUMNS": "140"}, cwd=cwd)
+    return subprocess.run(command, capture_output=True, text=True, timeout=900, env={**os.environ, "COLUMNS": "140"},
+                          cwd=cwd)
 
 
 def here(*arguments):

@@ -169,7 +169,8 @@ DRAWN = VIRTUAL.replace("mesh = { roi_px = [10, 10, 50, 40], element_px = 10, ho
                         "mesh = { outline_px = [[10, 10], [50, 10], [48, 25, 50, 40], [10, 40]], element_px = 10, "
                         "holes_px = [[30, 25, 6]], edge_names = { LEFT = [4], RIGHT = [2, 3] } }")
 
-BASES = {"drawn": DRAWN, "grips": GRIPS, "cameras": CAMERAS, "warm": WARM, "virtual": VIRTUAL, "external": EXTERNAL, "solid": SOLID}
+BASES = {"drawn": DRAWN, "grips": GRIPS, "cameras": CAMERAS, "warm": WARM, "virtual": VIRTUAL, "external": EXTERNAL,
+         "solid": SOLID}
 
 
 @lru_cache(maxsize=None)

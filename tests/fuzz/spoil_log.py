@@ -69,7 +69,8 @@ class Dialect:
 
 @dataclass(frozen=True)
 class Damage:
-    """One thing wrong: a cell, lose_cell, gain_cell, lose_row, double_row, swap_rows, lose_header, a name; cut, splice."""
+    """One thing wrong: a cell, lose_cell, gain_cell, lose_row, double_row, swap_rows, lose_header, a name; cut,
+    splice."""
 
     what: str
     row: int = 0

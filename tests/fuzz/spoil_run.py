@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from spoil_toml import splices
 
 SHAPES = [[], [0], [-1], [1, 2, 3, 4, 5], [10**12], [10**30], "3", None, [1.5], [3, 10**15]]
-TYPES = ["float32", "int8", "uint64", "bool", "string", "variable_length_bytes", "complex128", "r16", "float63", 8, None,
+TYPES = ["float32", "int8", "uint64", "bool", "string", "variable_length_bytes", "complex128", "r16", "float63", 8,
+         None,
          {"name": "numpy.datetime64", "configuration": {"unit": "s", "scale_factor": 1}},
          {"name": "fixed_length_utf32", "configuration": {"length_bytes": 8}}, {"name": "structured"}]  # fmt: skip
 CODECS = [[], [{"name": "bytes"}], [{"name": "bytes", "configuration": {"endian": "big"}}, {"name": "crc32c"}],
@@ -23,13 +24,16 @@ CODECS = [[], [{"name": "bytes"}], [{"name": "bytes", "configuration": {"endian"
           [{"name": "bytes"}, {"name": "zstd", "configuration": {"level": 0, "checksum": False}}], [{"name": "../x"}],
           [{"name": "bytes"}, {"name": "blosc", "configuration": {}}], [{"name": "crc32c"}], {"name": "bytes"}, "bytes",
           [{"name": "transpose", "configuration": {"order": [0]}}, {"name": "bytes"}, {"name": "crc32c"}],
-          [{"name": "sharding_indexed", "configuration": {"chunk_shape": [1], "codecs": [{"name": "bytes"}]}}]]  # fmt: skip
+          # fmt: skip
+          [{"name": "sharding_indexed", "configuration": {"chunk_shape": [1], "codecs": [{"name": "bytes"}]}}]]
 STRANGE = [None, 0, -1, 1e308, "", "x" * 3000, [], {}, [[]], True, "NaN", "../../etc/passwd", "\x1b[31m", "\ud800"]
 ARRAY_KEYS = {"shape": SHAPES, "data_type": TYPES, "codecs": CODECS, "fill_value": STRANGE, "zarr_format": [2, 4, "3"],
-              "chunk_grid": STRANGE + [{"name": "regular", "configuration": {"chunk_shape": shape}} for shape in SHAPES],
+              "chunk_grid": STRANGE
+              + [{"name": "regular", "configuration": {"chunk_shape": shape}} for shape in SHAPES],
               "chunk_key_encoding": [{"name": "v2", "configuration": {"separator": "."}},
                                      {"name": "default", "configuration": {"separator": "../"}}, "default", None],
-              "node_type": ["group", "x"], "dimension_names": [["a", "b"], "a"], "storage_transformers": [[{}], "x"]}  # fmt: skip
+              # fmt: skip
+              "node_type": ["group", "x"], "dimension_names": [["a", "b"], "a"], "storage_transformers": [[{}], "x"]}
 
 
 @dataclass(frozen=True)
@@ -142,7 +146,8 @@ ACTIONS = {
     "flip chunk": (chunks, flip), "cut text": (texts, cut), "cut chunk": (chunks, cut), "remove file": (files, remove),
     "remove folder": (folders, remove), "another kind of file": (files, put_another_kind),
     "another kind of folder": (folders, put_another_kind), "loop": (files, link_to_itself),
-    "exchange": (files, copy_over), "describe": (arrays, describe), "attributes": (groups, give_attributes)}  # fmt: skip
+    # fmt: skip
+    "exchange": (files, copy_over), "describe": (arrays, describe), "attributes": (groups, give_attributes)}
 
 _share = st.floats(0, 1, exclude_max=True)
 _described = st.sampled_from(sorted(ARRAY_KEYS)).flatmap(

@@ -56,7 +56,8 @@ def test_too_high_a_yield_stress_is_found_nevertheless(test, number, times, tmp_
     record = StudyStore(tmp_path).read_case(f"{test}-all/600-0{number}")
     start = dict(zip(record.names, record.arrays["start"] / record.arrays["truth"], strict=True))
     assert record.converged and np.abs(record.normalised_error).max() < 3.5
-    assert next(value for name, value in start.items() if name.endswith("yield_stress")) == pytest.approx(times, abs=0.05)
+    assert next(value for name, value in start.items()
+                if name.endswith("yield_stress")) == pytest.approx(times, abs=0.05)
 
 
 def test_a_test_that_never_yields_says_so_after_a_few_attempts(tmp_path):

@@ -107,13 +107,15 @@ def test_an_identification_counts_a_drifting_force(tmp_path):
 
 
 def test_a_drifting_force_is_that_of_its_own_experiment(tmp_path):
-    """Two recordings identified together: the one whose load cell drifts is named, the other's readings are independent."""
+    """Two recordings identified together: the one whose load cell drifts is named, the other's readings are
+    independent."""
     study, store = make_study("coverage", "sketch"), StudyStore(tmp_path)
     case = next(case for case in study.cases if case.group == "drifting_force_polymer-ordinary")
     rendering = study.rendering(case.images)
     render(CaseJob(str(tmp_path), "coverage", "sketch", rendering.name))
     steady = replace(case, disturbance=replace(case.disturbance, channel_correlation=0.0))
-    experiments = {"steady": case_experiment(store, rendering, steady), "drifting": case_experiment(store, rendering, case)}
+    experiments = {"steady": case_experiment(store, rendering, steady),
+                   "drifting": case_experiment(store, rendering, case)}
     found = {name: identify(experiment) for name, experiment in experiments.items()}
     joint = join(experiments)
     point = joint.combine({name: one.point for name, one in found.items()},

@@ -14,7 +14,7 @@ yield_stress = { value = 17, unit = "MPa", identify = true }
 """
 LINEAR = 'hardening = [{ kind = "linear", H = { value = 150, unit = "MPa", identify = true } }]\n'
 KINEMATIC = '''hardening = [{ kind = "linear", H = 60 }]
-backstress = [{ kind = "armstrong_frederick", C = { value = 500, identify = true }, gamma = { value = 30, identify = true } }]
+backstress = [{ kind="armstrong_frederick", C.value = 500, C.identify = true, gamma.value = 30, gamma.identify = true }]
 '''
 PLASTIC = {"E": 2000.0, "nu": 0.35, "yield_stress": 15.0}
 THERE_AND_BACK = (0.0, 0.03, 0.06, 0.09, 0.12, 0.09, 0.05, 0.01, -0.03, -0.06)

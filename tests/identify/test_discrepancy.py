@@ -98,7 +98,8 @@ def test_a_run_states_the_same_standard_deviations_as_memory(tmp_path):
     assert result["discrepancy"]["significant"]
     for name, entry in result["parameters"].items():
         assert entry["std_model"] > entry["std_noise"] > 0.0
-        assert entry["std"] == pytest.approx(memory["parameters"][name]["std"], rel=1e-3)  # the last steps differ by less
+        # the last steps differ by less
+        assert entry["std"] == pytest.approx(memory["parameters"][name]["std"], rel=1e-3)
 
 
 def test_height_images_say_that_noise_alone_is_counted(right):
@@ -112,8 +113,10 @@ N, Q, ROWS = 3, 30, 400
 
 
 def random_problem(rng, std):
-    """Normal equations of a linear problem whose discrepancy has this standard deviation, and the true parameters' error."""
-    J = rng.standard_normal((ROWS, N + Q)) @ (np.eye(N + Q) + 0.5 * rng.standard_normal((N + Q, N + Q)) / np.sqrt(N + Q))
+    """Normal equations of a linear problem whose discrepancy has this standard deviation, and the true parameters'
+    error."""
+    J = rng.standard_normal((ROWS, N + Q)) @ (np.eye(N + Q) + 0.5 * rng.standard_normal((N + Q, N + Q))
+                                              / np.sqrt(N + Q))
     J[:, :N] += 0.5 * J[:, N:2 * N]  # the parameters absorb a part of it
     root = np.linalg.cholesky(0.5 * np.eye(Q) + 0.5)
     amplitudes = std * root @ rng.standard_normal(Q)

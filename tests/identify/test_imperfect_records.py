@@ -102,7 +102,8 @@ def test_a_frame_that_the_model_cannot_explain_is_named(clean, tmp_path):
     path = write_folder(tmp_path / "test", Twin(), WHOLE, clean)
     spoil(path, 4, lambda image: np.roll(image, 3, axis=0))  # somebody hit the camera
     result = judged(path)
-    assert result["status"] in ("converged", "stalled") and result["forward_runs"] < 25  # no endless search for the impossible
+    # no endless search for the impossible
+    assert result["status"] in ("converged", "stalled") and result["forward_runs"] < 25
     assert result["frames"][4]["status"] == "unexplained"
     assert [frame["status"] for frame in result["frames"][:4]] == ["ok"] * 4
 

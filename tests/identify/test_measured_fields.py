@@ -79,9 +79,11 @@ def write_stages(folder: Path, n: int = 6, sigma_um: float = 0.5, strain_per_sta
     for k in range(n):
         strain = strain_per_stage * k
         force = E_TRUE * strain * WIDTH * THICKNESS + rng.normal(0.0, 3.0)
-        at = points + strain * points * [-NU_TRUE, 1.0] + [0.01 * k, -0.02 * k] + rng.normal(0.0, 1e-3 * sigma_um, points.shape)
+        at = points + strain * points * [-NU_TRUE, 1.0] + [0.01 * k,
+                                                           -0.02 * k] + rng.normal(0.0, 1e-3 * sigma_um, points.shape)
         lines = ["# Units: length:mm angle:deg time:s force:N", f"# Stage: {k}", "stage;index;relative_time;date",
-                 f'"{k}";{k};{k}.0;"now"', "# Name : Analog 0", "force;untransformed;transformed", f"{force:.4f};0;{force:.4f}",
+                 f'"{k}";{k};{k}.0;"now"', "# Name : Analog 0", "force;untransformed;transformed",
+                 f"{force:.4f};0;{force:.4f}",
                  "# Name : Surface 1", "id;x;y;z", *(f"{i};{a:.5f};{b:.5f};0.0" for i, (a, b) in enumerate(at))]
         (folder / "stages" / f"stage_{k:03d}.csv").write_text("\n".join(lines))
 
@@ -127,15 +129,18 @@ def test_init_tells_a_notched_shear_test_from_tension(tmp_path):
     points = points[(points[:, 1] > depth + 0.3) & (points[:, 1] < 19.7 - depth)]
     for k in range(3):
         at = points + 1e-3 * k * np.column_stack([np.zeros(len(points)), -points[:, 0]])
-        lines = ["# Units: length:mm time:s force:N", f"# Stage: {k}", "stage;index;relative_time;date", f'"{k}";{k};{k},5;"now"',
-                 "# Name : Analog 0", "force;untransformed;transformed", f"{k}00,5;0;{k}00,5", "# Name : Fläche", "id;x;y;z",
+        lines = ["# Units: length:mm time:s force:N", f"# Stage: {k}", "stage;index;relative_time;date",
+                 f'"{k}";{k};{k},5;"now"',
+                 "# Name : Analog 0", "force;untransformed;transformed", f"{k}00,5;0;{k}00,5", "# Name : Fläche",
+                 "id;x;y;z",
                  *(f"{i};{a:.6f};{b:.6f};0.0".replace(".", ",") for i, (a, b) in enumerate(at))]
         (tmp_path / "stages" / f"Fläche {k}.csv").write_text("\n".join(lines), encoding="latin-1")
     assert run("init", tmp_path).exit_code == 0
     text = (tmp_path / "experiment.toml").read_text(encoding="utf-8")
     assert "outline_points_mm = 0.3" in text
     assert 'simulated = { reaction = "RIGHT", component = "y", factor = -1.0 }   # shear' in text
-    (tmp_path / "experiment.toml").write_text(text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 "), encoding="utf-8")
+    (tmp_path / "experiment.toml").write_text(text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 "),
+                                              encoding="utf-8")
     there = load_experiment(tmp_path, {"experiment.fields_noise_um": 1.0})
     assert {"LEFT", "RIGHT", "TOP", "BOTTOM"} <= set(there.mesh.node_sets)
     area = sum(abs(np.linalg.det(there.mesh.nodes[block.connectivity[:, [1, 3 if block.cell.startswith("quad") else 2]]]
@@ -148,7 +153,8 @@ def test_a_round_hole_around_points_is_round_between_its_corners_too(initialised
     folder = tmp_path / "hole"
     shutil.copytree(initialised, folder)
     text = (folder / "experiment.toml").read_text()
-    (folder / "experiment.toml").write_text(text.replace("around_points_mm", "holes_mm = [[6.0, 18.0, 3.0]], around_points_mm"))
+    (folder / "experiment.toml").write_text(text.replace("around_points_mm",
+                                                         "holes_mm = [[6.0, 18.0, 3.0]], around_points_mm"))
     mesh = load_experiment(folder).mesh
     (hole,) = find_holes(mesh)
     np.testing.assert_allclose(np.hypot(*(mesh.nodes[hole.rim] - [6.0, 18.0]).T), 3.0, rtol=1e-9)
@@ -169,7 +175,8 @@ def test_of_a_long_series_init_keeps_stages_by_strain_and_the_log_follows(tmp_pa
     np.testing.assert_allclose(there.channels[0].values, E_TRUE * 2e-5 * np.array(kept) * WIDTH * THICKNESS, atol=15.0)
     rows = "\n".join(f"{k},{0.5 * k}" for k in range(210))
     (tmp_path / "log.csv").write_text(f"frame,force_N\n{rows}\n")
-    own = load_experiment(tmp_path, {"experiment.loads": "log.csv", "channel.0.column": "force_N"})  # one row per recorded stage
+    # one row per recorded stage
+    own = load_experiment(tmp_path, {"experiment.loads": "log.csv", "channel.0.column": "force_N"})
     np.testing.assert_allclose(own.channels[0].values, 0.5 * np.array(kept))
 
 
@@ -294,7 +301,8 @@ def test_the_surface_of_a_solid_is_compared_with_the_points(between_grips, tmp_p
     shutil.copy(between_grips / "loads.csv", tmp_path / "loads.csv")
     body = brick(3, 6, 1)
     nodes = body.nodes * [WIDTH / 3, HEIGHT / 6, THICKNESS]
-    lines = ["*NODE", *(f"{k}, {x}, {y}, {z}" for k, (x, y, z) in enumerate(nodes, 1)), "*ELEMENT, TYPE=C3D8, ELSET=ALL",
+    lines = ["*NODE", *(f"{k}, {x}, {y}, {z}" for k, (x, y, z) in enumerate(nodes, 1)),
+             "*ELEMENT, TYPE=C3D8, ELSET=ALL",
              *(f"{k}, " + ", ".join(str(n + 1) for n in row) for k, row in enumerate(body.blocks[0].connectivity, 1)),
              "*SURFACE, NAME=FRONT", "ALL, S2"]
     (tmp_path / "brick.inp").write_text("\n".join(lines) + "\n")
@@ -357,8 +365,10 @@ def test_a_bad_stage_ends_with_code_2_one_message_and_nothing_written(initialise
     (("[experiment]", '[experiment]\nimages = "x/*.tif"'), "images and fields"),
     (("[experiment]", '[experiment]\nmask = "mask.png"'), "a key of images"),
     (('kind = "plane_stress"', 'kind = "solid"'), "without the surface"),
-    (("[[boundary]]\nnodes = \"TOP\"", "[options]\nlowpass_px = 1.0\n[[boundary]]\nnodes = \"TOP\""), "an option of images"),
-    (("mesh = { around_points_mm = [0.6, 0.6]", "mesh = { roi_px = [0, 0, 5, 5], around_points_mm = [0.6, 0.6]"), "mesh"),
+    (("[[boundary]]\nnodes = \"TOP\"", "[options]\nlowpass_px = 1.0\n[[boundary]]\nnodes = \"TOP\""),
+     "an option of images"),
+    (("mesh = { around_points_mm = [0.6, 0.6]", "mesh = { roi_px = [0, 0, 5, 5], around_points_mm = [0.6, 0.6]"),
+     "mesh"),
 ])
 def test_keys_that_do_not_go_with_fields_are_refused(initialised, tmp_path, change, message):
     text = (initialised / "experiment.toml").read_text(encoding="utf-8")

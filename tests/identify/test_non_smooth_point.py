@@ -35,7 +35,8 @@ def experiment(clean, tmp_path_factory):
 
 
 def walk(experiment, gradient, functional, state=None):
-    """The loop from x = 0 to its end; x in standard deviations, half the gradient and the functional of it  # state, x"""
+    """The loop from x = 0 to its end; x in standard deviations, half the gradient and the functional of it  # state,
+    x"""
     begin = [experiment.parameters[name] for name in NAMES]
 
     def place(values):
@@ -48,7 +49,8 @@ def walk(experiment, gradient, functional, state=None):
         slopes = np.array([p.slope() for p in now])
         M = np.diag(STD**-2.0 / slopes**2)
         phi = functional(x)
-        system = CorrelationSystem(NAMES, M, -gradient(x, state.generalised) / STD / slopes, phi, phi, M, np.zeros((0, 2)),
+        system = CorrelationSystem(NAMES, M, -gradient(x, state.generalised) / STD / slopes, phi, phi, M,
+                                   np.zeros((0, 2)),
                                    (), generalised=state.generalised)
         point = Evaluation(state.evaluations, system, np.zeros((2, 2)))
         state = advance(state, experiment, point, accepted, 1.0)
@@ -87,7 +89,8 @@ def test_a_rejected_step_on_a_smooth_slope_is_no_convergence(experiment):
 
 
 def test_a_flat_objective_ends_as_converged_and_says_so(experiment):
-    """A slope that no step follows, as rounding makes one: the objective of every trial is that of the accepted point."""
+    """A slope that no step follows, as rounding makes one: the objective of every trial is that of the accepted
+    point."""
     state, x = walk(experiment, lambda x, _: np.array([-1.0, 0.0]), lambda x: 1000.0 + 1e-7 * np.abs(x).sum())
     assert state.status == "converged" and not x.any()
     assert "flat" in state.end.reason and state.end.limit is None
@@ -118,7 +121,7 @@ def test_the_smallest_combination_of_two_gradients_is_at_right_angles_to_their_d
 
 
 @pytest.mark.parametrize("limit", [40, 10])
-def test_generalised_least_squares_that_do_not_converge_lead_back_to_the_ordinary_least_squares_solution(experiment, limit):
+def test_generalised_least_squares_that_do_not_converge_lead_back_to_ordinary_least_squares(experiment, limit):
     """Their gradient vanishes nowhere and does not shrink: no step is progress, with many evaluations left or few."""
     few = replace(experiment, options=replace(experiment.options, max_iterations=limit))
     begin = start(few)

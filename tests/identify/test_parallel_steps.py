@@ -77,7 +77,8 @@ def test_in_memory_and_on_files_the_same_trials_are_made(plain, three):
     start = {f"material.{name}.value": value for name, value in FAR.items()}
     experiment = load_experiment(plain[0], start | {"options.trial_steps": 3, "options.estimator": "ordinary"})
     found = in_memory.identify(experiment)
-    assert found.state.evaluations == state.evaluations and found.state.parallel_evaluations == state.parallel_evaluations
+    assert found.state.evaluations == state.evaluations
+    assert found.state.parallel_evaluations == state.parallel_evaluations
     for one, other in zip(found.state.history, state.history, strict=True):
         assert one["accepted"] == other["accepted"]
         assert one["values"] == pytest.approx(other["values"], rel=1e-9)

@@ -11,7 +11,10 @@ from idic.experiment_file.load import load_experiment
 from idic.identify.coarse import MIN_FRAMES, CoarseFit, coarse_fit, coarse_frames
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.loop import start
-from idic.identify.search import MAX_NEAR_COARSE_MISFIT, MAX_NEAR_MISFIT, MAX_PROMISING_COARSE_MISFIT, Trial, stabilised_start, search, trial_points
+from idic.identify.search import (
+    MAX_NEAR_COARSE_MISFIT, MAX_NEAR_MISFIT, MAX_PROMISING_COARSE_MISFIT, Trial, stabilised_start, search,
+    trial_points,
+)
 from idic.identify.step.proposal import propose
 from idic.identify.step.schedule import BLURRED_STAGE, first_free, is_continued, wants_search
 from idic.identify.step.stages import resolve_stages

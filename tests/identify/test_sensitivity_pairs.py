@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion
-from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, force_on_the_right, held_left, on_the_move, parametrised, photographed,
+from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, force_on_the_right, held_left, on_the_move,
+                         parametrised, photographed,
                          pulled, responses, uneven, with_hole)
 
 from idic.correlation.experiment_reference import build_reference, camera_at
@@ -49,7 +50,8 @@ BODIES = {
     "mooney_rivlin": lambda **o: experiment("mooney_rivlin", {"C10": 2.0, "C01": 1.0, "kappa": 30.0},
                                             prescribed=pulled(1.2), kinematics="finite", **o),
     "free_rubber": lambda **o: experiment(
-        "free_rubber", {"kappa": 30.0, "I1_range": 1.0, "I1_g1": 2.0, "I1_g2": 2.1, "I1_g3": 2.4, "I1_g4": 3.0}, prescribed=pulled(1.6),
+        "free_rubber", {"kappa": 30.0, "I1_range": 1.0, "I1_g1": 2.0, "I1_g2": 2.1, "I1_g3": 2.4, "I1_g4": 3.0},
+        prescribed=pulled(1.6),
         kinematics="finite", **o),
     "j2_swift": lambda **o: experiment("j2_swift", {"E": 1000.0, "nu": 0.3, "K": 10.0, "eps0": 0.01, "n": 0.25},
                                        kinematics="finite", **o),
@@ -97,7 +99,8 @@ BODIES = {
 }
 # What the images say follows from the displacements, whatever the law: these are repeats where (a) holds.
 LIKE_OTHERS = ("elastic, finite strain", "orthotropic", "j2_voce", "j2_power", "j2_power_reference", "mooney_rivlin",
-               "free_rubber",               "j2_swift", "j2_hill", "j2_kinematic", "viscoplastic", "maxwell", "creep", "elastic_damage", "nonlinear_elastic", "j2_pressure",
+               "free_rubber",               "j2_swift", "j2_hill", "j2_kinematic", "viscoplastic", "maxwell", "creep",
+               "elastic_damage", "nonlinear_elastic", "j2_pressure",
                "elastoplastic", "elastoplastic, back stress", "heterogeneous", "thickness and time")
 # Gradient of f carried along by F of the element's centre, for that of g. Camera and geometry are seen through the
 # gradient of u, which the columns take at the nodes: it jumps from one linear element to the next.

@@ -63,7 +63,8 @@ def write_specimen(folder: Path, angle: float, stated: str | None = None, stiffe
         at = points + points @ np.array([[xx, 0.5 * xy], [0.5 * xy, yy]]) + rng.normal(0.0, 3e-4, points.shape)
         force = stress * WIDTH * THICKNESS + rng.normal(0.0, 3.0)
         lines = ["# Units: length:mm angle:deg time:s force:N", f"# Stage: {k}", "stage;index;relative_time;date",
-                 f'"{k}";{k};{k}.0;"now"', "# Name : Analog 0", "force;untransformed;transformed", f"{force:.4f};0;{force:.4f}",
+                 f'"{k}";{k};{k}.0;"now"', "# Name : Analog 0", "force;untransformed;transformed",
+                 f"{force:.4f};0;{force:.4f}",
                  "# Name : Surface 1", "id;x;y;z", *(f"{i};{a:.6f};{b:.6f};0.0" for i, (a, b) in enumerate(at))]
         (folder / "stages" / f"stage_{k}.csv").write_text("\n".join(lines))
     (folder / "experiment.toml").write_text(EXPERIMENT.format(angle=stated or f"{angle}"))

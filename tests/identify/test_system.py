@@ -70,7 +70,8 @@ def test_a_frame_without_local_unknowns_needs_no_elimination():
 def test_restricting_to_free_names_keeps_their_rows():
     rng = np.random.default_rng(3)
     columns, channel = _design(rng)
-    system = eliminate(0, NAMES, _rows(columns, channel, rng.normal(size=PIXELS), np.ones(1), np.zeros(M)), WEIGHTS, PIXELS, 0)
+    system = eliminate(0, NAMES, _rows(columns, channel, rng.normal(size=PIXELS), np.ones(1), np.zeros(M)), WEIGHTS,
+                       PIXELS, 0)
     part = system.restrict(["c", "a"])
     assert part.M[0, 1] == system.M[2, 0] and part.b[1] == system.b[0]
 
@@ -152,7 +153,8 @@ def test_generalised_least_squares_are_the_best_there_are(lost):
         seen = rng.random(PIXELS) >= lost
         L, r = seen[:, None] * rng.normal(size=(PIXELS, N)) * (1 + k), seen * rng.normal(size=PIXELS)
         rows = FrameEquations(L.T @ L, L.T @ r, r @ r, L, 1.0,
-                         ChannelEquations(np.zeros(0), np.zeros((0, N)), np.zeros((0, 0))), np.zeros((0, 0)), np.zeros(0),
+                         ChannelEquations(np.zeros(0), np.zeros((0, N)), np.zeros((0, 0))), np.zeros((0, 0)),
+                         np.zeros(0),
                          basis=BasisEquations(r, L, seen.astype(float), np.ones(PIXELS)))
         parts.append(eliminate(k, NAMES, rows, weights, PIXELS, 0))
         designs.append(L[seen])
@@ -176,14 +178,16 @@ def test_generalised_least_squares_with_unknowns_of_every_frame_solve_for_the_pa
     rng, frames = np.random.default_rng(8), 5
     weights, local_size = generalised_weights(WEIGHTS), M + NB
     size = N + frames * local_size + PIXELS
-    parts, rows, right = [], [np.hstack([np.zeros((PIXELS, size - PIXELS)), np.eye(PIXELS) / SIGMA])], [np.zeros(PIXELS)]
+    parts, rows, right = [], [np.hstack([np.zeros((PIXELS, size - PIXELS)),
+                                         np.eye(PIXELS) / SIGMA])], [np.zeros(PIXELS)]
     for k in range(frames):
         seen = rng.random(PIXELS) >= lost
         columns, channel = _design(rng)
         columns = seen[:, None] * columns * (1 + k)
         r, rho, local = seen * rng.normal(size=PIXELS), rng.normal(size=CHANNELS), rng.normal(size=M) * 0.1
         basis = BasisEquations(r, columns, seen.astype(float), np.ones(PIXELS))
-        parts.append(eliminate(k, NAMES, replace(_rows(columns, channel, r, rho, local), basis=basis), weights, PIXELS, 0))
+        parts.append(eliminate(k, NAMES, replace(_rows(columns, channel, r, rho, local), basis=basis), weights, PIXELS,
+                               0))
         wide, first = np.zeros((PIXELS + CHANNELS + M, size)), N + k * local_size
         wide[:PIXELS, :N], wide[:PIXELS, first:first + local_size] = columns[:, :N], columns[:, N:]
         wide[:PIXELS, size - PIXELS:] = np.diag(seen.astype(float))

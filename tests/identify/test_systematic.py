@@ -43,7 +43,8 @@ def coarse(clean, tmp_path_factory):
 
 def test_the_bias_is_the_change_of_an_identification_on_the_finer_mesh(coarse):
     experiment, found = coarse
-    biases, how = discretisation_bias(in_memory.evaluate_at, experiment, found.state.accepted.values, found.local, False,
+    biases, how = discretisation_bias(in_memory.evaluate_at, experiment, found.state.accepted.values, found.local,
+                                      False,
                                       found.point)
     fine = in_memory.identify(refined(experiment).experiment)
     assert how == "elements of half the size"
@@ -60,7 +61,8 @@ def test_quadratic_elements_find_nearly_all_of_the_bias_of_linear_ones(clean, tm
     write_inp(_linear(plate((6, 4))), path.parent / "mesh.inp", "linear")
     experiment = load_experiment(path)
     found = in_memory.identify(experiment)
-    biases, how = discretisation_bias(in_memory.evaluate_at, experiment, found.state.accepted.values, found.local, False,
+    biases, how = discretisation_bias(in_memory.evaluate_at, experiment, found.state.accepted.values, found.local,
+                                      False,
                                       found.point)
     converged = in_memory.identify(refined(refined(experiment).experiment).experiment)
     assert how == "quadratic elements" and set(biases) == {"BODY.E", "BODY.nu"}
@@ -104,7 +106,8 @@ def test_the_bias_excludes_the_unfinished_part_of_the_search(coarse):
     for name, bias in biases.items():
         std = found.result["parameters"][name]["std"]
         assert abs(early.result["parameters"][name]["value"] - found.result["parameters"][name]["value"]) > 3.0 * std
-        assert bias == pytest.approx(whole[name], abs=0.5 * abs(whole[name]))  # the rest of the way is 2nd order in itself
+        # the rest of the way is 2nd order in itself
+        assert bias == pytest.approx(whole[name], abs=0.5 * abs(whole[name]))
 
 
 def test_measured_edges_are_carried_over_as_their_elements_interpolate_them(clean, tmp_path):
@@ -159,7 +162,8 @@ def test_treatments_are_every_pair_but_the_one_of_the_run(clean, tmp_path):
 
 
 def test_without_times_the_lens_is_asked_and_the_magnification_follows_a_column(clean, tmp_path):
-    path = write_folder(tmp_path / "test", Twin(), ELASTIC + MEASURED, clean, camera='magnification_column = "grip_mm"\n')
+    path = write_folder(tmp_path / "test", Twin(), ELASTIC + MEASURED, clean,
+                        camera='magnification_column = "grip_mm"\n')
     lines = (tmp_path / "test" / "loads.csv").read_text(encoding="utf-8").splitlines()
     place = lines[0].split(",").index("time_s")
     bare = [",".join(cell for k, cell in enumerate(line.split(",")) if k != place) for line in lines]

@@ -1,14 +1,17 @@
-"""A twin that is heated in one place while it is pulled: with its infrared images all is found, without them all is off.
+"""A twin that is heated in one place while it is pulled: with its infrared images all is found, without them all is
+off.
 
-The truth is computed on a finer mesh from the analytic temperature, the infrared images are rendered by `idic.virtual_tests.render`
-on the deformed body, with their own coarser camera and noise.
+The truth is computed on a finer mesh from the analytic temperature, the infrared images are rendered by
+`idic.virtual_tests.render` on the deformed body, with their own coarser camera and noise.
 """
 
 import numpy as np
 import pytest
 import tifffile
 from twin_bodies import PIXEL, plate
-from twin_runs import FORCE, GRIPS, SHAPE, THICKNESS, Twin, clean_image, dense_speckle, judged, painted, solved, write_folder
+from twin_runs import (
+    FORCE, GRIPS, SHAPE, THICKNESS, Twin, clean_image, dense_speckle, judged, painted, solved, write_folder,
+)
 
 from idic.fe.march import march
 from idic.fe.model import Constraints, Direction, Model, Reaction, Section
@@ -54,7 +57,8 @@ def records():
     images = [clean_image(u, mesh.nodes, mesh.blocks, TWIN.camera, texture, sensor) for u, _ in states]
     wall = Sensor((50, 70), bits=0, background=ROOM)
     infrared = [clean_image(u, mesh.nodes, mesh.blocks, INFRARED, lambda X, t=t: ROOM + heated(X, t), wall)
-                + INFRARED_NOISE * rng.standard_normal(wall.shape) for (u, _), t in zip(states, TWIN.times, strict=True)]
+                + INFRARED_NOISE * rng.standard_normal(wall.shape)
+                for (u, _), t in zip(states, TWIN.times, strict=True)]
     return (np.array(images), np.array([force for _, force in states])), np.array(infrared)
 
 

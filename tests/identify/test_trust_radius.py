@@ -25,7 +25,8 @@ def test_the_length_of_a_step_counts_in_the_max_step_of_each_parameter():
     parameters = ParameterSet([Parameter("a", 1.0, max_step=0.05), Parameter("b", 1.0)])
     assert step_length(np.array([0.05, 0.1]), SCALED, parameters, None) == pytest.approx(1.0)
     assert step_length(np.array([0.0, 0.5 * USUAL_MAX_STEP]), SCALED, parameters, None) == pytest.approx(0.5)
-    assert step_length(np.array([0.0, 0.05]), SCALED, parameters, 0.05) == pytest.approx(1.0)  # a limit that is asked for
+    # a limit that is asked for
+    assert step_length(np.array([0.0, 0.05]), SCALED, parameters, 0.05) == pytest.approx(1.0)
 
 
 def test_a_step_with_its_predicted_gain_doubles_the_trust_radius_up_to_the_usual_one():

@@ -71,7 +71,8 @@ def pulled(top=0.05, offset=True, noise_std=0.0):
 
 
 def corrected_grips():
-    """The same with everything that may be wrong about a log: slip, compliance, seating, rotation, motion askew; both ends."""
+    """The same with everything that may be wrong about a log: slip, compliance, seating, rotation, motion askew; both
+    ends."""
     force = np.array([0.0, 5.0, 9.0, 12.0, 10.0])
     drive = column("grip", 0.1)
     corrections = (Correction("slip", -np.array([0.0, 0.0, 0.2, 0.6, 1.0]), "mm"),

@@ -18,7 +18,8 @@ def clean():
     fine = gaussian_filter(rng.standard_normal((2 * SHAPE[0] + 80, 2 * SHAPE[1] + 80)), 3.0)
     y, x = np.indices(SHAPE, dtype=float)
     return np.array([map_coordinates(120.0 + 40.0 * fine / fine.std(), [
-        2.0 * (y - 0.1 * t + 0.001 * t * (y - 70.0)) + 40.0, 2.0 * (x - 0.4 * t - 0.003 * t * (x - 90.0)) + 40.0], order=3)
+        2.0 * (y - 0.1 * t + 0.001 * t * (y - 70.0)) + 40.0, 2.0 * (x - 0.4 * t - 0.003 * t * (x - 90.0)) + 40.0],
+        order=3)
         for t in range(FRAMES)])
 
 

@@ -62,7 +62,8 @@ def test_generalised_least_squares_that_would_take_the_spline_for_noise_are_spok
     pattern = waves(4.5)(0.0, 0.0)
     noise = 0.5 * spline_error(pattern, 5, 0.0)  # a fine pattern under next to no noise
     experiment = SimpleNamespace(
-        stack=SimpleNamespace(frame=lambda k: pattern), quantity="grey", reference=0, noise=SimpleNamespace(std_gv=noise),
+        stack=SimpleNamespace(frame=lambda k: pattern), quantity="grey", reference=0,
+        noise=SimpleNamespace(std_gv=noise),
         options=SimpleNamespace(estimator=estimator, interpolation="quintic", lowpass_px=0.0))
     notes = estimator_notes(experiment, reached)
     assert bool(notes) is told

@@ -1,4 +1,5 @@
-"""Noise that depends on the grey value: the same everywhere after the transform, and seen by an experiment's options."""
+"""Noise that depends on the grey value: the same everywhere after the transform, and seen by an experiment's
+options."""
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ MODEL = NoiseModel(1.0, 0.05)  # GV^2, GV: 1.2 GV in the dark, 3.5 GV in the bri
 
 
 def test_the_transformed_noise_has_one_standard_deviation_at_every_grey_value():
-    """200 000 draws know a standard deviation to 0.16 %; the second order, (slope / 8 s)^2 and so on, is below 0.1 %."""
+    """200 000 draws know a standard deviation to 0.16 %; the second order, (slope / 8 s)^2 and so on, is below 0.1
+    %."""
     rng = np.random.default_rng(1)
     stabiliser = Stabiliser(MODEL, 120.0)
     for grey in (10.0, 60.0, 120.0, 240.0):

@@ -9,7 +9,8 @@ from idic.materials.composed.terms import kinds_of
 
 
 def drawn_terms(rng):
-    """A random composed law: any elasticity and surface, up to two hardening terms and two back stresses, rate, damage."""
+    """A random composed law: any elasticity and surface, up to two hardening terms and two back stresses, rate,
+    damage."""
     surface = str(rng.choice(kinds_of("yield_surface")))
     elastic = [str(rng.choice(kinds_of("elasticity")))]
     nonlinear = [str(k) for k in rng.permutation(kinds_of("nonlinear_elasticity"))[:rng.integers(0, 3)]]
@@ -19,7 +20,8 @@ def drawn_terms(rng):
     back = [str(k) for k in rng.permutation(kinds_of("backstress"))[:rng.integers(0, 3)]]
     rate = [str(k) for k in rng.permutation(kinds_of("rate"))[:rng.integers(0, 2)]]
     damage = ["lemaitre"][:rng.integers(0, 2)]
-    return composed_name([surface, *hardening, *([] if surface == "drucker_prager" else elastic + nonlinear + back + damage),
+    return composed_name([surface, *hardening,
+                          *([] if surface == "drucker_prager" else elastic + nonlinear + back + damage),
                           *rate])
 
 

@@ -1,4 +1,5 @@
-"""The composed law: the older laws are special cases, its terms obey their own equations, and bad combinations are refused."""
+"""The composed law: the older laws are special cases, its terms obey their own equations, and bad combinations are
+refused."""
 
 import pickle
 

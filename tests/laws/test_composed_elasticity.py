@@ -9,7 +9,8 @@ from idic.materials import compile, point
 from idic.materials.composed.elasticity import FIBRE, HAHN_TSAI, ORTHOTROPIC, RAMBERG_OSGOOD, elastic_stress
 
 E1, E2, NU12, G12 = 140e3, 10e3, 0.3, 5e3
-PLY = {"elasticity_E1": E1, "elasticity_E2": E2, "elasticity_nu12": NU12, "elasticity_G12": G12, "elasticity_angle": 0.0}
+PLY = {"elasticity_E1": E1, "elasticity_E2": E2, "elasticity_nu12": NU12, "elasticity_G12": G12,
+       "elasticity_angle": 0.0}
 
 
 @njit
@@ -34,7 +35,8 @@ def test_softening_shear_of_a_ply_and_its_stiff_fibre_follow_their_equations():
     linear = stress(ORTHOTROPIC, terms, strain, [*params[:5], 0.0, 0.0, 2.5, 0.0])[0]
     assert t[0] - linear[0] == pytest.approx(20.0 * E1 * 0.008**2, rel=1e-12)
     np.testing.assert_allclose(t[[1, 2, 4]], linear[[1, 2, 4]])
-    quotient = [(stress(ORTHOTROPIC, terms, strain + h, params)[0] - stress(ORTHOTROPIC, terms, strain - h, params)[0]) / 2e-7
+    quotient = [(stress(ORTHOTROPIC, terms, strain + h, params)[0] - stress(ORTHOTROPIC, terms, strain - h, params)[0])
+                / 2e-7
                 for h in 1e-7 * np.eye(6)]
     np.testing.assert_allclose(D, np.transpose(quotient), atol=1e-7 * E1)  # rounding 1e-16 / 1e-7, truncation less
 

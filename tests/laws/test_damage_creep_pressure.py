@@ -52,7 +52,8 @@ def test_no_work_is_lost_or_won_around_a_closed_path_of_nonlinear_elasticity(rng
         direction = rng.standard_normal((3, 3))
         corners.append(0.01 * (direction + direction.T))
     corners.append(corners[0])
-    strains = np.concatenate([np.linspace(a, b, steps, endpoint=False) for a, b in zip(corners, corners[1:], strict=False)]
+    strains = np.concatenate([np.linspace(a, b, steps, endpoint=False)
+                              for a, b in zip(corners, corners[1:], strict=False)]
                              + [corners[-1][None]])
     P = follow(law, 0, (np.eye(3) + strains)[:, None], np.array([70e3, 0.3, 25.0]))[0][:, 0]
     work = 0.5 * np.einsum("tij,tij->t", P[1:] + P[:-1], np.diff(strains, axis=0))

@@ -25,10 +25,12 @@ def test_the_law_flows_at_the_free_curve_and_never_softens():
     law = compile("elastoplastic(free4)")
     values = [70e3, 0.3, 200.0, LAST, 230.0, 220.0, 260.0]  # the third value is below the second: a plateau
     curve = point.uniaxial(law, values, np.linspace(0.0, 0.15, 40))
-    written = flow_stress(law.spec.name, dict(zip(get_law(law.spec.name).parameter_names, values, strict=True)), curve.state[:, 6])
+    written = flow_stress(law.spec.name, dict(zip(get_law(law.spec.name).parameter_names, values, strict=True)),
+                          curve.state[:, 6])
     np.testing.assert_allclose((curve.P * curve.F)[1:, 0, 0], written[1:], rtol=1e-8)
     assert np.diff(written).min() >= 0.0
-    oracle = point.uniaxial(compile("elastoplastic(free4)", derivative="complex_step"), values, np.linspace(0.0, 0.15, 40))
+    oracle = point.uniaxial(compile("elastoplastic(free4)", derivative="complex_step"), values,
+                            np.linspace(0.0, 0.15, 40))
     np.testing.assert_allclose(curve.dP, oracle.dP, atol=1e-9 * np.abs(oracle.dP).max())
 
 

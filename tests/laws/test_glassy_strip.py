@@ -1,4 +1,5 @@
-"""A polycarbonate strip that necks: the law in hex8 elements, against an independent implementation, with its history."""
+"""A polycarbonate strip that necks: the law in hex8 elements, against an independent implementation, with its
+history."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
-"""Parameters that depend on the temperature: their factors, and a warmed body whose history is differentiated exactly."""
+"""Parameters that depend on the temperature: their factors, and a warmed body whose history is differentiated
+exactly."""
 
 from dataclasses import replace
 
@@ -31,8 +32,10 @@ def model(law, warming, start, grip):
 GRIP = np.array([0.0, 0.004, 0.012, 0.03, 0.05])
 
 
-def pulled(values, warming=WARMING[:, None] + np.zeros(4), start=np.full(4, 20.0), grip=GRIP, directions=()):  # noqa: B008
-    return list(march(model(LAW, warming, start, grip), {"BODY": values}, TIMES, directions, control=Control(tolerance=1e-13)))
+def pulled(values, warming=WARMING[:, None] + np.zeros(4), start=np.full(4, 20.0), grip=GRIP,
+           directions=()):  # noqa: B008
+    return list(march(model(LAW, warming, start, grip), {"BODY": values}, TIMES, directions,
+                      control=Control(tolerance=1e-13)))
 
 
 def test_the_flow_stress_follows_johnson_and_cook_and_the_modulus_falls_linearly():
@@ -70,13 +73,15 @@ def test_a_body_that_is_unloaded_and_warmed_keeps_its_shape():
 
 
 def test_the_history_of_a_warmed_body_is_differentiated_exactly():
-    """By every parameter and by a shift of the temperature, over loading, with a temperature that varies in the body."""
+    """By every parameter and by a shift of the temperature, over loading, with a temperature that varies in the
+    body."""
     start = np.array([20.0, 35.0, 50.0, 25.0])
     warming = WARMING[:, None] * np.array([1.0, 0.8, 1.2, 1.1])
     shift = np.gradient(warming, TIMES, axis=0)
     shift[0] = 0.0
     names = compile(LAW).spec.parameter_names
-    directions = [*(Direction(name, material=(0, i)) for i, name in enumerate(names)), Direction("T", d_temperature=shift)]
+    directions = [*(Direction(name, material=(0, i)) for i, name in enumerate(names)),
+                  Direction("T", d_temperature=shift)]
     exact = pulled(VALUES, warming, start, directions=directions)[-1]
     for k in range(len(directions)):
         step = 1e-5 * (abs(VALUES[k]) if k < len(names) else 1.0)

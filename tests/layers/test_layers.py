@@ -63,7 +63,8 @@ def modules():
 
 
 MODULES = dict(modules())
-every_module = pytest.mark.parametrize("name, file", [pytest.param(*module, id=module[0]) for module in MODULES.items()])
+every_module = pytest.mark.parametrize("name, file",
+                                       [pytest.param(*module, id=module[0]) for module in MODULES.items()])
 
 
 @cache
@@ -157,7 +158,8 @@ def test_a_folder_is_small_enough_to_be_taken_in():
 
 def test_the_product_does_not_know_of_its_validation():
     product = [name for name in MODULES if not name.startswith(("idic.validation", "idic.cli", "idic_flows"))]
-    assert not [name for name in product if any(other.startswith("idic.validation") for other in own_imports(name, MODULES[name]))]
+    assert not [name for name in product
+                if any(other.startswith("idic.validation") for other in own_imports(name, MODULES[name]))]
 
 
 def test_the_rules_find_an_offender():

@@ -77,4 +77,5 @@ def recorded() -> Recorded:
     sensor, rng = Sensor(SHAPE, noise_std=NOISE, background=25.0), np.random.default_rng(50)
     images = [record(clean_image(u, mesh.nodes, mesh.blocks, camera, texture, sensor), sensor, rng) for u, _ in states]
     force = np.array([f for _, f in states]) + FORCE_NOISE * rng.standard_normal(len(states))
-    return Recorded(np.stack(images), {"force_N": force, "grip_mm": GRIP}, as_meshio(users_mesh()), sensor.total_noise_std)
+    return Recorded(np.stack(images), {"force_N": force, "grip_mm": GRIP}, as_meshio(users_mesh()),
+                    sensor.total_noise_std)

@@ -55,13 +55,16 @@ def test_paths_and_tables_of_other_packages_say_the_same_as_arrays(tmp_path):
     frame = pandas.DataFrame(data.loads)
     frame.to_csv(tmp_path / "log.csv", index=False)
     meshio.write(tmp_path / "mesh.vtu", meshio.Mesh(data.mesh.points, data.mesh.cells, point_data={
-        name: np.isin(np.arange(len(data.mesh.points)), ids).astype(int) for name, ids in data.mesh.point_sets.items()}))
+        name: np.isin(np.arange(len(data.mesh.points)), ids).astype(int)
+        for name, ids in data.mesh.point_sets.items()}))
     for changes in ({"images": tmp_path / "images"}, {"images": str(tmp_path / "images" / "*.tif")},
                     {"images": [tmp_path / "images" / f"f{k}.tif" for k in range(4)]}, {"images": list(data.images)},
                     {"loads": frame}, {"loads": tmp_path / "log.csv"}, {"mesh": arrays.users_mesh()}):
         assert without_words(made(**changes).record) == expected, changes
-    renamed = made(loads=frame.rename(columns={"force_N": "force"}).assign(force=lambda t: t.force / 1e3), units={"force": "kN"},
-                   channels=[{"column": "force", "simulated": {"reaction": "RIGHT", "component": "x"}, "noise_std": 5e-3}])
+    renamed = made(loads=frame.rename(columns={"force_N": "force"}).assign(force=lambda t: t.force / 1e3),
+                   units={"force": "kN"},
+                   channels=[{"column": "force", "simulated": {"reaction": "RIGHT", "component": "x"},
+                              "noise_std": 5e-3}])
     np.testing.assert_allclose(renamed.record.channels[0].values, data.loads["force_N"], rtol=1e-12)
     elements = made(mesh=tmp_path / "mesh.vtu").record.mesh
     assert elements.n_elements == made().record.mesh.n_elements

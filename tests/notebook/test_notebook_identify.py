@@ -49,7 +49,8 @@ def test_the_truth_lies_within_four_standard_deviations(in_memory):
     for name, truth in arrays.TRUTH.items():
         estimate = in_memory.parameters[name]
         assert 0.0 < estimate.std < 0.05 * truth and abs(estimate.value - truth) < 4.0 * estimate.std
-        assert estimate.ci95 == pytest.approx((estimate.value - 1.96 * estimate.std, estimate.value + 1.96 * estimate.std))
+        assert estimate.ci95 == pytest.approx((estimate.value - 1.96 * estimate.std,
+                                               estimate.value + 1.96 * estimate.std))
     assert in_memory.parameters["sheet.E"].unit == "MPa" and in_memory.parameters["sheet.E"].start == 60e3
     assert in_memory["residual"]["image_chi2_dof"] == pytest.approx(1.0, abs=0.03)  # 8000 pixels in 3 frames: 0.01
     assert [frame["status"] for frame in in_memory["frames"]] == ["ok"] * 4
@@ -137,8 +138,10 @@ def test_a_simulation_that_fails_is_told_and_has_no_fields(experiment):
     loads = arrays.recorded().loads | {"grip_mm": -30.0 * np.arange(4)}
     law = {"law": "neo_hookean", "C10": {"value": 1.0, "unit": "MPa", "identify": True}, "kappa": 10.0}
     coarse = {"roi_px": [10, 10, 120, 85], "element_px": 40}
-    result = idic.identify(idic.Experiment(**arrays.recorded().tables(mesh=coarse, loads=loads, materials={"sheet": law})))
-    assert result.status == "forward_failed" and "no equilibrium" in repr(result) and "no equilibrium" in result._repr_html_()
+    result = idic.identify(idic.Experiment(**arrays.recorded().tables(mesh=coarse, loads=loads,
+                                                                      materials={"sheet": law})))
+    assert result.status == "forward_failed" and "no equilibrium" in repr(result)
+    assert "no equilibrium" in result._repr_html_()
     assert result.determined == () and result.parameters["sheet.C10"].std is None
     tables = (result.to_xarray,) if find_spec("xarray") else ()
     for show in (result.plot.residual, result.plot.channels, lambda: result.fields.u(-1), *tables):
@@ -172,7 +175,8 @@ def test_two_cameras_give_the_same_bits_in_memory_and_in_a_run(tmp_path):
     here, there = idic.identify(experiment), idic.identify(experiment, tmp_path / "run")
     assert set(here["cameras"]) == {"camera", "behind"}
     saved = tmp_path / "run" / "experiment-from-python"
-    assert (saved / "images" / "frame_000.tif").resolve() == (folder / "images" / "frame_000.tif").resolve()  # no second copy
+    # no second copy
+    assert (saved / "images" / "frame_000.tif").resolve() == (folder / "images" / "frame_000.tif").resolve()
     for key in ("cameras", "parameters", "correlation", "noise", "discrepancy"):
         assert here[key] == there[key]
     assert here["residual"].items() <= there["residual"].items()  # a run also looks for clusters

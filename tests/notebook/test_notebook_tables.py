@@ -28,7 +28,8 @@ def test_the_strain_of_a_uniform_deformation_is_green_lagrange_with_rotation_lef
     turn, stretch = np.eye(d), np.eye(d) + 0.01 * np.arange(d * d).reshape(d, d)
     stretch = (stretch + stretch.T) / 2
     turn[:2, :2] = [[0.8, -0.6], [0.6, 0.8]]
-    found = strains(make_mesh(nodes, [(cell, np.arange(len(nodes))[None])]), (nodes @ (turn @ stretch - np.eye(d)).T)[None])
+    found = strains(make_mesh(nodes, [(cell, np.arange(len(nodes))[None])]),
+                    (nodes @ (turn @ stretch - np.eye(d)).T)[None])
     E = (stretch @ stretch - np.eye(d)) / 2
     expected = [E[0, 0], E[1, 1], E[0, 1]] if d == 2 else [E[0, 0], E[1, 1], E[2, 2], E[1, 2], E[0, 2], E[0, 1]]
     np.testing.assert_allclose(found[0], np.tile(expected, (len(nodes), 1)), atol=1e-13)
@@ -39,7 +40,8 @@ def test_the_dataset_has_the_fields_with_coordinates_and_units(result, tmp_path)
     data = result.to_xarray()
     assert dict(data.sizes) == {"frame": 4, "node": 796, "component": 2, "strain_component": 3, "channel": 1, "row": 95,
                                 "column": 135}
-    assert data.u.units == "mm" and data.strain.units == "1" and data.residual.units == "grey values" and data.x.units == "mm"
+    assert data.u.units == "mm" and data.strain.units == "1" and data.residual.units == "grey values"
+    assert data.x.units == "mm"
     assert data.channel.values.tolist() == ["force_N"] and data.channel_units.values.tolist() == ["N"]
     right = data.u.where(data.x > 0.5 * arrays.LENGTH - 1e-6, drop=True).sel(component="x")
     np.testing.assert_allclose(right, np.tile(arrays.GRIP[:, None], (1, right.sizes["node"])), atol=1e-12)  # prescribed
@@ -60,7 +62,8 @@ def test_strain_of_any_measure_simulated_and_measured(result):
     simulated = {m: result.strain(3, m) for m in ("green_lagrange", "hencky", "small")}
     assert simulated["hencky"].shape == (796, 2, 2)
     # strains of a percent: the measures differ by half its square, and by the square of the rotation
-    assert np.allclose(simulated["green_lagrange"], simulated["hencky"], atol=2.0 * np.abs(simulated["hencky"]).max() ** 2)
+    assert np.allclose(simulated["green_lagrange"], simulated["hencky"],
+                       atol=2.0 * np.abs(simulated["hencky"]).max() ** 2)
     assert np.allclose(result.strain(3, angle_deg=90.0)[:, 0, 0], simulated["green_lagrange"][:, 1, 1])
     measured = result.strain(-1, "hencky", source="measured")
     length = result.fields.experiment.mesh.nodes[:, 0]

@@ -1,4 +1,5 @@
-"""Modules that are named in words, where no import shows them: commands of the docs and preloads of the workers exist."""
+"""Modules that are named in words, where no import shows them: commands of the docs and preloads of the workers
+exist."""
 
 from __future__ import annotations
 

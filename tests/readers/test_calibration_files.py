@@ -1,4 +1,5 @@
-"""Calibration files of five systems, written here by hand, are one and the same rig; what a file leaves open is asked."""
+"""Calibration files of five systems, written here by hand, are one and the same rig; what a file leaves open is
+asked."""
 
 import io
 import json
@@ -64,7 +65,8 @@ def matchid(truth=TRUTH, order="xyz"):
     for n, c in enumerate(truth):
         lines += [f"Cam{n}_Fx [pixels]; {c.fx!r}", f"Cam{n}_Fy [pixels]; {c.fy!r}", f"Cam{n}_Fs [pixels];{c.skew!r}"]
         lines += [f"Cam{n}_Kappa {i};{getattr(c, f'k{i}')!r}" for i in (1, 2, 3)]
-        lines += [f"Cam{n}_P1;{c.p1!r}", f"Cam{n}_P2;{c.p2!r}", f"Cam{n}_Cx [pixels];{c.cx!r}", f"Cam{n}_Cy [pixels];{c.cy!r}"]
+        lines += [f"Cam{n}_P1;{c.p1!r}", f"Cam{n}_P2;{c.p2!r}", f"Cam{n}_Cx [pixels];{c.cx!r}",
+                  f"Cam{n}_Cy [pixels];{c.cy!r}"]
     lines += [f"T{a} [mm];{v!r}" for a, v in zip("xyz", truth[1].translation_mm.tolist(), strict=True)]
     turned = angles(truth[1].rotation, order).tolist()
     lines += [f"{name} [deg];{v!r}" for name, v in zip(("Theta", "Phi", "Psi"), turned, strict=True)]
@@ -78,7 +80,8 @@ def pyvale(truth=TRUTH):
                   (("fx", c.fx), ("fy", c.fy), ("fs", c.skew), ("cx", c.cx), ("cy", c.cy))]
         lines += [f"cam{n}_{name},{getattr(c, name)!r}" for name in ("k1", "k2", "p1", "p2", "k3")]
     lines += [f"t{a}_mm,{v!r}" for a, v in zip("xyz", truth[1].translation_mm.tolist(), strict=True)]
-    lines += [f"{name}_deg,{v!r}" for name, v in zip(("theta", "phi", "psi"), angles(truth[1].rotation).tolist(), strict=True)]
+    lines += [f"{name}_deg,{v!r}"
+              for name, v in zip(("theta", "phi", "psi"), angles(truth[1].rotation).tolist(), strict=True)]
     return "\r\n".join(lines) + "\r\n"
 
 
@@ -213,8 +216,10 @@ def test_the_order_of_the_angles_is_the_users_to_say(tmp_path):
     ("rational.xml", lambda: dice_xml(K4=0.1), "K4"),
     ("mirrored.json", lambda: json.dumps({"camera_matrix": [[1000, 0, 5], [0, -1000, 5], [0, 0, 1]]}), "fy"),
     ("alone.json", lambda: json.dumps({n: v.tolist() for n, v in opencv_values().items() if n not in "RT"}), "pose"),
-    ("huge.json", lambda: json.dumps({"K": [[900, 0, 640], [0, 900, 400], [0, 0, 1]], "dist": [250.0, 0, 0, 0, 0]}), "larger"),
-    ("fisheye.json", lambda: json.dumps({"K": [[900, 0, 640], [0, 900, 400], [0, 0, 1]], "D": [0] * 7 + [0.2]}), "distortion"),
+    ("huge.json", lambda: json.dumps({"K": [[900, 0, 640], [0, 900, 400], [0, 0, 1]], "dist": [250.0, 0, 0, 0, 0]}),
+     "larger"),
+    ("fisheye.json", lambda: json.dumps({"K": [[900, 0, 640], [0, 900, 400], [0, 0, 1]], "D": [0] * 7 + [0.2]}),
+     "distortion"),
     ("oblique.json", lambda: json.dumps({"K": [[900, 90, 640], [0, 900, 400], [0, 0, 1]]}), "oblique"),
     ("cut.caldat", lambda: "\n".join(matchid().splitlines()[:-1]), "psi"),
     ("rubbish.txt", lambda: "hello", "format"),
@@ -222,7 +227,8 @@ def test_the_order_of_the_angles_is_the_users_to_say(tmp_path):
     ("broken.json", lambda: '{"K1": [[1,', "readable"),
     ("strange.json", lambda: json.dumps({"picture": 3}), "camera matrix"),
     ("numbers.txt", lambda: "1 2 3", "3 values"),
-    ("noproject.xml", lambda: '<project><camera id="1">1 2 3<orientation>1</orientation></camera></project>', "camera 1"),
+    ("noproject.xml", lambda: '<project><camera id="1">1 2 3<orientation>1</orientation></camera></project>',
+     "camera 1"),
     ("words.caldat", lambda: matchid().replace("Cam0_P1;0.0", "Cam0_P1;none"), "P1"),
 ])
 def test_what_is_no_calibration_of_a_pinhole_says_so(tmp_path, name, change, words):

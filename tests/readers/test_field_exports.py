@@ -37,7 +37,8 @@ def aramis(folder, k: int, force: float | None = 10.0, comma: bool = False, ids=
     lines += ["# Name : Flächenkomponente 1", "id;x;y;z",
               *(f"{i};{x:.6f};{y:.6f};{h:.6f}" for i, (x, y), h in zip(ids, points, z, strict=True))]
     text = "\n".join(lines)
-    (folder / f"Flächenkomponente 1_{k:04d}.csv").write_text(text.replace(".", ",") if comma else text, encoding="utf-8")
+    (folder / f"Flächenkomponente 1_{k:04d}.csv").write_text(text.replace(".", ",") if comma else text,
+                                                             encoding="utf-8")
 
 
 def opened(folder, pattern: str = "*", **how) -> FieldStack:
@@ -76,7 +77,8 @@ def columns(header: str, k: int, order=("x", "y", "u", "v"), separator: str = ",
 
 
 @pytest.mark.parametrize("name, suffix, header, how", [
-    ("vic", ".csv", '"X", "Y", "Z", "U", "V", "W", "sigma", "x", "y"', {"order": "xy0uv0", "more": lambda i: (0.01, 7, 8)}),
+    ("vic", ".csv", '"X", "Y", "Z", "U", "V", "W", "sigma", "x", "y"',
+     {"order": "xy0uv0", "more": lambda i: (0.01, 7, 8)}),
     ("matchid", ".csv", "coor.X [mm];coor.Y [mm];disp.Horizontal Displacement U [mm];disp.Vertical Displacement V [mm]",
      {"separator": ";"}),
     ("dice", ".txt", "SUBSET_ID,COORDINATE_X,COORDINATE_Y,DISPLACEMENT_X,DISPLACEMENT_Y,SIGMA", None),
@@ -163,9 +165,12 @@ def ncorr_hdf5(path, n: int = 2, formatted: bool = True, kind: str = "regular", 
         stored(info, "spacing", np.array([[3.0]]))
         text = {"type": kind, "units": "mm"} if formatted else {"type": kind}
         for name, word in text.items():
-            stored(info, name, np.array([[ord(letter)] for letter in word], dtype=np.uint16), MATLAB_class=np.bytes_("char"))
-        stored(info, "pixtounits", *([np.array([[0.05]])] if formatted else [empty]), **({} if formatted else {"MATLAB_empty": 1}))
-        info.create_dataset("imgcorr/idx_ref", data=np.array([[stored(refs, f"s{k}", np.array([[0.0]]))] for k in range(steps)],
+            stored(info, name, np.array([[ord(letter)] for letter in word], dtype=np.uint16),
+                   MATLAB_class=np.bytes_("char"))
+        stored(info, "pixtounits", *([np.array([[0.05]])] if formatted else [empty]),
+               **({} if formatted else {"MATLAB_empty": 1}))
+        info.create_dataset("imgcorr/idx_ref",
+                            data=np.array([[stored(refs, f"s{k}", np.array([[0.0]]))] for k in range(steps)],
                                                              dtype=h5py.ref_dtype))
         for component, letter in enumerate("uv"):
             for field, factor in (("dic", 1.0), ("ref_formatted", 0.05)):
@@ -249,7 +254,8 @@ def test_a_tilted_surface_is_laid_into_its_plane(tmp_path):
     for k in range(2):
         here = np.column_stack([GRID + displaced(k), np.zeros(len(GRID))]) @ turn.T
         rows = [f"{i};{x:.7f};{y:.7f};{z:.7f}" for i, (x, y, z) in enumerate(here)]
-        head = ["# Units: length:mm time:s", "# Stage: 1", "stage;index;relative_time;date", f'"1";1;{k};"now"', "# Name : A"]
+        head = ["# Units: length:mm time:s", "# Stage: 1", "stage;index;relative_time;date", f'"1";1;{k};"now"',
+                "# Name : A"]
         (tmp_path / f"{k}.csv").write_text("\n".join([*head, "id;x;y;z", *rows]))
     stack = opened(tmp_path)
     np.testing.assert_allclose(np.ptp(stack.points.positions, axis=0), np.ptp(GRID, axis=0), rtol=1e-6)
@@ -284,7 +290,8 @@ def _another_specimen(folder):
     aramis(folder, 1)
     path = folder / "Flächenkomponente 1_0001.csv"
     lines = path.read_text(encoding="utf-8").splitlines()
-    path.write_text("\n".join(line if not line[:1].isdigit() or line.count(";") != 3 else f"{int(line.split(';')[0]) + 500};"
+    path.write_text("\n".join(line if not line[:1].isdigit() or line.count(";") != 3
+                              else f"{int(line.split(';')[0]) + 500};"
                               + line.split(";", 1)[1] for line in lines), encoding="utf-8")
 
 
@@ -330,7 +337,8 @@ def _another_specimen_of_the_same_numbers(folder):
     path = folder / "Flächenkomponente 1_0001.csv"
     lines = path.read_text(encoding="utf-8").splitlines()
     first = lines.index("id;x;y;z") + 1
-    path.write_text("\n".join([*lines[:first], *(f"{i};{line.split(';', 1)[1]}" for i, line in enumerate(lines[first:]))]),
+    path.write_text("\n".join([*lines[:first],
+                               *(f"{i};{line.split(';', 1)[1]}" for i, line in enumerate(lines[first:]))]),
                     encoding="utf-8")
 
 
@@ -339,15 +347,18 @@ def _empty(folder):
 
 
 def _no_points(folder):
-    (folder / "Flächenkomponente 1_0001.csv").write_text("# Units: length:mm\n# Stage: 1\nstage;index;relative_time;date\n")
+    (folder
+     / "Flächenkomponente 1_0001.csv").write_text("# Units: length:mm\n# Stage: 1\nstage;index;relative_time;date\n")
 
 
 @pytest.mark.parametrize("spoil, message", [
     (_half_written, "another number of cells"), (_twice, "a point occurs twice"),
     (_without_force, "missing in some stages"), (_another_specimen, "other points than the reference"),
-    (_other_unit, "another unit"), (_other_unit_of_force, "changes its unit"), (_more_columns, "another number of cells"),
+    (_other_unit, "another unit"), (_other_unit_of_force, "changes its unit"),
+    (_more_columns, "another number of cells"),
     (_far_away, "far from those of the reference"), (_no_points, "without points"), (_empty, "a stage is empty"),
-    (_a_further_column, "other columns than the first"), (_half_written_at_the_end_of_a_row, "ends before its last points"),
+    (_a_further_column, "other columns than the first"),
+    (_half_written_at_the_end_of_a_row, "ends before its last points"),
     (_another_specimen_of_the_same_numbers, "of another specimen"),
 ])
 def test_a_bad_stage_is_refused_with_its_name(tmp_path, spoil, message):

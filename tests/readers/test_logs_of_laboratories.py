@@ -1,4 +1,5 @@
-"""Logs as machines and spreadsheets export them are read as the numbers that stand there; what may be misread is refused."""
+"""Logs as machines and spreadsheets export them are read as the numbers that stand there; what may be misread is
+refused."""
 
 from __future__ import annotations
 

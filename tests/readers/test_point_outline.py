@@ -65,11 +65,13 @@ def test_the_gauge_of_a_waisted_specimen_is_not_turned_by_its_fillets():
     middle = [[20.0 + side * 6.0] for side in (-1, 1)]
     following = np.roll(found.outline, -1, axis=0)
     crossing = (found.outline[:, 1] - 50.0) * (following[:, 1] - 50.0) < 0
-    np.testing.assert_allclose(np.sort(found.outline[crossing, 0]), np.sort(following[crossing, 0]), atol=1e-6)  # upright
+    # upright
+    np.testing.assert_allclose(np.sort(found.outline[crossing, 0]), np.sort(following[crossing, 0]), atol=1e-6)
     np.testing.assert_allclose(np.sort(found.outline[crossing, 0])[:, None], middle, atol=PITCH)
     exact = 2 * (25 * 6 * 2 + 2 * np.trapezoid(half_width(np.linspace(25, 50, 2001)), np.linspace(25, 50, 2001)))
     perimeter = np.hypot(*(following - found.outline).T).sum()
-    assert abs(area(found.outline) - exact) < 0.5 * PITCH * perimeter  # the grid ends within a distance before the edges
+    # the grid ends within a distance before the edges
+    assert abs(area(found.outline) - exact) < 0.5 * PITCH * perimeter
 
 
 def half_width(off: np.ndarray) -> np.ndarray:

@@ -36,7 +36,8 @@ def test_a_file_of_quadratic_bricks_is_read(suffix, tmp_path):
     if suffix == "inp":
         file.write_text(inp(mesh))
     else:
-        meshio.Mesh(mesh.nodes, [("hexahedron20", mesh.blocks[0].connectivity)]).write(file, "gmsh" if suffix == "msh" else "vtu")
+        meshio.Mesh(mesh.nodes,
+                    [("hexahedron20", mesh.blocks[0].connectivity)]).write(file, "gmsh" if suffix == "msh" else "vtu")
     found, _ = to_mesh(read_mesh_file(file), 3, 1.0)
     assert found.blocks[0].cell == "hex20" and found.n_elements == 2
     assert np.allclose(found.nodes[found.blocks[0].connectivity], mesh.nodes[mesh.blocks[0].connectivity])

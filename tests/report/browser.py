@@ -110,8 +110,10 @@ async def _look(port: int, page: Path, width: int, height: int, whole: bool, scr
     found = json.loads(await value(WIDE))
     shot = base64.b64decode((await ask("Page.captureScreenshot", captureBeyondViewport=whole))["data"])
     if part:
-        box = json.loads(await value(f"""(() => {{ const b = document.querySelector({json.dumps(part)}).getBoundingClientRect();
-          return JSON.stringify({{x: b.x + scrollX, y: b.y + scrollY, width: b.width, height: b.height, scale: 1}}); }})()"""))
+        box = json.loads(await value(f"""(() => {{
+          const b = document.querySelector({json.dumps(part)}).getBoundingClientRect();
+          return JSON.stringify({{x: b.x + scrollX, y: b.y + scrollY, width: b.width, height: b.height,
+                                  scale: 1}}); }})()"""))
         shot = base64.b64decode((await ask("Page.captureScreenshot", captureBeyondViewport=True, clip=box))["data"])
     elif whole:
         size = (await ask("Page.getLayoutMetrics"))["cssContentSize"]

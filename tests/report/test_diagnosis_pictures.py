@@ -22,7 +22,8 @@ def record(columns, rows, side="bulk"):
     shares = {"camera": 0.9, "boundary": 0.1, "camera+boundary": 0.9, "bulk": 1.0}
     return WhereRecord(
         reference=np.full((40 * rows, 40 * columns), 100.0), outlines=outlines, statistic=np.where(last, 900.0, 1.0),
-        p=np.where(last, 1e-6, 1.0), source_elements=np.flatnonzero(last), since=np.where(last, 3.0, np.nan), blind=none,
+        p=np.where(last, 1e-6, 1.0), source_elements=np.flatnonzero(last), since=np.where(last, 3.0, np.nan),
+        blind=none,
         times=np.arange(5.0), time_label="frame", amplitude=np.arange(5.0), std=np.ones(5), load=None, load_label="",
         onset=3.0, interval=(2.0, 4.0), shares=shares, excess=shares, side=side, words={},
         since_active=np.where(last, 3, -1))

@@ -9,7 +9,8 @@ def content(verdict="multiple"):
     """A spot, found first, and a gradient on top; the list of candidates keeps the last of the two."""
     stiffness, slope = "BODY.inclusion.stiffness", "BODY.gradient.along_x"
     rounds = [{"winner": "heterogeneity", "form": "inclusion", "new": [stiffness]},
-              {"winner": "heterogeneity", "form": "gradient", "new": [slope]}, {"winner": None, "form": None, "new": []}]
+              {"winner": "heterogeneity", "form": "gradient", "new": [slope]},
+              {"winner": None, "form": None, "new": []}]
     after = {stiffness: {"value": 0.5, "std": 0.1, "unit": ""}, slope: {"value": 0.2, "std": 0.01, "unit": ""}}
     return {"verdict": verdict, "named": ["heterogeneity", "heterogeneity"], "indistinguishable": [], "rounds": rounds,
             "candidates": [{"name": "heterogeneity", "form": "gradient"}], "fit": {"explainable_share_recovered": 0.8},
@@ -29,7 +30,8 @@ def test_a_camera_that_moves_is_told_in_a_line_and_not_frame_by_frame():
     after = {f"camera.{axis}_at[{k}]": {"value": value, "std": 0.002, "unit": "px"}
              for axis, values in shifts.items() for k, value in enumerate(values, start=1)}
     after |= {f"camera.turn_at[{k}]": {"value": 0.0, "std": None, "unit": "deg"} for k in range(1, 5)}
-    said = content("single") | {"named": ["camera_motion"], "model": {"parameters_before": {}, "parameters_after": after},
+    said = content("single") | {"named": ["camera_motion"],
+                                "model": {"parameters_before": {}, "parameters_after": after},
                                 "rounds": [{"winner": "camera_motion", "form": None, "new": [
                                     f"camera.{axis}_at[{k}]" for k in (1, 4) for axis in ("col", "row", "turn")]}]}
     text = sentence(said, {"camera_motion": "camera motion"})

@@ -102,7 +102,8 @@ def test_an_identification_takes_what_was_expected(folder, tmp_path):
     change(folder, "experiment.toml", ELASTIC, ELASTOPLASTIC)
     change(folder, "experiment.toml", 'mesh = "mesh.inp"\nmesh_unit = "mm"',
            "mesh = { roi_px = [8, 8, 48, 40], element_px = 0.6 }")
-    (folder / "experiment.toml").write_text((folder / "experiment.toml").read_text() + "[options]\nmax_iterations = 2\n")
+    (folder / "experiment.toml").write_text((folder / "experiment.toml").read_text()
+                                            + "[options]\nmax_iterations = 2\n")
     expected = expected_cost(load_experiment(folder, {"options.element_order": "auto"}))
     subprocess.run([sys.executable, "-c", "import sys; from idic import identify_experiment; "
                     "identify_experiment(*sys.argv[1:])", str(folder), str(tmp_path / "run")], check=True)

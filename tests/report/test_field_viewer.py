@@ -30,7 +30,8 @@ def record():
     surface = Surface(make_mesh(nodes, [("quad4", made.cells[0][1])]), np.arange(len(nodes)))
     x, y = nodes.T
     share = np.linspace(0.0, 1.0, 20)[:, None]
-    u = np.stack([share * 0.2 * np.tanh(x / 3.0) + 0.03 * share * y, -0.06 * share * y * np.exp(-(x / 3.0) ** 2)], axis=-1)
+    u = np.stack([share * 0.2 * np.tanh(x / 3.0) + 0.03 * share * y, -0.06 * share * y * np.exp(-(x / 3.0) ** 2)],
+                 axis=-1)
     rng = np.random.default_rng(3)
     noise = 1e-3 * rng.standard_normal((8, len(nodes), 2))
     measured = u + 1e-3 * rng.standard_normal(u.shape)
@@ -49,7 +50,8 @@ def page(record, tmp_path_factory):
 
 
 ASKED = [("strain.xx", "green_lagrange", 0.0), ("strain.xy", "hencky", 30.0), ("strain.1", "hencky", 0.0),
-         ("strain.max_shear", "small", 0.0), ("stress.yy", "green_lagrange", 30.0), ("stress.von_mises", "green_lagrange", 0.0)]
+         ("strain.max_shear", "small", 0.0), ("stress.yy", "green_lagrange", 30.0),
+         ("stress.von_mises", "green_lagrange", 0.0)]
 
 
 @needs_browser

@@ -78,7 +78,8 @@ def test_two_frames_have_an_axis_of_two_frames(drawn):
     result["frames"] = result["frames"][:2]
     data = make_record().channels[0]
     two = replace(data, measured=data.measured[:2], simulated=data.simulated[:2], started=data.started[:2])
-    record = make_record(result=result, times=np.array([0.0, 1.0]), time_label="frame", rms_before=np.array([np.nan, 9.0]),
+    record = make_record(result=result, times=np.array([0.0, 1.0]), time_label="frame",
+                         rms_before=np.array([np.nan, 9.0]),
                          rms_after=np.array([np.nan, 3.4]), channels=(two,))
     charts.residual_level(record)
     charts.channel(record, two)
@@ -118,7 +119,8 @@ def test_what_is_wider_than_the_screen_says_so(tmp_path):
     count = '[...document.querySelectorAll(".hint")].filter(p => p.offsetHeight > 0).length'
     wide = ('[...document.querySelectorAll(".scroll, figure > .card")].filter(e => e.offsetHeight > 0 && '
             'e.scrollWidth > e.clientWidth + 2).length')
-    phone, desk = (look_at(file, width, whole=False, script=f"JSON.stringify([{count}, {wide}])") for width in (390, 1440))
+    phone, desk = (look_at(file, width, whole=False, script=f"JSON.stringify([{count}, {wide}])")
+                   for width in (390, 1440))
     hints, boxes = map(int, phone.value.strip("[]").split(","))
     assert hints == boxes > 3 and phone.overflow <= 0
     assert desk.value == "[0,0]"
@@ -126,15 +128,18 @@ def test_what_is_wider_than_the_screen_says_so(tmp_path):
 
 @needs_browser
 def test_the_table_of_candidates_is_whole_at_1200_px(tmp_path):
-    candidate = {"title": "plastic hardening with curvature (saturation)", "name": "hardening_curvature", "label": "a label",
+    candidate = {"title": "plastic hardening with curvature (saturation)", "name": "hardening_curvature",
+                 "label": "a label",
                  "family": "plasticity", "score": "10.4", "p": "1e-12", "effect": "0.012", "visibility": "0.42",
                  "predicted": "1.23e+04", "achieved": "1.19e+04", "heldout": "4.1e+03 of 5.2e+03",
                  "standing": "significant, below the practical margin"}
-    page = filled_in("diagnosis.html.j2", title="t", first="One candidate selected.", rest=[], facts=[], sure=True, left_over=None, not_excluded=[], detail="", cautions=(),
+    page = filled_in("diagnosis.html.j2", title="t", first="One candidate selected.", rest=[], facts=[], sure=True,
+                     left_over=None, not_excluded=[], detail="", cautions=(),
                      sections=(), parameters=[], candidates=[candidate] * 5, excluded=[], cannot_tell=[], costs=[])
     file = tmp_path / "diagnosis.html"
     file.write_text(page, encoding="utf-8")
-    script = '(() => { const t = document.querySelector("table.many"); return t.scrollWidth - t.parentNode.clientWidth; })()'
+    script = ('(() => { const t = document.querySelector("table.many"); return t.scrollWidth - '
+              't.parentNode.clientWidth; })()')
     assert look_at(file, 1200, whole=False, script=script).value <= 0
 
 

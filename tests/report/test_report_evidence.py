@@ -1,4 +1,5 @@
-"""The evidence of a report of a real run: curves, noise floors, free FE-DIC and facts against what theory says of them."""
+"""The evidence of a report of a real run: curves, noise floors, free FE-DIC and facts against what theory says of
+them."""
 
 from __future__ import annotations
 
@@ -147,6 +148,7 @@ def test_a_free_hardening_curve_is_drawn_with_its_band_and_the_nearest_forms():
 
     p = knots(0.1, 8)
     stress, covariance = 200.0 + 120.0 * (1.0 - np.exp(-15.0 * p)), 0.25 * np.eye(8)
-    curve = HardeningCurve("sheet", p, stress, 0.5 * np.ones(8), p, 0.1, classical_fits(p, stress, covariance, range(8)))
+    curve = HardeningCurve("sheet", p, stress, 0.5 * np.ones(8), p, 0.1,
+                           classical_fits(p, stress, covariance, range(8)))
     picture = hardening_curve(RunRecord(title="", result={"parameters": {}}), curve)
     assert "voce: yield_stress + Q (1 - exp(-b p)), yield_stress = 200 MPa, Q = 120 MPa, b = 15" in picture.caption

@@ -303,7 +303,8 @@ def test_the_tables_hold_the_same_numbers(record):
     rows = found["parameters.csv"].splitlines()
     assert rows[0].startswith("name,unit,start,value,std") and rows[1].startswith("sheet.E,MPa,60000,70012.3,55.1")
     assert len(found["frames.csv"].splitlines()) == 21
-    for record_of, second in ((record, "time_[s]"), (replace(record, time_label="frame"), "label")):  # frame numbers stand once
+    # frame numbers stand once
+    for record_of, second in ((record, "time_[s]"), (replace(record, time_label="frame"), "label")):
         header = tables.frames(record_of).splitlines()[0].split(",")
         assert header[:2] == ["frame", second] and len(set(header)) == len(header)
     assert len(found["iterations.csv"].splitlines()) == 1 + len(record.history)

@@ -138,7 +138,8 @@ def test_a_flow_of_ones_own_calls_idic_and_a_run_pauses_between_the_stages_of_it
     """On the server of the flow that calls. Resumed, the run has the bits of one that did not pause."""
     write_example("demo", tmp_path / "experiment", reduced=True)
     file = tmp_path / "experiment" / "experiment.toml"
-    file.write_text(file.read_text() + '\n[[stage]]\nfree = ["sheet.E", "sheet.nu"]\nmax_iterations = 2\n[[stage]]\nfree = "all"\n')
+    file.write_text(file.read_text()
+                    + '\n[[stage]]\nfree = ["sheet.E", "sheet.nu"]\nmax_iterations = 2\n[[stage]]\nfree = "all"\n')
 
     @prefect.flow(name="laboratory", persist_result=False)
     def laboratory(pause_after):
@@ -149,7 +150,8 @@ def test_a_flow_of_ones_own_calls_idic_and_a_run_pauses_between_the_stages_of_it
         paused = laboratory(1)
         resumed = laboratory(1)
         shown = shown_by(server, "flow_runs")
-    whole = idic.identify_experiment(tmp_path / "experiment", tmp_path / "whole", overrides={"options.max_iterations": 4})
+    whole = idic.identify_experiment(tmp_path / "experiment", tmp_path / "whole",
+                                     overrides={"options.max_iterations": 4})
     assert paused["status"] == "interrupted" and paused["paused_after_stage"] == 1
     assert {entry["stage"] for entry in paused["history"]} == {0}
     assert "paused_after_stage" not in resumed

@@ -68,7 +68,8 @@ def test_an_identification_obeys_no_file_of_the_working_folder(hostile_folder, t
 
 def test_relative_paths_of_the_environment_begin_where_the_user_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    environment = {"IDIC_LAWS": os.pathsep.join(["mine.py", "/far/theirs.py"]), "MPLCONFIGDIR": "settings", "PATH": "bin"}
+    environment = {"IDIC_LAWS": os.pathsep.join(["mine.py", "/far/theirs.py"]), "MPLCONFIGDIR": "settings",
+                   "PATH": "bin"}
     with in_empty_folder(environment) as began:
         assert began == tmp_path and not list(Path.cwd().iterdir())
     assert Path.cwd() == tmp_path

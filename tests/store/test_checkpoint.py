@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.store.checkpoint import copy_of, remove_checkpoint, restore_checkpoint, from_hex, load_checkpoint, save_checkpoint, to_hex
+from idic.store.checkpoint import (
+    copy_of, remove_checkpoint, restore_checkpoint, from_hex, load_checkpoint, save_checkpoint, to_hex,
+)
 
 SCHEMA = "idic.test/1"
 
@@ -57,7 +59,8 @@ def test_the_copy_takes_the_place_of_a_damaged_checkpoint(tmp_path, damage):
     save_checkpoint(path, SCHEMA, {"iteration": 7})
     assert not restore_checkpoint(path)  # nothing to do
     text = path.read_text()
-    path.unlink() if damage == "lost" else path.write_text(text[:-9] if damage == "truncated" else text.replace("7", "8"))
+    path.unlink() if damage == "lost" else path.write_text(text[:-9] if damage == "truncated"
+                                                           else text.replace("7", "8"))
     assert restore_checkpoint(path) and load_checkpoint(path, SCHEMA) == {"iteration": 7}
 
 

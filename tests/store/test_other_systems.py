@@ -1,4 +1,5 @@
-"""What differs between Linux, macOS and Windows: locks, files that others hold open, separators, modules that are not there."""
+"""What differs between Linux, macOS and Windows: locks, files that others hold open, separators, modules that are not
+there."""
 
 from __future__ import annotations
 
@@ -20,7 +21,8 @@ from idic.store.run_lock import RunBusy
 from idic.workers import peak_memory
 
 ONLY_SOMEWHERE = {"fcntl", "grp", "msvcrt", "pwd", "resource", "termios", "winreg"}
-ONLY_POSIX = {"fork", "getuid", "killpg", "pread", "pwrite", "sched_getaffinity", "setsid", "waitid"}  # of the module os
+# of the module os
+ONLY_POSIX = {"fork", "getuid", "killpg", "pread", "pwrite", "sched_getaffinity", "setsid", "waitid"}
 
 
 class LockOfWindows:
@@ -126,7 +128,8 @@ def test_functions_of_posix_alone_stand_behind_a_question():
     found = []
     for file, tree in sources():
         for function in [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]:
-            used = [node.attr for node in ast.walk(function) if isinstance(node, ast.Attribute) and node.attr in ONLY_POSIX
+            used = [node.attr for node in ast.walk(function) if isinstance(node, ast.Attribute)
+                    and node.attr in ONLY_POSIX
                     and isinstance(node.value, ast.Name) and node.value.id == "os"]
             if used and not any(asked in ast.unparse(function) for asked in ("os.name", "hasattr", "AttributeError")):
                 found.append(f"{file.name}: {function.name} {used}")
@@ -134,7 +137,8 @@ def test_functions_of_posix_alone_stand_behind_a_question():
 
 
 def test_texts_are_written_and_read_as_utf_8():
-    """Also by ruff: without `encoding` they are in the code page of the system, which is none of every German letter's."""
+    """Also by ruff: without `encoding` they are in the code page of the system, which is none of every German
+    letter's."""
     command = [sys.executable, "-m", "ruff", "check", "--isolated", "--preview", "--select", "PLW1514", "--no-cache",
                str(Path(idic.__file__).parent)]
     done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)

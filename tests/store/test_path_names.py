@@ -7,7 +7,8 @@ from idic.store.layout import group_name
 from idic.store.path_names import MAX_BYTES, path_name
 from idic.store.run_store import RunStore
 
-STRANGE = ["../../elsewhere", "..", ".", ".hidden", "Force/N", "a\\b", "C:", "nul", "end.", "tab\there", "100 %", "é" * 200, ""]
+STRANGE = ["../../elsewhere", "..", ".", ".hidden", "Force/N", "a\\b", "C:", "nul", "end.", "tab\there", "100 %",
+           "é" * 200, ""]
 
 
 @pytest.mark.parametrize("label", STRANGE)
@@ -23,7 +24,8 @@ def test_different_labels_have_different_names():
     assert len({path_name(label) for label in labels}) == len(labels)
 
 
-@pytest.mark.parametrize("label", ["base", "SPECIMEN.E", "boundary.RIGHT.x.slip", "local-0", "a part of steel", "Stück_1"])
+@pytest.mark.parametrize("label",
+                         ["base", "SPECIMEN.E", "boundary.RIGHT.x.slip", "local-0", "a part of steel", "Stück_1"])
 def test_usual_labels_stay_as_they_are(label):
     """A RUN of an earlier version is resumed by its old names."""
     assert path_name(label) == label and group_name(7, label) == f"evaluations/007/{label}"

@@ -263,7 +263,8 @@ def test_a_second_process_is_refused_while_the_first_one_works(tmp_path):
     process = run_python(code, tmp_path / "run", stdin=subprocess.PIPE)
     try:
         assert process.stdout.readline() == "locked\n"
-        with pytest.raises(InputError, match=f"process {process.pid}") as refusal, RunStore(tmp_path / "run").claim("x"):
+        with pytest.raises(InputError,
+                           match=f"process {process.pid}") as refusal, RunStore(tmp_path / "run").claim("x"):
             pass
         assert "wait for it" in str(refusal.value)
     finally:
@@ -281,5 +282,6 @@ def test_a_chunk_of_nothing_but_the_fill_value_is_written_by_another_process_too
     with store.claim("identity"), store.building("maps") as folder:
         FrameArrays.create(folder, "r", 2, (3, 4), 1, dtype=dtype)
         for k in range(2):
-            FrameArrays.open(folder, "r", "r+").write(k, np.full((1, 3, 4), np.nan if dtype is np.float32 else 0, dtype))
+            FrameArrays.open(folder, "r",
+                             "r+").write(k, np.full((1, 3, 4), np.nan if dtype is np.float32 else 0, dtype))
     assert not FrameArrays.open(store.group("maps"), "r").missing()

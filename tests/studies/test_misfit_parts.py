@@ -56,5 +56,6 @@ def test_the_rim_of_the_off_axis_composite_is_softer_or_stiffer_in_all_moduli():
     ratio = dict(zip(law.spec.parameter_names, values["rim"] / values["sheet"], strict=True))
     assert ratio["nu12"] == ratio["angle"] == 1.0
     assert ratio["E1"] == ratio["E2"] == ratio["G12"] == pytest.approx(1.0 + 0.2 * drawn.size)
-    free = {name for name, entry in drawn.overrides["material"]["sheet"].items() if isinstance(entry, dict) and "identify" in entry}
+    free = {name for name, entry in drawn.overrides["material"]["sheet"].items() if isinstance(entry, dict)
+            and "identify" in entry}
     assert free == {"E1", "E2", "nu12", "G12"}

@@ -75,7 +75,8 @@ def waisted(n: int, m: int):
         return x, WIDTH * (t - 0.5) * (1.0 - WAIST_SHARE * np.exp(-(x / WAIST_LENGTH) ** 2))
 
     nodes, cells = mesh_patches([Patch(shape, n, m)], "quad8")
-    sides = {name: np.flatnonzero(np.abs(nodes[:, 0] - x) < 1e-6) for name, x in (("LEFT", -0.5 * LENGTH), ("RIGHT", 0.5 * LENGTH))}
+    sides = {name: np.flatnonzero(np.abs(nodes[:, 0] - x) < 1e-6)
+             for name, x in (("LEFT", -0.5 * LENGTH), ("RIGHT", 0.5 * LENGTH))}
     return make_mesh(nodes, [("quad8", cells)], node_sets=sides, element_sets={"sheet": np.arange(len(cells))})
 
 
@@ -133,7 +134,8 @@ def true_law():
 
 @dataclass(frozen=True)
 class Truth:
-    """Motion of the true mesh (n_frames, n_nodes, 2) mm, force (n_frames,) N, plastic strain at its points at the end."""
+    """Motion of the true mesh (n_frames, n_nodes, 2) mm, force (n_frames,) N, plastic strain at its points at the
+    end."""
 
     mesh: object
     u: np.ndarray
@@ -166,10 +168,12 @@ def write_folder(folder, truth: Truth, seed: int, material: str, grip: np.ndarra
     texture, sensor = painted(speckle, CAMERA), Sensor(SHAPE, noise_std=NOISE, background=25.0)
     rng = np.random.default_rng(50 + seed)
     (folder / "images").mkdir(parents=True)
-    write_images(folder, (record(clean_image(x, truth.mesh.nodes, truth.mesh.blocks, CAMERA, texture, sensor), sensor, rng)
+    write_images(folder,
+                 (record(clean_image(x, truth.mesh.nodes, truth.mesh.blocks, CAMERA, texture, sensor), sensor, rng)
                           for x in truth.u))
     write_loads(folder, np.arange(len(truth.u), dtype=float),
-                {"force_N": truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u)), "grip_mm": grip} | (columns or {}))
+                {"force_N": truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u)), "grip_mm": grip}
+                | (columns or {}))
     write_inp(waisted(*USER), folder / "mesh.inp", "strip")
     (folder / "experiment.toml").write_text(TOML.replace("NOISE", f"{sensor.total_noise_std:.4f}", 1) + material)
     return folder / "experiment.toml"

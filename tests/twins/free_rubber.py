@@ -1,4 +1,5 @@
-"""Rubber strips with a hole whose energy is none of idic's: Ogden, Arruda-Boyce, Gent, Haines-Wilson, on a mesh of their own."""
+"""Rubber strips with a hole whose energy is none of idic's: Ogden, Arruda-Boyce, Gent, Haines-Wilson, on a mesh of
+their own."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ GRIP = np.linspace(0.0, 15.0, 11)
 OGDEN, ARRUDA_BOYCE, GENT, HAINES_WILSON = range(4)
 FORMS = {  # MPa and -, up to six
     "ogden": (OGDEN, 0.63, 1.3, 0.012, 5.0, -0.01, -2.0), "arruda_boyce": (ARRUDA_BOYCE, 0.35, 2.2, 0.0, 0.0, 0.0, 0.0),
-    "gent": (GENT, 0.4, 12.0, 0.0, 0.0, 0.0, 0.0), "haines_wilson": (HAINES_WILSON, 0.17, 0.03, -0.0015, 0.003, 0.0002, 0.0004),
+    "gent": (GENT, 0.4, 12.0, 0.0, 0.0, 0.0, 0.0),
+    "haines_wilson": (HAINES_WILSON, 0.17, 0.03, -0.0015, 0.003, 0.0002, 0.0004),
 }
 STEPS = 3  # increments of the truth per frame
 TOML = f"""
@@ -111,7 +113,8 @@ def true_law():
 
 @dataclass(frozen=True)
 class Truth:
-    """Motion of the true mesh (n_frames, n_nodes, 2) mm, force (n_frames,) N, and largest I1 - 3, I2 - 3 (99 % of the points)."""
+    """Motion of the true mesh (n_frames, n_nodes, 2) mm, force (n_frames,) N, and largest I1 - 3, I2 - 3 (99 % of the
+    points)."""
 
     mesh: object
     u: np.ndarray
@@ -130,14 +133,16 @@ def truth_of(form: str) -> Truth:
                   sections=(Section("sheet", true_law(), mesh.element_sets["sheet"]),),
                   constraints=Constraints(dofs, shape, GRIP[:, None]))
     u, force = [], []
-    for state in march(model, {"sheet": np.array([KAPPA, *FORMS[form]])}, np.arange(len(GRIP), dtype=float), substeps=STEPS):
+    for state in march(model, {"sheet": np.array([KAPPA, *FORMS[form]])}, np.arange(len(GRIP), dtype=float),
+                       substeps=STEPS):
         u.append(state.u.copy())
         force.append(state.channels[0])
         F = np.concatenate([group.F for group in state.points])
     l1, l2 = np.linalg.svd(F, compute_uv=False).T
     l3 = 1.0 / (l1 * l2)
     return Truth(mesh, np.array(u), np.array(force),
-                 (float(np.percentile(l1**2 + l2**2 + l3**2 - 3.0, 99.0)), float(np.percentile(l1**-2 + l2**-2 + l3**-2 - 3.0, 99.0))))
+                 (float(np.percentile(l1**2 + l2**2 + l3**2 - 3.0, 99.0)),
+                  float(np.percentile(l1**-2 + l2**-2 + l3**-2 - 3.0, 99.0))))
 
 
 def true_stress(form: str, mode: str, stretch: np.ndarray) -> np.ndarray:
@@ -160,10 +165,12 @@ def write_folder(folder, truth: Truth, seed: int, material: str):
     texture, sensor = painted(speckle, CAMERA), Sensor(SHAPE, noise_std=NOISE, background=25.0)
     rng = np.random.default_rng(50 + seed)
     (folder / "images").mkdir(parents=True)
-    write_images(folder, (record(clean_image(x, truth.mesh.nodes, truth.mesh.blocks, CAMERA, texture, sensor), sensor, rng)
+    write_images(folder,
+                 (record(clean_image(x, truth.mesh.nodes, truth.mesh.blocks, CAMERA, texture, sensor), sensor, rng)
                           for x in truth.u))
     write_loads(folder, np.arange(len(truth.u), dtype=float),
                 {"force_N": truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u)), "grip_mm": GRIP})
-    write_inp(strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around=3, radial=4, beside=2), folder / "mesh.inp", "strip")
+    write_inp(strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around=3, radial=4, beside=2), folder / "mesh.inp",
+              "strip")
     (folder / "experiment.toml").write_text(TOML.replace("NOISE", f"{sensor.total_noise_std:.4f}", 1) + material)
     return folder / "experiment.toml"

@@ -1,4 +1,5 @@
-"""Virtual tests before cameras with a lens: the truth on a finer mesh, images by ray tracing, another mesh for the user."""
+"""Virtual tests before cameras with a lens: the truth on a finer mesh, images by ray tracing, another mesh for the
+user."""
 
 import json
 
@@ -82,7 +83,8 @@ def true_motion(thickness, grip=GRIP, mesh=None):
                   thickness=thickness, constraints=Constraints(dofs, basis, np.interp(fine, times, grip)[:, None]),
                   channels=(Reaction(2 * right),), surface_side=1)
     values = np.array([TRUTH[f"sheet.{name}"] for name in law.spec.parameter_names])
-    states = [(s.seen_u.copy(), s.channels[0]) for s in march(model, {"sheet": values}, fine) if s.frame % INCREMENTS == 0]
+    states = [(s.seen_u.copy(), s.channels[0]) for s in march(model, {"sheet": values}, fine)
+              if s.frame % INCREMENTS == 0]
     return mesh, np.array([u for u, _ in states]), np.array([f for _, f in states])
 
 

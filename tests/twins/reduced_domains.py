@@ -3,8 +3,9 @@
     folder = write_case(path, "plate", "virtual", clean=clean_images("plate"))     # an experiment folder
     draw = redrawn(load_experiment(folder), clean, seed=3)                         # the same with new noise
 
-The truth is computed on a finer mesh of the whole specimen (circular hole, quad8) and rendered by `idic.virtual_tests.render`, which
-shares no code with the correlator. What the routes share: images, force, the region that the camera sees.
+The truth is computed on a finer mesh of the whole specimen (circular hole, quad8) and rendered by
+`idic.virtual_tests.render`, which shares no code with the correlator. What the routes share: images, force, the region
+that the camera sees.
 """
 
 from __future__ import annotations

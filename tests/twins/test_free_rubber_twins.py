@@ -1,4 +1,5 @@
-"""A free rubber energy finds laws that it was not told: stress in modes that the strip does not undergo, the classical form."""
+"""A free rubber energy finds laws that it was not told: stress in modes that the strip does not undergo, the classical
+form."""
 
 import numpy as np
 import pytest
@@ -32,7 +33,8 @@ def test_stress_in_unseen_modes_is_the_true_one_within_two_percent(tmp_path, for
         error = (mode.stress / true_stress(form, mode.mode, mode.stretch) - 1.0)[inside]
         assert np.abs(error).max() < 0.02, mode.mode
     own = next(fit for fit in curve.fits if fit.form == form)
-    # Ogden's energy of principal stretches is no sum of functions of I1 and I2: a little is left (19.7 for 7 of freedom)
+    # Ogden's energy of principal stretches is no sum of functions of I1 and I2: a little is left (19.7 for 7 of
+    # freedom)
     assert own.inside or (form == "ogden" and own.chi2 < 4.0 * own.freedom)
     assert next(fit for fit in curve.fits if fit.form == "neo_hooke").chi2 > 100.0
 

@@ -63,6 +63,7 @@ def test_a_telecentric_model_of_a_lens_is_biased_where_the_specimen_approaches(t
     assert max(abs(score) for score in scores(good).values()) < 3.0
     # 0.25 mm in 300 mm is a stretch of 8e-4: 1/40 of the last strain, larger than the elastic one. The misfit makes the
     # deviations of the telecentric model wide, so that its errors are counted in those of the right model.
-    off = {name: (biased["parameters"][name]["value"] - true) / good["parameters"][name]["std"] for name, true in TRUTH.items()}
+    off = {name: (biased["parameters"][name]["value"] - true) / good["parameters"][name]["std"]
+           for name, true in TRUTH.items()}
     print({name: round(score, 1) for name, score in off.items()})
     assert max(abs(score) for score in off.values()) > 10.0

@@ -144,7 +144,8 @@ def test_with_the_default_options_the_true_motion_leaves_rounding_up_to_a_stretc
 
     def chi2(reference, frame):
         moved = nodes + np.pad(test.displacements[frame][:len(nodes)], ((0, 0), (0, 1)))
-        u, spline = experiment.camera.project(moved) - experiment.camera.project(nodes), prefilter(stack.frame(frame), 5, 0.6)
+        u = experiment.camera.project(moved) - experiment.camera.project(nodes)
+        spline = prefilter(stack.frame(frame), 5, 0.6)
         light = solve_brightness(nodal_equations(reference, spline, u)).coefficients
         return residual_map(reference, spline, u, "frame", light).chi2_dof(12**-0.5)
 

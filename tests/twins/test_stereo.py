@@ -1,4 +1,5 @@
-"""A solid before two cameras at an angle: joined sums, exchanged images, and what the folder of the example leads to."""
+"""A solid before two cameras at an angle: joined sums, exchanged images, and what the folder of the example leads
+to."""
 
 from __future__ import annotations
 
@@ -67,7 +68,8 @@ def test_exchanged_images_are_refused(folder, tmp_path):
 
 @pytest.mark.slow  # half a minute of processor time
 def test_errors_of_the_calibration_come_back_with_its_deviations(tmp_path):
-    """The file says 0.1 degrees more between the cameras and 0.3 % more focal length; its deviations are of that size."""
+    """The file says 0.1 degrees more between the cameras and 0.3 % more focal length; its deviations are of that
+    size."""
     test = plate_test(REDUCED)
     left, right = test.rig.cameras
     turn = Rotation.from_rotvec([0.0, np.deg2rad(0.1), 0.0]).as_matrix()
@@ -77,9 +79,11 @@ def test_errors_of_the_calibration_come_back_with_its_deviations(tmp_path):
                 translation_mm=turn @ right.translation_mm)))
     stated = {f"{number}.{name}": 0.003 * left.fx for number in (0, 1) for name in ("fx", "fy")} | {"1.rotation_y": 0.1}
     file = write_plate(tmp_path, test, believed=believed, deviations=stated)
-    file.write_text(file.read_text().replace('calibration = "calibration.json"', 'calibration = "calibration.json"\nidentify_calibration = true'))
+    file.write_text(file.read_text().replace('calibration = "calibration.json"',
+                                             'calibration = "calibration.json"\nidentify_calibration = true'))
     found = identify(load_experiment(file)).result
-    true = TRUTH | {"left.fx": left.fx, "left.fy": left.fy, "right.fx": right.fx, "right.fy": right.fy, "right.rotation_y": -0.1}
+    true = TRUTH | {"left.fx": left.fx, "left.fy": left.fy, "right.fx": right.fx, "right.fy": right.fy,
+                    "right.rotation_y": -0.1}
     assert found["status"] == "converged"
     assert max(abs(score) for score in scores(found, true).values()) < 2.0
     assert found["parameters"]["left.fx"]["std_noise"] < 0.3 * 0.003 * left.fx  # the images say more than the file

@@ -1,4 +1,5 @@
-"""The increments of a rate-dependent law: chosen by an error estimate, so that the answer does not depend on the frames.
+"""The increments of a rate-dependent law: chosen by an error estimate, so that the answer does not depend on the
+frames.
 
 A strip with a hole is pulled in few frames. The truth is marched on a finer mesh with 24 increments per frame and
 rendered pixel by pixel; the model knows nothing of either. With one increment per frame it is wrong by tens of standard
@@ -39,7 +40,8 @@ LENGTH, WIDTH, RADIUS, TRUE_INCREMENTS, FORCE_NOISE = 20.0, 10.0, 2.0, 24, 1.0  
 
 @dataclass(frozen=True)
 class Case:
-    """A law with its true parameters (starts are 10 % off where they are identified), and the pull (share of the length)."""
+    """A law with its true parameters (starts are 10 % off where they are identified), and the pull (share of the
+    length)."""
 
     law: str
     truth: dict
@@ -131,7 +133,8 @@ def with_substeps(experiment, number):
 
 
 def time_error_in_std(experiment, found, factor=16) -> float:
-    """Largest change of a parameter by so many times the increments, one Gauss-Newton step from the identified point."""
+    """Largest change of a parameter by so many times the increments, one Gauss-Newton step from the identified
+    point."""
     values, n = found.state.accepted.values, found.state.increments.per_frame or 1
     finer, weights = evaluate_at(experiment, values, found.local, found.state.generalised, factor * n)
     parameters, steps = experiment.parameters.with_values(values), []
@@ -239,7 +242,8 @@ def test_finer_increments_without_equilibrium_leave_the_coarser_answer_and_a_not
     accepted, weights = evaluate_at(experiment, first["values"], found.local, found.state.generalised,
                                      found.state.increments.per_frame)
     tried = 2 * found.state.increments.per_frame
-    state = replace(found.state, status="running", trial=Trial(first["values"], re_evaluation=True, new_increments=True),
+    state = replace(found.state, status="running",
+                    trial=Trial(first["values"], re_evaluation=True, new_increments=True),
                     increments=IncrementChoice(tried, "open", dict(first["values"])))
     failed = Evaluation(state.evaluations, None, None, "no equilibrium")
     after = advance(state, experiment, failed, accepted, weights.image_noise)
@@ -261,7 +265,8 @@ def test_the_choice_survives_a_checkpoint_and_states_before_it_are_read(short, t
 
 @pytest.mark.slow
 def test_a_viscoplastic_law_is_identified_from_sixteen_frames(tmp_path):
-    """The case of issue 22: E 2028 +- 2, hardening 235 +- 4 (300), eta 2485 +- 32 (2000) with one increment per frame."""
+    """The case of issue 22: E 2028 +- 2, hardening 235 +- 4 (300), eta 2485 +- 32 (2000) with one increment per
+    frame."""
     case = CASES["viscoplastic"]
     experiment = write_folder(tmp_path / "case", case, 16, 0.1, 4.0)
     found = identify(experiment)

@@ -1,4 +1,5 @@
-"""A preload of `dask worker`: this process sees nothing below the folders of the variable BLIND_TO, as on another machine."""
+"""A preload of `dask worker`: this process sees nothing below the folders of the variable BLIND_TO, as on another
+machine."""
 
 import os
 import sys

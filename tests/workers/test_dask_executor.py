@@ -157,7 +157,8 @@ def test_the_workers_copy_images_as_one_process_does(cluster, tmp_path, monkeypa
             ingest(store, experiment, runner, lambda *counts: seen.append(counts))
         copies.append(ZarrStack(store.group("images")))
     assert seen == [(14, 40), (28, 40), (40, 40)] * 2
-    assert copies[0].files == copies[1].files and [file["name"] for file in copies[1].files] == [path.name for path in paths]
+    assert copies[0].files == copies[1].files and [file["name"]
+                                                   for file in copies[1].files] == [path.name for path in paths]
     for k in range(40):
         assert np.array_equal(copies[1].frame(k), tifffile.imread(paths[k]))
     paths[20].write_bytes(paths[20].read_bytes()[:1000])
@@ -272,7 +273,8 @@ def test_workers_end_with_their_driver_however_it_ends(tmp_path, stop):
                 runner.map(wait_long, [{str(tmp_path / "a")!r}, {str(tmp_path / "b")!r}], ["wait-a", "wait-b"])
         """)
     )
-    driver = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    driver = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              text=True)
     try:
         _wait_for(lambda: all((tmp_path / x).exists() and (tmp_path / x).read_text() for x in "ab"), 30)
         children = psutil.Process(driver.pid).children(recursive=True)
@@ -313,7 +315,8 @@ def test_nothing_is_written_for_a_scheduler_that_is_not_there(tmp_path, monkeypa
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize("address", ["10.0.0.5:8786", "tcp://cluster.example.org:8786", "ws://10.0.0.5:80", "0.0.0.0:8786"])
+@pytest.mark.parametrize("address",
+                         ["10.0.0.5:8786", "tcp://cluster.example.org:8786", "ws://10.0.0.5:80", "0.0.0.0:8786"])
 def test_an_open_scheduler_on_another_machine_is_refused(address):
     with pytest.raises(InputError, match="TLS only"):
         checked_address(address)

@@ -1,4 +1,5 @@
-"""A notebook may allow BLAS many threads; an identification takes one meanwhile, as the command does, for the same bits."""
+"""A notebook may allow BLAS many threads; an identification takes one meanwhile, as the command does, for the same
+bits."""
 
 import pytest
 from experiment_file.small_experiment import write_experiment

@@ -57,7 +57,8 @@ def test_a_flow_runs_against_our_server_and_its_tasks_have_names(unconfigured):
 
 
 def test_a_server_listens_on_the_loopback_interface_and_answers_its_own_run_only(unconfigured):
-    """Neither other users of the machine, nor other web pages, nor pages whose name leads here; a second start shares it."""
+    """Neither other users of the machine, nor other web pages, nor pages whose name leads here; a second start shares
+    it."""
     with start_server() as server:
         server.wait()
         assert server.password == os.environ[PASSWORD] and len(server.password) > 20
@@ -198,7 +199,8 @@ def _ask(server, password="", **headers):
         known = base64.b64encode((password or server.password).encode()).decode()
         headers["Authorization"] = f"Basic {known}"
     connection = http.client.HTTPConnection(address.hostname, address.port, timeout=10)
-    connection.request("POST", f"{address.path}/task_runs/filter", "{}", {"Content-Type": "application/json", **headers})
+    connection.request("POST", f"{address.path}/task_runs/filter", "{}",
+                       {"Content-Type": "application/json", **headers})
     answer = connection.getresponse()
     answer.content = answer.read()
     connection.close()

@@ -24,8 +24,10 @@ SECONDS = 60
 @contextmanager
 def foreign_cluster(folder, **environment):
     """A scheduler here and `dask worker` in a process and a working folder of its own, as on another machine."""
-    with distributed.LocalCluster(n_workers=0, host=LOOPBACK, dashboard_address=f"{LOOPBACK}:0", silence_logs=50) as cluster:
-        command = [sys.executable, "-m", "dask", "worker", cluster.scheduler_address, "--host", LOOPBACK, "--nthreads", "1",
+    with distributed.LocalCluster(n_workers=0, host=LOOPBACK, dashboard_address=f"{LOOPBACK}:0",
+                                  silence_logs=50) as cluster:
+        command = [sys.executable, "-m", "dask", "worker", cluster.scheduler_address, "--host", LOOPBACK, "--nthreads",
+                   "1",
                    "--no-dashboard", "--local-directory", str(folder)]
         worker = subprocess.Popen(command, env={**os.environ, **ONE_THREAD, **environment}, cwd=folder,
                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

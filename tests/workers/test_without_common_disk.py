@@ -1,4 +1,5 @@
-"""Workers that see neither the RUN nor the experiment: files go through an object storage or the driver; the same bits."""
+"""Workers that see neither the RUN nor the experiment: files go through an object storage or the driver; the same
+bits."""
 
 import json
 import os
@@ -77,7 +78,8 @@ def test_the_driver_serves_a_worker_that_sees_neither_run_nor_experiment(strip, 
 @pytest.fixture(scope="module")
 def s3():
     """The address of an S3 server on the loopback interface with a bucket, and the file system of a client."""
-    server = pytest.importorskip("moto.server", reason="needs moto[s3], flask and flask-cors (pip install 'idic[test-s3]')")
+    server = pytest.importorskip("moto.server",
+                                 reason="needs moto[s3], flask and flask-cors (pip install 'idic[test-s3]')")
     pytest.importorskip("s3fs", reason="needs s3fs (pip install 'idic[test-s3]')")
     import logging
 
@@ -132,8 +134,10 @@ def test_a_store_that_a_worker_cannot_reach_is_refused_with_the_worker_and_nothi
     folder, _ = strip
     with blind_cluster(tmp_path / "worker", folder, AWS_ENDPOINT_URL="http://127.0.0.1:9") as client:
         with pytest.raises(InputError) as refused:
-            identify_plainly([folder / "test"], folder / "never", scheduler=client.scheduler.address, store="s3://idic-test/x")
-        assert f"the worker {next(iter(client.nthreads()))}" in str(refused.value) and "credentials" in str(refused.value)
+            identify_plainly([folder / "test"], folder / "never", scheduler=client.scheduler.address,
+                             store="s3://idic-test/x")
+        assert f"the worker {next(iter(client.nthreads()))}" in str(refused.value)
+        assert "credentials" in str(refused.value)
     assert not (folder / "never").exists()
 
 
@@ -172,10 +176,12 @@ def test_a_mirror_brings_chunks_when_they_are_read(served):
     store, mirror, _, listed = served
     mirror.follow(listed())
     here = RunStore(relocated(str(store.run), mirror.moved))
-    chunks = lambda: len(list((here.path / "images/frames/c").rglob("0/0"))) if (here.path / "images/frames/c").exists() else 0  # noqa: E731
+    chunks_folder = here.path / "images/frames/c"
+    chunks = lambda: len(list(chunks_folder.rglob("0/0"))) if chunks_folder.exists() else 0  # noqa: E731
     assert chunks() == 0
     group = here.described("images")
-    np.testing.assert_array_equal(FrameArrays.open(group, "frames").read(2, 3), np.arange(3200.0, 4800.0).reshape(1, 40, 40))
+    np.testing.assert_array_equal(FrameArrays.open(group, "frames").read(2, 3),
+                                  np.arange(3200.0, 4800.0).reshape(1, 40, 40))
     assert chunks() == 1
     assert here.finished("images") is not None  # asks for all chunks
     assert not mirror.written().files
@@ -227,8 +233,10 @@ def test_a_worker_writes_nowhere_but_into_the_run(tmp_path):
 
 def test_paths_of_a_job_are_moved_wherever_they_stand(tmp_path):
     stack = ExperimentToSee("/data/test", {"a": "/data/testing"}, "/data/run/run.zarr")
-    moved = relocated((stack, ["/data/run"], {"k": "/data/test/x"}, 3), {"/data/test": "/here/t", "/data/run": "/here/r"})
-    assert moved == (ExperimentToSee("/here/t", {"a": "/data/testing"}, "/here/r/run.zarr"), ["/here/r"], {"k": "/here/t/x"}, 3)
+    moved = relocated((stack, ["/data/run"], {"k": "/data/test/x"}, 3),
+                      {"/data/test": "/here/t", "/data/run": "/here/r"})
+    assert moved == (ExperimentToSee("/here/t", {"a": "/data/testing"}, "/here/r/run.zarr"), ["/here/r"],
+                     {"k": "/here/t/x"}, 3)
 
 
 def test_images_that_the_run_holds_are_described_and_not_sent(tmp_path):

@@ -2,9 +2,9 @@
 
     H = H_all - sum_missing L^T L,      C^T H C = C^T H_all C - sum_missing (L C)^T (L C)
 
-H_all is that of every frame, and so is the influence of the frame-local unknowns of an elastic model: of those columns the
-product with H_all is kept from one frame to the next. Columns of the frame alone and kept ones are multiplied apart, so
-that the bits do not depend on what was kept.
+H_all is that of every frame, and so is the influence of the frame-local unknowns of an elastic model: of those columns
+the product with H_all is kept from one frame to the next. Columns of the frame alone and kept ones are multiplied
+apart, so that the bits do not depend on what was kept.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Which measured point lies where in which element: the pixel map of a field.
 
-Every point makes two rows, its two components; the rows of an element are its columns' components first, then its rows'.
+Every point makes two rows, its two components; the rows of an element are its columns' components first, then its
+rows'.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """A measured field in the place of a reference image: displacements of points against the simulated motion.
 
-    r = v - s u(x),     L phi = s phi          at every point x and for each component       docs/method.md, equation 15.1
+    r = v - s u(x),     L phi = s phi          at every point x and for each component   docs/method.md, equation 15.1
 
-v is measured (µm), u simulated (distances of neighbours), s the scale between them. Where the whole specimen moves with the
-machine or against the cameras, a rigid motion B beta of every frame is an unknown of it, in the place of the brightness of
-images: r = v - s u - B beta. Points are material: the field of a
+v is measured (µm), u simulated (distances of neighbours), s the scale between them. Where the whole specimen moves with
+the machine or against the cameras, a rigid motion B beta of every frame is an unknown of it, in the place of the
+brightness of images: r = v - s u - B beta. Points are material: the field of a
 frame belongs to the reference stage, so F stays out, and the noise of a frame counts once (kappa = 1).
 """
 
@@ -89,7 +89,7 @@ class FieldReference(NodalBasis):
 
     @cached_property
     def rigid(self) -> np.ndarray:
-        """B: rows of a shift along the columns, along the rows, and a turn of about the same size  # (n_pixels, 3 | 0) µm"""
+        """B: rows of a shift along the columns, along the rows, and a turn of the same size  # (n_pixels, 3 | 0) µm"""
         pm = self.pixel_map
         if not self.free_rigid:
             return np.zeros((pm.n_pixels, 0))
@@ -118,7 +118,8 @@ class FieldReference(NodalBasis):
         squares = np.add.reduceat(r**2, pm.start[:-1])
         n_lost = int(lost.sum())
         rigid = np.where(valid[:, None], self.rigid, 0.0)
-        return FieldEquations(self.matrix.T @ r, hessian, sparse.csr_array(self.matrix.T @ rigid), rigid.T @ rigid, rigid.T @ r,
+        return FieldEquations(self.matrix.T @ r, hessian, sparse.csr_array(self.matrix.T @ rigid), rigid.T @ rigid,
+                              rigid.T @ r,
                               float(r @ r), pm.n_pixels - n_lost, n_lost, lost, np.flatnonzero(~valid), squares, 1.0,
                               self.hessian, missing, self.kept)
 
@@ -171,7 +172,8 @@ def build_field_reference(experiment: Experiment, camera: Camera) -> FieldRefere
     points = experiment.points
     assert points is not None
     cells = surface_cells(experiment.mesh, experiment.surface)
-    point_map = build_point_map(experiment.mesh.nodes, cells, camera, points.positions_px, points.shape, experiment.mask)
+    point_map = build_point_map(experiment.mesh.nodes, cells, camera, points.positions_px, points.shape,
+                                experiment.mask)
     averaged = None
     if points.subset_px > 0.0:
         averaged = _over_subsets(experiment, camera, point_map, points.subset_px)

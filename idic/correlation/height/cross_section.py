@@ -140,7 +140,8 @@ class SectionReference:
         return found
 
     def shared_gram(self, experiment: Experiment, shared: np.ndarray) -> tuple[np.ndarray, int]:
-        """S^T S of summed `shared_columns`, the first rows of `shared`; the Gram matrix and the number of those rows."""
+        """S^T S of summed `shared_columns`, the first rows of `shared`; the Gram matrix and the number of those
+        rows."""
         n_rows = 2 * self.pixel_map.n_columns + LEVELLING[experiment.options.brightness]
         return self.gram_of(shared[:n_rows]), n_rows
 

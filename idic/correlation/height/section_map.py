@@ -86,7 +86,8 @@ class SectionMap:
 
     @cached_property
     def edge_dofs(self) -> np.ndarray:
-        """Degrees of freedom 3 node + component of every edge, motion along the section and height  # (n_elements, 6)"""
+        """Degrees of freedom 3 node + component of every edge, motion along the section and height  # (n_elements,
+        6)"""
         return (3 * self.conn[self.first_columns][:, :, None] + [0, 2]).reshape(-1, 6)
 
     @cached_property

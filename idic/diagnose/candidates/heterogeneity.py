@@ -90,6 +90,7 @@ register(Candidate(
             "damage": "both are soft where stress is high",
             "lens_distortion": "both bend a field that should be even",
             "grip_rotation": "a specimen that is softer on one side bends"},
-    separating_tests=("load the specimen in another direction", "unload to zero once", "measure the thickness on a grid"),
+    separating_tests=("load the specimen in another direction", "unload to zero once",
+                      "measure the thickness on a grid"),
     variants=variants,
     paraphrase="an inclusion, a void or a gradient of stiffness", refitted_form=form_of_refit))

@@ -1,4 +1,5 @@
-"""Nonuniform illumination: light, contrast and offset with hats over the image, growing with time or the motion, or to and fro.
+"""Nonuniform illumination: light, contrast and offset with hats over the image, growing with time or the motion, or to
+and fro.
 
 A lamp multiplies the grey values; haze takes contrast about their mean; stray light adds to them.
 

@@ -25,7 +25,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
             edits = with_correction(situation, number, component,
                                     {"kind": "compliance", "column": force.column}
                                     | channel_unit(situation, force.column))
-            found.append(Variant(f"{nodes} gives way along {component} with {force.column}", edits, (name,), {name: 0.0},
+            found.append(Variant(f"{nodes} gives way along {component} with {force.column}", edits, (name,),
+                                 {name: 0.0},
                                  {name: PROBE_PX * experiment.camera.pixel_size / size}, sign=1 if logged else 0,
                                  exact=True))
     return tuple(found)

@@ -17,7 +17,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     names = tuple(f"{PLACEMENT_STEM}.{kind}" for kind in RIGID)
     if not isinstance(camera, PlacedCamera) or (edits := further_dofs(situation, *names)) is None:
         return ()
-    moved = {name: np.linalg.norm(camera.parameter_jacobian(experiment.mesh.nodes, name), axis=1).max() for name in names}
+    moved = {name: np.linalg.norm(camera.parameter_jacobian(experiment.mesh.nodes, name), axis=1).max()
+             for name in names}
     at = dict(zip(names, camera.placement.tolist(), strict=True))
     return (Variant("the mesh lies beside the specimen", edits, names, at,
                     {name: at[name] + PROBE_PX / float(moved[name]) for name in names}, direct=True),)

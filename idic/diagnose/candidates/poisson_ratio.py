@@ -19,7 +19,10 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
                 continue
             value = situation.values[full]
             step = PROBE_POISSON_STEPS.get(parameter)
-            probe = PROBE_BULK_MODULUS_FACTOR * value if step is None else value + (step if value + step < 0.49 else -step)
+            if step is None:
+                probe = PROBE_BULK_MODULUS_FACTOR * value
+            else:
+                probe = value + (step if value + step < 0.49 else -step)
             found.append(Variant(f"another {parameter} of {material.element_set}", edits, (full,), {full: value},
                                  {full: probe}, exact=True))
     return tuple(found)

@@ -41,7 +41,8 @@ def viscosity(overstress: float, strain: float, duration: float, m: float) -> fl
 def _from_plastic(situation: Situation, name: str) -> list[Variant]:
     found, eta = [], f"{name}.eta"
     for m in RATE_EXPONENTS:
-        size = viscosity(PROBE_OVERSTRESS_SHARE * situation.values[f"{name}.yield_stress"], plastic_strain(situation, name),
+        size = viscosity(PROBE_OVERSTRESS_SHARE * situation.values[f"{name}.yield_stress"],
+                         plastic_strain(situation, name),
                          situation.duration, m)
         edits = enriched(situation, name, "viscoplastic", eta=new(size, "MPa*s"), m=locked(m))
         found.append(Variant(f"an overstress in {name}, rate to the 1/{m:g}", edits, (eta,), {eta: 0.0}, {eta: size},

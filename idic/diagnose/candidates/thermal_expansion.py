@@ -26,7 +26,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     if not names:
         return ()
     if situation.experiment.temperatures:
-        return tuple(_variant(situation, name, f"{name} expands with the temperature of the file", None, PROBE_EXPANSION_PER_K)
+        return tuple(_variant(situation, name, f"{name} expands with the temperature of the file", None,
+                              PROBE_EXPANSION_PER_K)
                      for name in names)
     found = []
     for label, table in _temperatures(situation):
@@ -71,6 +72,7 @@ register(Candidate(
             "viscoelasticity": "a force that sinks while the motion is held",
             "creep": "a strain that grows with time",
             "poisson_ratio": "the same strain in both directions"},
-    separating_tests=("log the temperature of the specimen", "record still frames at zero load for as long as the test"),
+    separating_tests=("log the temperature of the specimen",
+                      "record still frames at zero load for as long as the test"),
     variants=variants,
     paraphrase="strain that follows the temperature"))

@@ -23,7 +23,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         g, tau = f"g_{spare[0]}", f"tau_{spare[0]}"
         names = (f"{name}.{g}", f"{name}.{tau}")
         for time in times(situation):
-            edits = enriched(situation, name, "maxwell", **others, **{g: new(PROBE_RELAXING_SHARE), tau: new(time, "s")})
+            edits = enriched(situation, name, "maxwell", **others,
+                             **{g: new(PROBE_RELAXING_SHARE), tau: new(time, "s")})
             found.append(Variant(f"{name} relaxes within {time:.3g} s", edits, names, {names[0]: 0.0, names[1]: time},
                                  {names[0]: PROBE_RELAXING_SHARE, names[1]: time}, sign=1, exact=law != "elastic"))
     return tuple(found)

@@ -58,7 +58,8 @@ def _variables(times: np.ndarray, load: np.ndarray | None, onset: float) -> dict
     return found | {"the load": load, "the square of the load": load**2,
                     "the load above a threshold": np.maximum(size - threshold, 0.0),
                     "the largest load so far above a threshold": np.maximum(largest - threshold, 0.0),
-                    "the square of the largest load so far above a threshold": np.maximum(largest - threshold, 0.0) ** 2,
+                    "the square of the largest load so far above a threshold":
+                        np.maximum(largest - threshold, 0.0) ** 2,
                     "the rate of loading": rate}
 
 

@@ -69,7 +69,8 @@ def boundary_patterns(experiment: Experiment, held: np.ndarray) -> tuple[np.ndar
     return (np.hstack([motion, np.zeros_like(force)]), np.hstack([np.zeros_like(motion), force]))
 
 
-def boundary_fields(residual: ResidualEvidence, tangent: Tangent, patterns: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+def boundary_fields(residual: ResidualEvidence, tangent: Tangent,
+                    patterns: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Image motion of the boundary's freedoms in one frame  # (n_seen, p)"""
     experiment = residual.context.experiment
     moved = tangent.answer(*patterns)
@@ -83,15 +84,16 @@ def camera_fields(residual: ResidualEvidence, index: int) -> np.ndarray:
     """Image motions that the camera parameters of one frame allow  # (n_seen, q)
 
     Grey images: every camera parameter of this frame alone (it moved, turned, its focus breathed), and distortion and
-    tilt that were always there; of a lens, its place, focal length, centre and distortion. Heights: the specimen shifted, turned, magnified in the image; levels of the
-    instrument and its scale of heights.
+    tilt that were always there; of a lens, its place, focal length, centre and distortion. Heights: the specimen
+    shifted, turned, magnified in the image; levels of the instrument and its scale of heights.
     """
     experiment, view, evidence = residual.context.experiment, residual.view, residual.evidence
     nodes, u = experiment.mesh.nodes, residual.u[index]
     if view.kind != GREY:
         return _unit(_of_instrument(experiment, view, u)[evidence.seen])
     here = view.at(int(evidence.frames[index]))
-    own, constant = (LENS, CONSTANT_LENS) if isinstance(view.camera, PlacedCamera) else (PARAMETERS, CONSTANT_CAMERA_PARAMETERS)
+    own, constant = (LENS, CONSTANT_LENS) if isinstance(view.camera,
+                                                        PlacedCamera) else (PARAMETERS, CONSTANT_CAMERA_PARAMETERS)
     deformed = here.deformed(nodes, u)
     moved = [here.moved_camera.parameter_jacobian(deformed, name).ravel() for name in own]
     gradient = nodal_gradient(experiment, u)

@@ -1,7 +1,7 @@
 """Place of the residual motion of the last model: the centre of the free motions with the largest excess.
 
-A cut, a band or a loose patch moves in a way that no law of the body follows: the motion jumps or concentrates there, whatever
-the stiffness of an element could take.
+A cut, a band or a loose patch moves in a way that no law of the body follows: the motion jumps or concentrates there,
+whatever the stiffness of an element could take.
 """
 
 from __future__ import annotations

@@ -9,7 +9,9 @@ import numpy as np
 from idic.diagnose.locate.adjoint_sources import SourceMap, adjoint_source_map
 from idic.diagnose.locate.fingerprint import Fingerprint, fingerprint
 from idic.diagnose.locate.nested_tests import NestedTests, run_nested_tests
-from idic.diagnose.locate.onset import MotionRecord, Onset, course, growing_windows, load_histories, onset, parameter_cusum
+from idic.diagnose.locate.onset import (
+    MotionRecord, Onset, course, growing_windows, load_histories, onset, parameter_cusum,
+)
 from idic.diagnose.locate.place import Place, in_words, place_of
 from idic.diagnose.residual.excess import ExcessTest, pixel_tests, power
 from idic.diagnose.residual.heldout import grid_of
@@ -32,8 +34,10 @@ class SelectedEffect:
     """What the selected candidate says of place and onset of the mismatch.
 
     side : of the candidate; from_start : whether it acts from the reference image on
-    active_frame : first frame in which its law acts in the enriched model; None where it is no law of yielding or damage
-    modifies_yield_law : whether it changes a law of yielding, flow or damage that was identified. The parameters of that
+    active_frame : first frame in which its law acts in the enriched model; None where it is no law of yielding or
+    damage
+    modifies_yield_law : whether it changes a law of yielding, flow or damage that was identified. The parameters of
+    that
         law imitate the change for many frames, so that the recording shows it late.
     """
 
@@ -169,7 +173,8 @@ def locate(found: Identification, residual: ResidualEvidence, null: NullModel | 
                    found.experiment.length_unit)
     constant = dict(zip(null.names, parameter_cusum(record)[1].tolist(), strict=True))
     labels = () if place is None else tuple(int(i) for i in found.experiment.mesh.element_labels[place.elements])
-    return Mismatch(p_value, nested_tests.side if real else "", effect, first, interval, visible, labels,  # type: ignore[call-arg]
+    return Mismatch(p_value, nested_tests.side if real else "", effect, first, interval, visible,
+                    labels,  # type: ignore[call-arg]
                     *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), shown, words,
                     nested_tests, begins, source_map, place, motion, follows, constant, pixel_tests(residual))
 

@@ -170,7 +170,8 @@ def normal(evidence: Evidence, part: FrameEvidence, fields, null: NullModel, t: 
     return Normal(0.5 * (matrix + matrix.T), np.asarray(fields.T @ q), np.asarray(fields.T @ null.weighed.fields[t]))
 
 
-def level(name: str, normals: Sequence[Normal], groups: Sequence[np.ndarray], members: np.ndarray, null: NullModel) -> Level:
+def level(name: str, normals: Sequence[Normal], groups: Sequence[np.ndarray], members: np.ndarray,
+          null: NullModel) -> Level:
     """Free some fields, with one amplitude per group of frames."""
     block = np.ix_(members, members)
     gain, rank, cross_gram, cross_b, gains, ranks = 0.0, 0, 0.0, 0.0, [], []
@@ -271,7 +272,8 @@ def _rank(gram: np.ndarray) -> int:
 def brightness_level(found: Identification, residual: ResidualEvidence) -> Level:
     """Gain and offset of every patch instead of the whole frame: one more pass over the images."""
     options = replace(found.experiment.options, brightness="patch")
-    patched = residual_evidence(replace(found, experiment=replace(found.experiment, options=options)), light=False).evidence
+    patched = residual_evidence(replace(found, experiment=replace(found.experiment, options=options)),
+                                light=False).evidence
     gains, ranks = [], []
     for fine, whole in zip(patched.parts, residual.evidence.parts, strict=True):
         gains.append(float(fine.inner_q @ fine.inner @ fine.inner_q - whole.inner_q @ whole.inner @ whole.inner_q))
@@ -308,7 +310,8 @@ def decide(per_frame: dict[str, Level], per_window: dict[str, Level], has_force:
         return "", "no level explains more than noise"
     responsible = [name for name in ("camera", "boundary") if _responsible(kinematic, name)]
     if responsible:
-        best = max(responsible, key=lambda name: (kinematic[name].excess > 0.9 * max(kinematic[n].excess for n in responsible),
+        best = max(responsible,
+                   key=lambda name: (kinematic[name].excess > 0.9 * max(kinematic[n].excess for n in responsible),
                                              kinematic[name].excess / max(kinematic[name].rank, 1)))
         words = {"camera": "camera motion and distortion", "boundary": "free motion of the driven edges"}[best]
         text = f"{words} recovers {_share(kinematic, best):.0%} of what any smooth motion explains"
@@ -325,4 +328,6 @@ def _responsible(levels: dict[str, Level], name: str) -> bool:
     if levels[name].p_margin > MAX_LEVEL_P:
         return False
     left, rank = levels["bulk"].gain - levels[name].gain, levels["bulk"].rank - levels[name].rank
-    return _share(levels, name) > MIN_RESPONSIBLE_SHARE or float(p_beyond_margin(left, max(rank, 1), levels["bulk"].margin)) > MAX_LEVEL_P
+    return _share(levels,
+                  name) > MIN_RESPONSIBLE_SHARE or float(p_beyond_margin(left, max(rank, 1),
+                                                                         levels["bulk"].margin)) > MAX_LEVEL_P

@@ -74,7 +74,8 @@ def tangents(found: Identification, residual: ResidualEvidence) -> Iterator[Tang
     states, before, factor, matrices = system.rest(), 0, None, ()
     for index, number in enumerate(residual.evidence.frames):
         frame = int(number) - start
-        ev = assembly.evaluate(system, params, np.ascontiguousarray(residual.u[index][:, :model.mesh.n_dim]), states, times[frame] - times[before],
+        ev = assembly.evaluate(system, params, np.ascontiguousarray(residual.u[index][:, :model.mesh.n_dim]), states,
+                               times[frame] - times[before],
                                drives_at(model, times, times[frame]), guesses=states if before else None)
         if ev.trouble:
             raise NotConverged(f"{ev.trouble}, frame {frame}")

@@ -5,10 +5,10 @@ The noise of the reference image is in every frame. With r_t = f - g_t(x + u_t),
     V = sigma^2 (diag(kappa_t) + 1 1^T / N),  V^-1/2 r = (r_t - c R) / sqrt(kappa_t),   R = sum_s r_s / kappa_s,
     c = (1 - 1/sqrt(1 + k/N)) / k,            k = sum_s 1 / kappa_s
 
-for a reference that is the mean of N images, and the same for every column of the problem. Afterwards frames are independent and the noise is sigma^2 everywhere;
-unknowns of one frame alone (gain, offset, a logged grip's noise, a measured edge) are eliminated there.
-A column is a nodal field per frame; ``(F^-T grad f) . phi = grad f . (F^-1 phi)`` takes it to the reference image, with
-F^-1 averaged at the nodes.
+for a reference that is the mean of N images, and the same for every column of the problem. Afterwards frames are
+independent and the noise is sigma^2 everywhere; unknowns of one frame alone (gain, offset, a logged grip's noise, a
+measured edge) are eliminated there. A column is a nodal field per frame; ``(F^-T grad f) . phi = grad f . (F^-1 phi)``
+takes it to the reference image, with F^-1 averaged at the nodes.
 
 Without this step a slow misfit of the reference's noise looks like a persistent error of the model, with onset at
 frame 1.
@@ -68,8 +68,8 @@ class FrameEvidence:
 
     A : (n_seen, n_seen) sum of gradients' products / sigma^2; q : (n_seen,) and channel_q : (n_channels,) right-hand
     sides, weighted; border : (n_seen + n_channels, m) A times the frame's own columns; inner : (m, m) their block with
-    priors, inverted; inner_q : (m,) their right-hand side; light : drop of chi-square by the frame's own gain, offset and
-    blur, less what noise gives.
+    priors, inverted; inner_q : (m,) their right-hand side; light : drop of chi-square by the frame's own gain, offset
+    and blur, less what noise gives.
     """
 
     A: sparse.csr_array

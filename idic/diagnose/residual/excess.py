@@ -22,7 +22,8 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.identify.judgement.significance import z_text
 
 LAGS_PX = (6, 10, 14, 20)  # beyond the reach of interpolation and low-pass
-PRODUCT_VARIANCE_FACTOR = 4.0  # neighbouring products are alike through interpolation and low-pass: variance of their sum
+# neighbouring products are alike through interpolation and low-pass: variance of their sum
+PRODUCT_VARIANCE_FACTOR = 4.0
 MAX_TESTED_FRAMES = 12  # at most, spread over the recording
 
 
@@ -130,7 +131,8 @@ class _Sums:
         ratio = self.squares / max(self.n, 1.0)
         z = (ratio - 1.0) / np.sqrt(2.0 / max(self.effective, 1.0))
         return ExcessTest("omnibus", float(stats.norm.sf(z)),
-                    f"chi-square per pixel is {ratio:.4f} of what noise leaves ({z_text(float(z))} standard deviations)")
+                    f"chi-square per pixel is {ratio:.4f} of what noise leaves ({z_text(float(z))} standard "
+                    f"deviations)")
 
     def whiteness(self) -> list[ExcessTest]:
         words = {"motion": "the residual times the gradient resembles itself pixels further on: motion is left",

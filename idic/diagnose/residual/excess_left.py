@@ -12,7 +12,8 @@ from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 MIN_EXCESS_Z = 5.0  # standard deviations of an excess that count as something
 MAX_EXCESS_LEFT = 0.1  # of the motions' excess left, above the practical margin: a formal fit, not the cause
 MAX_LOCAL_EXCESS_LEFT = 0.01  # the same at the place of a fitted inclusion: a tenth of the motion's amplitude
-MAX_INCLUSION_EXCESS_LEFT = 0.02  # the same with an inclusion in the model, of motions with its time course: right ones left 0.006 at most
+# the same with an inclusion in the model, of motions with its time course: right ones left 0.006 at most
+MAX_INCLUSION_EXCESS_LEFT = 0.02
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,7 +44,8 @@ class PixelPart:
 
 @dataclass(frozen=True, eq=False)
 class PixelBasis:
-    """names : ("gain", 0), …, kind and number of the hat; images : (n_pixels, k); weight, bias : (k,) see the module."""
+    """names : ("gain", 0), …, kind and number of the hat; images : (n_pixels, k); weight, bias : (k,) see the
+    module."""
 
     names: tuple[tuple[str, int], ...]
     images: np.ndarray
@@ -79,7 +80,8 @@ def pixel_parts(context: CorrelationContext, basis: PixelBasis, maps: Sequence[t
 
     Parameters
     ----------
-    maps : per frame the residual and the validity of every pixel; shared : (n_pixels,) R; c : `noise_share`; back : (T, n_nodes, 2, 2);
+    maps : per frame the residual and the validity of every pixel; shared : (n_pixels,) R; c : `noise_share`; back : (T,
+    n_nodes, 2, 2);
     local_columns : per frame (2 n_nodes, m)
     """
     n_nodes, inverse = len(context.experiment.mesh.nodes), 1.0 / context.weights.image_noise**2

@@ -23,8 +23,8 @@ class Fit:
     """Residual of a model that free motions and channels explain.
 
     gain, rank : (T,) of free motions, per frame; channels : (T, n_channels) white residual of the channels; pixels :
-    r^T V^-1 r of the images over their number; light : (T,) drop of chi-square by the frames' own gain, offset and blur,
-    less what noise gives: what a model with other light explains, which no motion sees
+    r^T V^-1 r of the images over their number; light : (T,) drop of chi-square by the frames' own gain, offset and
+    blur, less what noise gives: what a model with other light explains, which no motion sees
     """
 
     frames: np.ndarray
@@ -142,7 +142,8 @@ def share_recovered(before: Fit, after: Fit, camera_chi2: float = 0.0) -> float:
     camera_chi2 : part of what is left that the camera shows at rest, and no model explains
     """
     drop = before.chi2 - after.chi2
-    left = max(after.gain.sum() - after.rank.sum() - camera_chi2, 0.0) + max((after.channels**2).sum() - after.channels.size, 0.0)
+    left = max(after.gain.sum() - after.rank.sum() - camera_chi2,
+               0.0) + max((after.channels**2).sum() - after.channels.size, 0.0)
     return float(max(drop, 0.0) / (max(drop, 0.0) + left)) if drop > 0.0 or left > 0.0 else float("nan")
 
 

@@ -52,12 +52,14 @@ class Margin:
     def words(self) -> str:
         """What the margin rests on, in one sentence."""
         if self.floor is None:
-            return (f"The practical margin of {self.px:g} px is an assumption: no frame of this recording is at rest, and "
+            return (f"The practical margin of {self.px:g} px is an assumption: no frame of this recording is at rest, "
+                    f"and "
                     "the camera's own floor is not known.")
         n = len(self.floor.frames)
         told = f"{n} image{'' if n == 1 else 's'} at rest show{'s' if n == 1 else ''}"
         if self.camera_px > PRACTICAL_MARGIN_PX:
-            return (f"{told} {self.floor.px:.2g} px of motion that no law explains. An effect below {self.px:.2g} px is not "
+            return (f"{told} {self.floor.px:.2g} px of motion that no law explains. An effect below {self.px:.2g} px "
+                    f"is not "
                     "blamed on a law.")
         return (f"{told} less than {self.floor.bound_px:.2g} px. The practical margin of {self.px:g} px is what "
                 "interpolation and discretisation leave under motion, an assumption.")

@@ -53,7 +53,8 @@ def standardised(values: np.ndarray, std: np.ndarray) -> np.ndarray:
     return np.divide(values, std, out=np.zeros(np.broadcast_shapes(values.shape, std.shape)), where=std > 0.0)
 
 
-def free_motion(evidence: Evidence, null: NullModel, basis: Basis, rng: np.random.Generator, draws: int = 300) -> FreeMotion:
+def free_motion(evidence: Evidence, null: NullModel, basis: Basis, rng: np.random.Generator,
+                draws: int = 300) -> FreeMotion:
     """Estimate the amplitudes of a basis in every frame, identified parameters projected out, and draw their noise."""
     normals = tuple(normal(evidence, part, convected(evidence, basis.fields, t), null, t)
                     for t, part in enumerate(evidence.parts))

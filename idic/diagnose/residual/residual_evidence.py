@@ -47,7 +47,8 @@ def residual_evidence(found: Identification, light: bool = True, null: bool = Tr
            responses: Sequence[FrameResponse] | None = None) -> ResidualEvidence:
     """Bring the residual of the accepted point to the nodes; it is simulated once more where its path was not kept.
 
-    light : False leaves out the columns of grey values (`idic.diagnose.residual.grey_value_effects`), which only a screening needs
+    light : False leaves out the columns of grey values (`idic.diagnose.residual.grey_value_effects`), which only a
+    screening needs
     null : False leaves out the columns of the identified parameters, which a judgement of what is left does not need
     responses : of `simulated`, where the same point has been simulated for another copy of the recording
     """

@@ -1,4 +1,5 @@
-"""Residual maps of one frame in standard deviations of noise: before, after, on the held-out copy, and of noise alone."""
+"""Residual maps of one frame in standard deviations of noise: before, after, on the held-out copy, and of noise
+alone."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def map_of_noise(like: np.ndarray, seed: int) -> np.ndarray:
 
 
 def residual_in_sigma(context: CorrelationContext, frame: int, u: np.ndarray) -> np.ndarray:
-    """Residual of a frame over the standard deviation of the noise that its interpolation leaves  # (ny, nx), NaN outside
+    """Residual of a frame over the standard deviation of the noise that its interpolation leaves  # (ny, nx), NaN
+    outside
 
     Gain and offset of the frame (levels of height images) are removed by least squares. u : (n_nodes, dim) mm
     """

@@ -21,8 +21,8 @@ MIN_EIGENVALUE_SHARE = 1e-6  # of the most visible direction: less visible ones 
 class Grid:
     """A regular grid over the reference image, and where the nodes are in it.
 
-    Models of one recording that are compared share it: a lens that a model adds moves the nodes, and a row of cells more
-    or less would be taken for a better or worse model.
+    Models of one recording that are compared share it: a lens that a model adds moves the nodes, and a row of cells
+    more or less would be taken for a better or worse model.
 
     at : (n_nodes, 2) px, column and row of the nodes; low, extent : (2,) px, its corner and size; cells : (2,) numbers
     """

@@ -22,7 +22,8 @@ class Family:
     """Candidates of one kind.
 
     side : "bulk", "boundary", "camera" or "force"
-    active : laws of yielding, flow or damage: they act in the whole body, and the points of the enriched model say where
+    active : laws of yielding, flow or damage: they act in the whole body, and the points of the enriched model say
+    where
         and since when. They have no place among their unknowns.
     under_load : effects of the specimen that grow with the load
     placed : effects with a place on the specimen although they act from the start
@@ -139,7 +140,8 @@ class Candidate:
     has_onset : there is a moment before which it does not act (yield, damage, slip); others act from the start
     shows_at_reversal : it shows where the load turns, not where points begin to yield
     slow : its simulations take long, so that it is refitted after candidates that promise nearly as much
-    hidden_by_yield_law : an identified law of yielding imitates it to first order; where no candidate is significant it is
+    hidden_by_yield_law : an identified law of yielding imitates it to first order; where no candidate is significant it
+    is
         refitted whatever its score
     untestable : why a record cannot tell it from its rivals, "" where it can; it is not screened then, and not excluded
     refitted_form : form of a variant after its refit, from the values of the parameters; None: the variant's own

@@ -1,7 +1,7 @@
 """Columns of causes at the ends of a specimen: the response to a pattern of unit amplitude, times courses in time.
 
-A change of a prescribed motion enters a first-order response at the present frame only (`idic.fe.response`), so that all
-courses of one pattern (slip, rotation, misalignment) share the response to the unit amplitude: du_t = c(t) s_t.
+A change of a prescribed motion enters a first-order response at the present frame only (`idic.fe.response`), so that
+all courses of one pattern (slip, rotation, misalignment) share the response to the unit amplitude: du_t = c(t) s_t.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ class TimedVariant:
 def timed(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     """A variant as a pattern times courses; None where it is another change of the model.
 
-    experiment : with the edits of the variant. One column, the way from null to probe, or one per knot of a free course.
+    experiment : with the edits of the variant. One column, the way from null to probe, or one per knot of a free
+    course.
     """
     found = [_correction(experiment, name) for name in variant.new]
     if not found or not variant.exact or any(one is None for one in found):

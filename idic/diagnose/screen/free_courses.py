@@ -1,11 +1,11 @@
 """Variants whose course in time the data give: the pattern of a cause times one amplitude per knot.
 
-Ramps, jumps and motions in proportion follow few courses. A load cell that wanders off and back, or a grip that swings, has
-none of them: its drift at a constant rate is zero. The free course of the same pattern (`idic.model.free_course`) holds all
-courses that are smooth over some frames, so that one test of its knots together stands for them.
+Ramps, jumps and motions in proportion follow few courses. A load cell that wanders off and back, or a grip that swings,
+has none of them: its drift at a constant rate is zero. The free course of the same pattern (`idic.model.free_course`)
+holds all courses that are smooth over some frames, so that one test of its knots together stands for them.
 
-Of the courses that explain as much, the one with the fewest knots is taken; it is zero at the others. A reading that drifts
-in proportion to the load is another modulus: with all knots free both would be open.
+Of the courses that explain as much, the one with the fewest knots is taken; it is zero at the others. A reading that
+drifts in proportion to the load is another modulus: with all knots free both would be open.
 """
 
 from __future__ import annotations
@@ -79,7 +79,8 @@ def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: V
         tables = copy.deepcopy(list(made["boundary"]))
         for table in tables:
             for component in "xyz":
-                if stem == f"boundary.{table.get('nodes')}.{component}" and isinstance(table.get(f"u{component}"), Mapping):
+                named = stem == f"boundary.{table.get('nodes')}.{component}"
+                if named and isinstance(table.get(f"u{component}"), Mapping):
                     _free(table[f"u{component}"]["corrections"], last)
         return made | {"boundary": tables}
     if name.startswith("channel.") and last == "drift":

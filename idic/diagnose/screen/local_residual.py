@@ -1,9 +1,9 @@
 """Local residual test: excess of the residual at the place of a fitted inclusion.
 
-An inclusion explains most of any local compliance: 0.95 of the effect of a cut, with next to no stiffness. The excess of a
-wrong inclusion lies at its place, where a local test has more power than a test of the whole specimen. Four cuts left an
-excess of 8 to 74 standard deviations at the place, two of them less than 4 in the whole; of four more cuts of 1.2 mm two
-left 3 at the place. True inclusions, on another mesh and with sharp edges, left -3 to 2.6.
+An inclusion explains most of any local compliance: 0.95 of the effect of a cut, with next to no stiffness. The excess
+of a wrong inclusion lies at its place, where a local test has more power than a test of the whole specimen. Four cuts
+left an excess of 8 to 74 standard deviations at the place, two of them less than 4 in the whole; of four more cuts of
+1.2 mm two left 3 at the place. True inclusions, on another mesh and with sharp edges, left -3 to 2.6.
 """
 
 from __future__ import annotations

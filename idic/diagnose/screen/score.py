@@ -197,7 +197,8 @@ def significances(scores: Scores, groups: Mapping[Any, Sequence[int]], signs: np
     for column, members in sums.items():
         members = [i for i in members if scores.own[i] > 0]
         inner = symmetric_inverse(correlation[np.ix_(members, members)])
-        noise[:, column] = _as_normal(np.einsum("di,ij,dj->d", noise[:, members], inner, noise[:, members]), len(members))
+        noise[:, column] = _as_normal(np.einsum("di,ij,dj->d", noise[:, members], inner, noise[:, members]),
+                                      len(members))
         observed[column] = _as_normal(np.square(observed[column]), len(members))
     usual = np.array(single, dtype=int)
     noise[:, usual], observed[usual] = _sided(noise[:, usual], signs[usual]), _sided(observed[usual], signs[usual])

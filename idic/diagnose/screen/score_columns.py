@@ -100,7 +100,8 @@ def _stepped(found: Identification, residual: ResidualEvidence, trials: Sequence
     of_patterns = [answers.position(one.unit, unit_values(one)) for one in first.values()]
     start, dim = found.experiment.reference, found.experiment.n_dim
     frames = [int(k) - start for k in residual.evidence.frames]
-    responses = first_responses(answers.base, found.experiment.times[start:], frames, residual.u[..., :dim], answers.others)
+    responses = first_responses(answers.base, found.experiment.times[start:], frames, residual.u[..., :dim],
+                                answers.others)
     picked = [i for _, _, i, _ in others] + of_patterns
     nulls = [k for k, (_, _, _, null) in enumerate(others) if null is not None]
     of_nulls = [others[k][3] for k in nulls]
@@ -124,14 +125,16 @@ def _stepped(found: Identification, residual: ResidualEvidence, trials: Sequence
         return labels, alone
     names = tuple(name for _, one in shared for name in one.names)
     return labels, joined(alone, Columns(names, *times_courses([one for _, one in shared], list(first),
-                                                               residual.evidence.frames, fields[..., n:], channels[..., n:])))
+                                                               residual.evidence.frames, fields[..., n:],
+                                                               channels[..., n:])))
 
 
 class _Answers:
     """The models whose responses are asked for, each once."""
 
     def __init__(self, found: Identification):
-        self.found, self.base, self.values = found, _alternative(found.experiment, found, {}), found.parameters.as_values()
+        self.found, self.base, self.values = found, _alternative(found.experiment, found,
+                                                                 {}), found.parameters.as_values()
         self.others: list[Alternative] = []
         self.place: dict[bytes, int] = {}
 

@@ -41,9 +41,9 @@ class Ranked:
     best : column number; variant, name : what it is; amplitude, std : expected change in amplitudes of the column (1 =
     the probe) or, for direct variants, in units of the degree of freedom; gain : predicted drop of chi-square of the
     variant; effect_px, effect_channel : rms of what the model in hand leaves of it, px and standard deviations of a
-    reading; verdict : "significant" | "small" | "inadmissible" | "excluded" | "cannot_tell"; largest_probe_z : standard deviations
-    by which a plausible effect would stand out, of the variant that shows most; moves : change of the identified parameters
-    per unit of the amplitude; start : values of the knots of a free course, by the score (amplitude 1)
+    reading; verdict : "significant" | "small" | "inadmissible" | "excluded" | "cannot_tell"; largest_probe_z : standard
+    deviations by which a plausible effect would stand out, of the variant that shows most; moves : change of the
+    identified parameters per unit of the amplitude; start : values of the knots of a free course, by the score
     """
 
     candidate: Candidate
@@ -120,7 +120,8 @@ class Screening:
 
     @property
     def reserve(self) -> tuple[Ranked, ...]:
-        """The next `MAX_SHORTLIST` candidates: a large effect is beyond first order, and so is the order of promises."""
+        """The next `MAX_SHORTLIST` candidates: a large effect is beyond first order, and so is the order of
+        promises."""
         return self._worth_a_refit(MAX_SHORTLIST)
 
     def _worth_a_refit(self, first_name: int) -> tuple[Ranked, ...]:
@@ -128,7 +129,8 @@ class Screening:
         worth = sorted((r for r in self.significant if r.gain >= MIN_GAIN_SHARE * best), key=lambda r: -r.gain)
         names = list(dict.fromkeys(r.candidate.name for r in worth))[first_name:first_name + MAX_SHORTLIST]
         first = {name: next(r.gain for r in worth if r.candidate.name == name) for name in names}
-        return tuple(r for r in worth if r.candidate.name in names and r.gain >= MIN_MATERIAL_GAIN * first[r.candidate.name])
+        return tuple(r for r in worth if r.candidate.name in names
+                     and r.gain >= MIN_MATERIAL_GAIN * first[r.candidate.name])
 
     def separation_chi2(self, one: Ranked, other: Ranked) -> float:
         """D = S (1 - rho^2), S of the better: chi-square by which the data prefer one pattern over the other."""
@@ -145,7 +147,8 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
     ----------
     materials : element sets; of several, each is a subject of its own
     parameters : columns of the identified parameters, as gathered
-    room : chi-square that free motions explain beyond noise: what is between the smallest effect and the practical margin
+    room : chi-square that free motions explain beyond noise: what is between the smallest effect and the practical
+    margin
         must explain a good part of it
     margin : motion that no candidate may be blamed for
     further : a cause is in the model already: what discretisation leaves of it is no room for another one
@@ -166,9 +169,11 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
     found = significances(scores, groups, signs, np.random.default_rng(seed), sums) if groups else {}
     sizes_px, sizes_channel = effects(evidence, parameters, with_sums(columns, scores, joint), scores)
     bounds = smallest_px, margin.px, min_channel
-    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, bounds, columns.n), material=key[1])  # type: ignore[index]
+    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, bounds, columns.n),
+                      material=key[1])  # type: ignore[index]
               for key, members in groups.items()]
-    ranked = [replace(r, start=dict(zip(r.variant.new, scores.together(joint[r.best - columns.n]).tolist(), strict=True)))
+    ranked = [replace(r, start=dict(zip(r.variant.new, scores.together(joint[r.best - columns.n]).tolist(),
+                                        strict=True)))
               if r.variant.free_course and r.variant.new else r for r in ranked]
     return Screening(tuple(sorted(proposed(ranked), key=lambda r: -r.statistic)), tuple(trials), scores)
 
@@ -177,8 +182,8 @@ def proposed(ranked: Sequence[Ranked]) -> list[Ranked]:
     """One entry per candidate and material: its free course stands for it where no screened course of any candidate
     promises half as much, and it is significant.
 
-    A free course takes a part of almost every mismatch; where a ramp, a jump or a law promises as much with one unknown,
-    that is refitted, and the course is freed where it leaves something (`idic.diagnose.selection.own_course`).
+    A free course takes a part of almost every mismatch; where a ramp, a jump or a law promises as much with one
+    unknown, that is refitted, and the course is freed where it leaves something (`idic.diagnose.selection.own_course`).
     """
     plain = {r.key: r for r in ranked if not r.variant.free_course}
     bar = max((r.gain for r in plain.values() if r.standing == "significant"), default=0.0) / MIN_COURSE_SHARE
@@ -198,7 +203,8 @@ def material_of_variant(variant: Variant, materials: Sequence[str]) -> str:
 def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significance, members: Sequence[int],
             sizes_px: np.ndarray, sizes_channel: np.ndarray, room: float, bounds: tuple[float, float, float],
             n_columns: int) -> Ranked:
-    """n_columns : without the sums behind them; bounds : smallest effect (px) of a candidate that explains most of the room, of any other, on readings (std)"""
+    """n_columns : without the sums behind them; bounds : smallest effect (px) of a candidate that explains most of the
+    room, of any other, on readings (std)"""
     best = standing.best
     trial = trials[best]
     same = [i for i in members if trials[i].variant is trial.variant and i < n_columns] or [best]

@@ -1,4 +1,5 @@
-"""What a candidate looks at before it places its variants: how far the identified model stresses and strains the body."""
+"""What a candidate looks at before it places its variants: how far the identified model stresses and strains the
+body."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
 """Time course of the residual: motion that follows the effect of the selected candidate in time.
 
-A formal fit leaves motions that follow its effect in time: a cut that was fitted by an inclusion with next to no stiffness,
-an uneven grip by a rotating one. Free motions of every frame (`idic.diagnose.residual.heldout`) share their chi-square
-with the noise of all frames; motions with the time course of the effect concentrate it: uneven grips have an excess of 14 to
-26 standard deviations, and 4.7 to 6.4 in free motions. Motions collinear with the enriched model's parameters are projected
-out.
+A formal fit leaves motions that follow its effect in time: a cut that was fitted by an inclusion with next to no
+stiffness, an uneven grip by a rotating one. Free motions of every frame (`idic.diagnose.residual.heldout`) share their
+chi-square with the noise of all frames; motions with the time course of the effect concentrate it: uneven grips have an
+excess of 14 to 26 standard deviations, and 4.7 to 6.4 in free motions. Motions collinear with the enriched model's
+parameters are projected out.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from idic.diagnose.screen.score import null_model
 GRID_REFINEMENT = 2  # cells of this grid per cell of the free motions: the excess of a cut is narrow
 
 
-def time_course_test(before: ResidualEvidence, after: ResidualEvidence, grid: Grid, margin: Margin = ASSUMED) -> ExcessLeft:
+def time_course_test(before: ResidualEvidence, after: ResidualEvidence, grid: Grid,
+                     margin: Margin = ASSUMED) -> ExcessLeft:
     """Excess of the motions with the time course of the added candidate.
 
     Parameters

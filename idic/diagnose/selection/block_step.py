@@ -1,14 +1,15 @@
 """Judgement on blocks of the recording without another fit: squares of the specimen, and later frames.
 
-The residual of a model and its derivatives stand at the nodes (`idic.diagnose.residual.evidence`). With the test functions
-of the nodes of one part alone, the normal equations see only the pixels of that part,
+The residual of a model and its derivatives stand at the nodes (`idic.diagnose.residual.evidence`). With the test
+functions of the nodes of one part alone, the normal equations see only the pixels of that part,
 
     J_A^T A J delta = J_A^T r,
 
-so one Gauss-Newton step from the finished fit gives the parameters of a fit to that part. The residual r - A J delta is then
-measured on the other part. Nodes of the two parts never share an element, and their shape functions vanish at the border:
-nothing leaks but the frames' own unknowns (gain, offset, noise of a logged grip). White frames are independent under noise; of
-the motion of a later frame a share c (`idic.diagnose.residual.evidence`) stands in the earlier ones.
+so one Gauss-Newton step from the finished fit gives the parameters of a fit to that part. The residual r - A J delta is
+then measured on the other part. Nodes of the two parts never share an element, and their shape functions vanish at the
+border:
+nothing leaks but the frames' own unknowns (gain, offset, noise of a logged grip). White frames are independent under
+noise; of the motion of a later frame a share c (`idic.diagnose.residual.evidence`) stands in the earlier ones.
 
 squares        a chessboard: one colour fits, the other one judges, and the reverse; motions judge
 later frames   fitted up to some frame, judged after it; motions and channels judge
@@ -30,7 +31,8 @@ from idic.diagnose.screen.score import NullModel, null_model
 
 SQUARES_PER_SIDE = 4  # along the longer side of the visible region
 FITTED_FRAME_SHARES = (0.5, 0.75)  # of the frames that fit; the following ones up to the next part judge
-MIN_PART_SHARE = 0.05  # of the whole recording's information on every direction: a smaller part does not determine the model
+# of the whole recording's information on every direction: a smaller part does not determine the model
+MIN_PART_SHARE = 0.05
 MIN_SEEN_NODES = 8  # of a part
 
 

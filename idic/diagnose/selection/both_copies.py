@@ -36,8 +36,8 @@ def judged_on_both(source: ExperimentSource, null: Refit, rivals: Sequence[Rival
 
     Returns
     -------
-    The rivals with their drops on both copies, and the null's fit on the second copy. Without an answer of the null there,
-    the rivals are unchanged and the fit is None.
+    The rivals with their drops on both copies, and the null's fit on the second copy. Without an answer of the null
+    there, the rivals are unchanged and the fit is None.
     """
     (there,) = refits([refit_of_one(source, "null", null, grid, seed, swapped=True)])
     if not there.usable:
@@ -62,5 +62,6 @@ def _swapped(source: ExperimentSource, null: Refit, rival: Rival, variant: Varia
 def _judged_twice(rival: Rival, null: Refit, answer: Refit) -> Rival:
     if not answer.usable:
         return replace(rival, failed_on_one_copy=True)
-    return replace(rival, heldout=rival.heldout + null.judgement.chi2 - answer.judgement.chi2, crossed_judgement=answer.judgement,
+    return replace(rival, heldout=rival.heldout + null.judgement.chi2 - answer.judgement.chi2,
+                   crossed_judgement=answer.judgement,
                    achieved_on_other=null.choice.chi2 - answer.choice.chi2)

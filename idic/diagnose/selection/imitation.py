@@ -1,8 +1,10 @@
 """What a course of its own imitates.
 
-A cause with one amplitude per knot follows any function of time. Where the load only grows, that is any function of the load:
-a free drift of the load cell and a stress that bends over the strain leave the same record. A rival that explains nearly as
-much with a course of few unknowns is then not told from it, however large the drop of chi-square by the further knots.
+A cause with one amplitude per knot follows any function of time. Where the load only grows, that is any function of the
+load:
+a free drift of the load cell and a stress that bends over the strain leave the same record. A rival that explains
+nearly as much with a course of few unknowns is then not told from it, however large the drop of chi-square by the
+further knots.
 """
 
 from __future__ import annotations
@@ -28,5 +30,6 @@ def with_imitated(one: Round, u: np.ndarray) -> Round:
         return one
     alike = [rival.name for rival in one.rivals
              if rival.name not in (winner.name, *one.equals) and rival.passes and rival.copies == winner.copies
-             and len(rival.own_unknowns) < len(winner.own_unknowns) and rival.heldout > MIN_IMITATED_SHARE * winner.heldout]
+             and len(rival.own_unknowns) < len(winner.own_unknowns)
+             and rival.heldout > MIN_IMITATED_SHARE * winner.heldout]
     return replace(one, equals=(*one.equals, *dict.fromkeys(alike)))

@@ -1,8 +1,9 @@
 """A course that the data give, where the course of a selected cause leaves something.
 
-Candidates are screened with a few courses: in proportion to the motion or to time, ramps and jumps from some moments on.
-The cause that is selected keeps its pattern. Where its refit leaves more than noise, its course becomes linear between knots
-(`idic.model.free_course`) and the model is refitted; the copy without a part in the fit decides whether that course stays.
+Candidates are screened with a few courses: in proportion to the motion or to time, ramps and jumps from some moments
+on. The cause that is selected keeps its pattern. Where its refit leaves more than noise, its course becomes linear
+between knots (`idic.model.free_course`) and the model is refitted; the copy without a part in the fit decides whether
+that course stays.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from idic.model.free_course import without_knot
 MIN_LEFT_Z = 3.0  # standard deviations of what a refit leaves in motions or channels
 
 
-def with_own_course(source: ExperimentSource, null: Refit, winner: Rival, screening: Screening, refits: Refits, grid: Grid,
+def with_own_course(source: ExperimentSource, null: Refit, winner: Rival, screening: Screening, refits: Refits,
+                    grid: Grid,
                     seed: int) -> Rival | None:
     """The winner of a round with a course that the data give; None where it has no course, or needs no other one."""
     if winner.copies > 1 or winner.refitted.choice is None or not leaves_something(winner.refitted.choice):
@@ -40,7 +42,8 @@ def with_own_course(source: ExperimentSource, null: Refit, winner: Rival, screen
         top = int(np.argmax(np.abs(hat)))
         start[name] = size * float(course[top] / hat[top])
     variant = replace(free, label=f"{winner.ranked.variant.label}, with a course of its own", probe=start)
-    (answer,) = refits([RefitJob(winner.name, source, (variant.label,), (free.edits,), ({**winner.refitted.values, **start},),
+    (answer,) = refits([RefitJob(winner.name, source, (variant.label,), (free.edits,),
+                                 ({**winner.refitted.values, **start},),
                                  winner.refitted.local, grid, np.inf, seed)])
     if not answer.usable:
         return None

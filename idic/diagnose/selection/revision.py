@@ -1,12 +1,14 @@
-"""Selection goes both ways: every selected cause is tested again for removal and for exchange once others have joined it.
+"""Selection goes both ways: every selected cause is tested again for removal and for exchange once others have joined
+it.
 
 The first cause is chosen while nothing else is in the model. What comes after may make it idle, or show that one of its
 rivals fits the whole better. A revised set keeps the causes before the one in question, leaves that one out or puts a
-rival in its place, and adds the later causes again; the whole is refitted and judged on the copy that had no part in it.
+rival in its place, and adds the later causes again; the whole is refitted and judged on the copy that had no part in
+it.
 
     removal    accepted where the whole loses no more than a further cause would have to bring
-    exchange   accepted where the whole gains more than two models differ by noise; with the former course in the place of one
-               that the data give, where the whole loses less than that course had to bring
+    exchange   accepted where the whole gains more than two models differ by noise; with the former course in place of
+               one that the data give, where the whole loses less than that course had to bring
 """
 
 from __future__ import annotations
@@ -96,8 +98,8 @@ def is_needed(ranked: Ranked, whole: Refit, allowed: float) -> bool:
 
 
 def exchangeable(one: Round) -> list[Rival]:
-    """The winner of a round with the course it was screened with, then rivals that come near it, or cannot be told from it,
-    the best first.
+    """The winner of a round with the course it was screened with, then rivals that come near it, or cannot be told from
+    it, the best first.
     """
     near = [r for r in one.rivals if r is not one.winner and r.refitted.usable and r.determined
             and (r.name in one.equals or r.achieved > MIN_EXCHANGE_SHARE * one.winner.achieved)]
@@ -110,7 +112,8 @@ def _judged(rounds: Sequence[Round]) -> float:
 
 
 def _rebuilt(rounds: Sequence[Round], number: int, instead: Rival | None, place: Workplace) -> list[Round] | None:
-    """The rounds with another cause, or none, in one place; None where a refit fails or a later cause does not apply."""
+    """The rounds with another cause, or none, in one place; None where a refit fails or a later cause does not
+    apply."""
     kept, here = list(rounds[:number]), rounds[number]
     source, model = here.source, here.null
     if instead is not None:

@@ -15,7 +15,8 @@ MIN_HELDOUT_DROP = 9.0  # chi-square per model and copy that judges
 MIN_DROP_DIFFERENCE = 2e-3  # of a drop of chi-square: two simulations are not better than that
 MIN_ACHIEVED_SHARE = 0.25  # of the promised drop of chi-square: a refit that ends with less has failed
 COPIES = 2  # of the recording, whose drops of chi-square make the evidence for a rival
-MIN_FURTHER_SHARE = 0.03  # of the drop of chi-square of all causes: less is a flaw of the description, not a further cause
+# of the drop of chi-square of all causes: less is a flaw of the description, not a further cause
+MIN_FURTHER_SHARE = 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,8 +24,8 @@ class Rival:
     """A shortlisted candidate after its refit.
 
     predicted, achieved : drop of chi-square on the copy for choosing; heldout : drop on the other one
-    crossed : where both copies had to judge, its fit on the copy for choosing after a refit on the other one; heldout is
-    the sum of both drops then, achieved_on_other what that refit achieved
+    crossed : where both copies had to judge, its fit on the copy for choosing after a refit on the other one; heldout
+    is the sum of both drops then, achieved_on_other what that refit achieved
     silent : both copies had to judge, and there is no answer on one: it decides nothing
     """
 
@@ -44,7 +45,8 @@ class Rival:
     @property
     def passes(self) -> bool:
         """Whether the improvement survives on data that had no part in the fit, and says something of its cause."""
-        return self.refitted.usable and not self.failed_on_one_copy and self.determined and self.heldout > self.min_heldout_drop
+        return (self.refitted.usable and not self.failed_on_one_copy and self.determined
+                and self.heldout > self.min_heldout_drop)
 
     @property
     def min_heldout_drop(self) -> float:
@@ -69,8 +71,9 @@ class Rival:
     def evidence(self) -> float:
         """Drop of chi-square on both copies, less twice its own unknowns: what rivals that pass are compared by.
 
-        Each copy alone has half of the recording's power to tell two models apart. The drop where n unknowns were fitted is
-        2 n larger, on the mean, than the drop elsewhere (Akaike 1974). Where both copies judge, the mean of the two fits.
+        Each copy alone has half of the recording's power to tell two models apart. The drop where n unknowns were
+        fitted is 2 n larger, on the mean, than the drop elsewhere (Akaike 1974). Where both copies judge, the mean of
+        the two fits.
         """
         return (self.heldout + self.achieved_everywhere) / self.copies - 2.0 * len(self.own_unknowns)
 
@@ -82,7 +85,8 @@ class Rival:
     @property
     def refit_failed(self) -> bool:
         """Whether the refit gives no information on this candidate."""
-        return not self.refitted.usable or self.failed_on_one_copy or self.achieved < MIN_ACHIEVED_SHARE * self.predicted
+        return (not self.refitted.usable or self.failed_on_one_copy
+                or self.achieved < MIN_ACHIEVED_SHARE * self.predicted)
 
     @property
     def determined(self) -> bool:
@@ -128,7 +132,8 @@ class Round:
 
 
 def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, tuple[str, ...]]:
-    """Of the rivals that pass on held-out data the one with the most evidence, and the rivals that are indistinguishable.
+    """Of the rivals that pass on held-out data the one with the most evidence, and the rivals that are
+    indistinguishable.
 
     The difference in chi-square of two models on one recording has the standard deviation 2 sqrt(D), with D the
     chi-square that separates them: D < 9 per copy leaves both. A rival whose refit failed stays with the winner where

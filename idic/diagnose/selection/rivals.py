@@ -22,7 +22,8 @@ MIN_PROMISE_SHARE = 0.5  # of the best rival's drop: a candidate that promises l
 MAX_ROOM_SHARE = 0.05  # of the drop of a refit: with less excess left it explains all
 FIRST_ORDER_ERROR_SHARE = 0.2  # of a promise: error of first order
 MAX_CLOSE_CHI2 = 25.0  # chi-square between two candidates that are hardly distinguishable, noise included
-MIN_KEPT_SHARE = 0.5  # of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
+# of the promised drop; a refit that keeps less began in the wrong place, or the promise was far from linear
+MIN_KEPT_SHARE = 0.5
 
 
 def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits: Refits, grid: Grid, seed: int,
@@ -44,7 +45,8 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
 
     def run(chosen, first: int, last: int, min_drop: float | None = None) -> list[Rival]:
         answers = refits([_job(source, null, r, starts[r.key][first:last], first == 0 and min_drop is None,
-                               MIN_KEPT_SHARE * r.gain if min_drop is None else min_drop, grid, seed, early_stop) for r in chosen])
+                               MIN_KEPT_SHARE * r.gain if min_drop is None else min_drop, grid, seed, early_stop)
+                               for r in chosen])
         return [_rival(ranked, answer, null) for ranked, answer in zip(chosen, answers, strict=True)]
 
     if alone:
@@ -81,9 +83,9 @@ def same_family_rivals(screening: Screening, rivals: Sequence[Rival], bends: boo
     bends : the null has a law that yields: if no candidate passes, bends of its hardening curve are refitted as well
 
     A straight line of hardening that was identified hides a bend to first order (drop of chi-square 28 promised, 128
-    once it was refitted), and the back stress that imitates it was selected alone (93). Only where the way to the answer
-    is not straight: laws, not channels and cameras. The same bend, clear, let warmth and a drift of the force stand out
-    instead (z 7.6 and 6.1, itself 2.7), which did not survive on the other copy.
+    once it was refitted), and the back stress that imitates it was selected alone (93). Only where the way to the
+    answer is not straight: laws, not channels and cameras. The same bend, clear, let warmth and a drift of the force
+    stand out instead (z 7.6 and 6.1, itself 2.7), which did not survive on the other copy.
     """
     found = [r for r in rivals if r.passes]
     shown = found or [r for r in rivals if r.refitted.usable and r.achieved > r.min_heldout_drop]
@@ -115,7 +117,8 @@ def contenders(waiting: Sequence[Ranked], ahead: Rival | None) -> list[Ranked]:
 
 
 def explains_all(ahead: Rival) -> bool:
-    """Whether a refit explains all there is, as its score promised: no rival can do better, and first order is right."""
+    """Whether a refit explains all there is, as its score promised: no rival can do better, and first order is
+    right."""
     return (ahead.refitted.choice.room < MAX_ROOM_SHARE * ahead.achieved
             and ahead.achieved > (1.0 - FIRST_ORDER_ERROR_SHARE) * ahead.predicted)
 
@@ -128,12 +131,13 @@ def promises_too_little(ranked: Ranked, ahead: Rival) -> bool:
 def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
     """The shortlist without those that promise no more than a limit of theirs: their turn is after it.
 
-    Damage, whose simulations are slow where a body begins to tear, comes behind those that promise nearly as much: there
-    is a bar for it then.
+    Damage, whose simulations are slow where a body begins to tear, comes behind those that promise nearly as much:
+    there is a bar for it then.
     """
     gains = {r.key: r.gain for r in shortlist}
     left = [r for r in shortlist
-            if not any(r.gain < MIN_GAIN_OVER_LIMIT * gains.get((limit, r.material), 0.0) for limit in r.candidate.limits)]
+            if not any(r.gain < MIN_GAIN_OVER_LIMIT * gains.get((limit, r.material), 0.0)
+                       for limit in r.candidate.limits)]
     near = (1.0 - FIRST_ORDER_ERROR_SHARE) * max(gains.values(), default=0.0)
     slow = [r for r in left if _is_slow(r) and r.gain >= near]
     others = [r for r in left if r not in slow]
@@ -150,7 +154,8 @@ def starting_variants(screening: Screening, candidate: Candidate, best: Variant)
     return [best, *(variant for _, variant in others)][:MAX_STARTS]
 
 
-def refit_of_candidate(source: ExperimentSource, null: Refit, ranked: Ranked, screening: Screening, refits: Refits, grid: Grid,
+def refit_of_candidate(source: ExperimentSource, null: Refit, ranked: Ranked, screening: Screening, refits: Refits,
+                       grid: Grid,
                        seed: int, values: Mapping[str, float]) -> Rival:
     """One candidate refitted on top of a model, from given values first, then from its probes.
 

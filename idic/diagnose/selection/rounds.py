@@ -1,4 +1,5 @@
-"""The rounds of a diagnosis: screening, refits of the shortlist, selection of a candidate, which joins the null model."""
+"""The rounds of a diagnosis: screening, refits of the shortlist, selection of a candidate, which joins the null
+model."""
 
 from __future__ import annotations
 
@@ -160,15 +161,16 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
 
 
 def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting) -> tuple[Round, ResidualEvidence]:
-    """A round without its winner where blocks of the recording that had no part in its fit get worse, and the residual of
-    the last model that holds.
+    """A round without its winner where blocks of the recording that had no part in its fit get worse, and the residual
+    of the last model that holds.
 
     whole : residual of the null on the recording itself
     """
     setting.stage("judgement on blocks of the recording")
     with setting.clock.step("blocks_s"):
         winner = one.winner
-        after = refit_residual(one.source.with_edits(edits_of(winner, one.screening)).load(), winner.refitted)  # type: ignore[union-attr, arg-type]
+        after = refit_residual(one.source.with_edits(edits_of(winner, one.screening)).load(),
+                               winner.refitted)  # type: ignore[union-attr, arg-type]
         judged = judged_by_step(whole, after, setting.grid)
     if holds(judged):
         return replace(one, blocks=judged), after
@@ -201,7 +203,8 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
     apply = [candidate for candidate in library if found.experiment.points is None or candidate.family != CAMERA]
     untestable = tuple((candidate, why) for candidate in apply if (why := candidate.reason_against(here)))
     left_out = [candidate for candidate, _ in untestable]
-    trials = [(candidate, variant) for candidate in apply if candidate not in left_out for variant in candidate.variants(here)]
+    trials = [(candidate, variant) for candidate in apply if candidate not in left_out
+              for variant in candidate.variants(here)]
 
     def load(edits: Mapping[str, Any]):
         return thinned(source.load(edits), CHOICE, seed)
@@ -210,8 +213,10 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
     labels, columns = score_columns(found, residual, trials, load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
     made = screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
-                  materials=[material.element_set for material in found.experiment.materials], margin=margin, further=further,
-                  min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further else MIN_CHANNEL_EFFECT_STD)
+                  materials=[material.element_set for material in found.experiment.materials], margin=margin,
+                  further=further,
+                  min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further
+                  else MIN_CHANNEL_EFFECT_STD)
     return replace(made, untestable=untestable)
 
 

@@ -1,4 +1,5 @@
-"""`idic init` for a folder of measured fields: the stages of another DIC system, with their force where they hold it."""
+"""`idic init` for a folder of measured fields: the stages of another DIC system, with their force where they hold
+it."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ _MAX_BROKEN_SHARE = 0.1  # of the largest force; the stages from the first one b
 
 
 def find_stages(files: Sequence[Path]) -> list[Path]:
-    """The largest group of files in one folder, alike but for numbers, that hold measured fields; [] where there is none."""
+    """The largest group of files in one folder, alike but for numbers, that hold measured fields; [] where there is
+    none."""
     groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
     for path in files:
         if path.suffix.lower() in SUFFIXES:
@@ -71,7 +73,8 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
     whole = log if log is not None and len(log.rows) == len(series.entries) else None
     loaded = _loading(series, points, whole, column, upright)
     parts = [_experiment(folder, _pattern(folder, paths), series, points, mesh),
-             *_log_lines(series, log, None if own else found[0].relative_to(folder).as_posix(), column), "",  # type: ignore[index]
+             *_log_lines(series, log, None if own else found[0].relative_to(folder).as_posix(), column),
+             "",  # type: ignore[index]
              _camera(in_px, mesh is not None), _MATERIAL,
              _boundary("TOP" if upright else "RIGHT", "BOTTOM" if upright else "LEFT"),
              _channel(column, "TOP" if upright else "RIGHT", loaded), _TAIL]
@@ -124,7 +127,8 @@ def _experiment(folder: Path, pattern: str, series: FieldSeries, points: Measure
              _line(f"fields = {json.dumps(pattern)}", "measured displacements in the place of images; the first is the "
                                                       "reference"),
              _line(f"# fields_format = {json.dumps(series.format)}", "as found in the files"),
-             *(_mesh(points, margin, size) if mesh is None else [_line(f"mesh = {json.dumps(mesh)}", "and mesh_unit, if not mm")]),
+             *(_mesh(points, margin, size) if mesh is None
+               else [_line(f"mesh = {json.dumps(mesh)}", "and mesh_unit, if not mm")]),
              _line('kind = "plane_stress"', "plane_stress | plane_strain | solid (with surface)"),
              _line("# thickness_mm = 1.0", "FILL IN if a force is compared")]
     return "\n".join([*lines, *_stages(series, points)])
@@ -145,22 +149,27 @@ def _log_lines(series: FieldSeries, log: Log | None, file: str | None, column: s
             f"# FILL IN: {len(log.rows)} rows for {n} stages; give the times of the stages:",
             _line("# frame_interval_s = 1.0", 'with first_frame_s; or image_times = "times.csv" (column time_s)')]
     broken = _after_the_break(series, log if log is not None and len(log.rows) == n else None, column)
-    return [*lines, f"exclude_frames = {json.dumps(broken, ensure_ascii=False)}   # the force has dropped: after the break"
+    return [*lines,
+            f"exclude_frames = {json.dumps(broken, ensure_ascii=False)}   # the force has dropped: after the break"
             if broken else _line("# exclude_frames = [12]", "numbers in the file names, or indices from 0")]
 
 
 def _mesh(points: MeasuredPoints, margin: float, size: float) -> list[str]:
     """A rectangle around the points, or their outline where that is no rectangle."""
     extent = np.ptp(points.positions, axis=0)
-    span = f"# the points span {extent[0]:.4g} x {extent[1]:.4g} mm and end before the edges of the specimen: FILL IN the"
+    span = (f"# the points span {extent[0]:.4g} x {extent[1]:.4g} mm and end before the edges of the specimen: FILL IN "
+            f"the")
     outline = outline_of(points.positions, points.pitch, 0.0)
     if not outline.holes and outline.filled > _MIN_FILLED:
         return [f"mesh = {{ around_points_mm = [{margin:.2g}, {margin:.2g}], element_mm = {size:.3g} }}", span,
-                "# margins along x and y, so that the mesh has the true width (a force is compared with its cross-section)"]
+                "# margins along x and y, so that the mesh has the true width (a force is compared with its "
+                "cross-section)"]
     holes = f" and {len(outline.holes)} hole{'s' * (len(outline.holes) > 1)}" if outline.holes else ""
     return [f"mesh = {{ outline_points_mm = {margin:.2g}, element_mm = {3.0 * points.pitch:.3g} }}",
-            f"# an outline of {len(outline.outline)} corners{holes}, found from the points; the picture of idic check shows it.", span,
-            "# margin (half a subset), so that the mesh has the true width (a force is compared with its cross-section);",
+            f"# an outline of {len(outline.outline)} corners{holes}, found from the points; the picture of idic check "
+            f"shows it.", span,
+            "# margin (half a subset), so that the mesh has the true width (a force is compared with its "
+            "cross-section);",
             "# outline_mm draws it exactly: see docs/experiment-file.md, a mesh from a drawing"]
 
 
@@ -180,12 +189,15 @@ def _stages(series: FieldSeries, points: MeasuredPoints) -> list[str]:
 
 def _camera(in_px: bool, mesh_file: bool) -> str:
     if in_px or mesh_file:
-        lines = ["[camera]", *([_line("pixel_size_mm = 1.0", "FILL IN: the fields are in px; multiply the lengths of mesh by it")]
+        lines = ["[camera]",
+                 *([_line("pixel_size_mm = 1.0", "FILL IN: the fields are in px; multiply the lengths of mesh by it")]
                                if in_px else []),
-                 *([_line('placement = "outline"', "the mesh is laid along the outline of the points")] if mesh_file else [])]
+                 *([_line('placement = "outline"', "the mesh is laid along the outline of the points")] if mesh_file
+                   else [])]
         return "\n".join([*lines, ""])
     return "\n".join([_line("# [camera]", "only for a mesh file with axes of its own"),
-                      _line('# placement = "outline"', "idic lays it along the outline of the points; or say where it is:"),
+                      _line('# placement = "outline"',
+                            "idic lays it along the outline of the points; or say where it is:"),
                       _line("# origin_mm = [0.0, 0.0]", "where its origin lies in the axes of the points"),
                       _line('# axes = ["+x", "+y"]', "where its axes point"), ""])
 
@@ -227,7 +239,8 @@ class _Loading:
     words: str
 
 
-def _loading(series: FieldSeries, points: MeasuredPoints, log: Log | None, column: str | None, upright: bool) -> _Loading:
+def _loading(series: FieldSeries, points: MeasuredPoints, log: Log | None, column: str | None,
+             upright: bool) -> _Loading:
     """Tension or shear, by the mean strain of the stage with the largest force (of the last one without a log)."""
     force = None if log is None or column is None else log.column(column)
     k = len(series.entries) - 1 if force is None else int(np.argmax(np.abs(force)))

@@ -66,7 +66,8 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
             (masks if is_mask else groups[path.parent, path.suffix]).append(path)
     if not groups:
         raise InputError("no images in the folder", file=folder,
-                         expected="TIFF or PNG images, or the exported fields of a DIC system, in it or in a folder below", found=f"{len(files)} other files",
+                         expected="TIFF or PNG images, or the exported fields of a DIC system, in it or in a folder "
+                                  "below", found=f"{len(files)} other files",
                          remedy="put the images in a folder images/")
     (parent, suffix), images = max(groups.items(), key=lambda item: len(item[1]))
     pattern = (parent.relative_to(folder) / f"*{suffix}").as_posix()

@@ -3,7 +3,8 @@
     hardening = [{ kind = "voce", Q = 80.0, b = { value = 15.0, identify = true } }, { kind = "linear", H = 500.0 }]
 
 becomes ``law = "elastoplastic(voce+linear)"`` with hardening_1_Q, hardening_1_b and hardening_2_H, which is a form that
-experiment.toml may have too. `idic.materials.composed` has the terms and their equations. Free curves: ``free_curves.py``. A factor of the temperature,
+experiment.toml may have too. `idic.materials.composed` has the terms and their equations. Free curves:
+``free_curves.py``. A factor of the temperature,
 
     temperature = [{ of = "yield_stress", kind = "linear", slope = { value = -1e-3, unit = "1/K", identify = true } }]
 
@@ -56,7 +57,8 @@ def _flat(table: Mapping, file: str, key: str) -> dict:
         given = table.get(group, [])
         entries = given if isinstance(given, list) else [given]
         if isinstance(given, list) and group in table and group not in LISTS:
-            raise InputError("not a usable value", file=file, key=f"{key}.{group}", expected=f'{{ kind = "..." }}, one {group}',
+            raise InputError("not a usable value", file=file, key=f"{key}.{group}",
+                             expected=f'{{ kind = "..." }}, one {group}',
                              found="a list", remedy="write one table")
         for number, entry in enumerate(entries, 1):
             place = f"{key}.{group}" + (f"[{number - 1}]" if isinstance(given, list) else "")
@@ -84,7 +86,8 @@ def _kind(entry: object, group: str, file: str, key: str) -> str:
     if kind not in kinds:
         near = difflib.get_close_matches(str(kind), kinds, n=1, cutoff=0.5)
         raise InputError(f"no such {group} term" if "kind" in entry else "a term without its kind", file=file,
-                         key=f"{key}.kind", expected=" | ".join(kinds), found=repr(kind) if "kind" in entry else "no such key",
+                         key=f"{key}.kind", expected=" | ".join(kinds),
+                         found=repr(kind) if "kind" in entry else "no such key",
                          remedy=f'did you mean kind = "{near[0]}"?' if near else "choose one of these")
     return str(kind)
 
@@ -95,7 +98,8 @@ def _factor(kind: str, entry: Mapping, file: str, key: str) -> tuple[str, dict]:
     names = [of] if isinstance(of, str) else of
     if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
         raise InputError("a factor of the temperature without what it multiplies", file=file, key=f"{key}.of",
-                         expected='of = "flow_stress", or a list of parameters', found="no such key" if of is None else repr(of)[:80],
+                         expected='of = "flow_stress", or a list of parameters',
+                         found="no such key" if of is None else repr(of)[:80],
                          remedy='write e.g.  of = "yield_stress"')
     return TIMES.join([kind, *names]), {name: value for name, value in entry.items() if name != "of"}
 
@@ -109,13 +113,17 @@ def course_notes(materials: Sequence[Material], parameters: Sequence[Parameter],
     for material in materials:
         if not material.law.startswith(COMPOSED):
             continue
-        own = [name.removeprefix(f"{material.element_set}.") for name in free if name.startswith(f"{material.element_set}.")]
-        groups = {group for group in ("hardening", "backstress", "damage") for name in own if name.startswith(f"{group}_")}
+        own = [name.removeprefix(f"{material.element_set}.") for name in free
+               if name.startswith(f"{material.element_set}.")]
+        groups = {group for group in ("hardening", "backstress", "damage") for name in own
+                  if name.startswith(f"{group}_")}
         if groups >= {"hardening", "backstress"}:
-            notes.append(f"material.{material.element_set}: the load never turns back, so isotropic hardening and back stress "
+            notes.append(f"material.{material.element_set}: the load never turns back, so isotropic hardening and back "
+                         f"stress "
                          "cannot be told apart; lock one of them, or reverse the load")
         if groups >= {"hardening", "damage"}:
-            notes.append(f"material.{material.element_set}: the load never turns back, so damage and softening of the flow "
+            notes.append(f"material.{material.element_set}: the load never turns back, so damage and softening of the "
+                         f"flow "
                          "stress cannot be told apart; lock one of them, or unload once")
     return notes
 

@@ -2,14 +2,15 @@
 
     hardening = [{ kind = "free", knots = 8, range = 0.2, H = 1000.0 }]
 
-becomes ``free8`` with hardening_1_range and the flow stresses hardening_1_s2 ... hardening_1_s8 at its knots, identified and
-starting on the straight line of slope H (MPa); s3 = ... gives one its own value. Of ``law = "free_rubber"``,
+becomes ``free8`` with hardening_1_range and the flow stresses hardening_1_s2 ... hardening_1_s8 at its knots,
+identified and starting on the straight line of slope H (MPa); s3 = ... gives one its own value. Of ``law =
+"free_rubber"``,
 
     I1 = { knots = 8, range = 4.0, C10 = 0.3 }
     I2 = { knots = 3, range = 3.0 }
 
-become ``free_rubber(8+3)`` with I1_range and the derivatives I1_g1 ... I1_g8 (MPa) of the energy, identified and starting as
-neo-Hooke's law with C10; I2, which may be left out, starts with C01 = 0.
+become ``free_rubber(8+3)`` with I1_range and the derivatives I1_g1 ... I1_g8 (MPa) of the energy, identified and
+starting as neo-Hooke's law with C10; I2, which may be left out, starts with C01 = 0.
 """
 
 from __future__ import annotations
@@ -70,7 +71,8 @@ def free_rubber(table: Mapping, file: str, key: str) -> dict:
             continue
         place = f"{key}.{invariant}"
         if not isinstance(entry, Mapping):
-            raise InputError("a free curve is a table", file=file, key=place, expected="{ knots = 8, range = 4.0, C10 = 0.3 }",
+            raise InputError("a free curve is a table", file=file, key=place,
+                             expected="{ knots = 8, range = 4.0, C10 = 0.3 }",
                              found=repr(entry)[:80], remedy="write it in { }")
         n = _knots(entry, file, place)
         names = rubber_levels(invariant, n)
@@ -82,7 +84,8 @@ def free_rubber(table: Mapping, file: str, key: str) -> dict:
         first = entry.get(start, START_C10 if start == "C10" else 0.0)
         if not _is_number(first) or (start == "C10" and not first > 0):
             raise InputError("a free energy starts as neo-Hooke's law", file=file, key=f"{place}.{start}",
-                             expected="a number (MPa), C10 above zero", found=repr(first)[:80], remedy=f"write  {start} = {START_C10}")
+                             expected="a number (MPa), C10 above zero", found=repr(first)[:80],
+                             remedy=f"write  {start} = {START_C10}")
         if not _is_number(entry.get("range")) or not entry["range"] > 0:
             raise InputError("a free energy needs its range", file=file, key=f"{place}.range",
                              expected=f"{invariant} - 3 at the largest stretch L, in tension "
@@ -90,8 +93,10 @@ def free_rubber(table: Mapping, file: str, key: str) -> dict:
                              found=repr(entry.get("range"))[:80], remedy="write e.g.  range = 4.0")
         counts.append(n)
         flat[f"{invariant}_range"] = entry["range"]
-        flat |= {name: entry.get(short, {"value": float(first), "unit": "MPa", "identify": True}) for short, name in own.items()}
-    return {k: v for k, v in table.items() if k not in INVARIANTS} | {"law": f"{NAME}({'+'.join(map(str, counts))})"} | flat
+        flat |= {name: entry.get(short, {"value": float(first), "unit": "MPa", "identify": True})
+                 for short, name in own.items()}
+    return {k: v for k, v in table.items()
+            if k not in INVARIANTS} | {"law": f"{NAME}({'+'.join(map(str, counts))})"} | flat
 
 
 def _knots(entry: Mapping, file: str, key: str) -> int:
@@ -108,18 +113,21 @@ def _is_number(value: object) -> bool:
 
 
 def smoothness_priors(materials: Sequence[Material], parameters: Sequence[Parameter]) -> tuple[SmoothnessPrior, ...]:
-    """The stated smoothness of every free curve, in units of its start: of the mean slope of a hardening curve, of g1 of a rubber."""
+    """The stated smoothness of every free curve, in units of its start: of the mean slope of a hardening curve, of g1
+    of a rubber."""
     values, made = {p.name: p.value for p in parameters}, []
     for material in materials:
         names = level_names(material.law, material.element_set)
         if names:
-            rows = bends(values[f"{material.element_set}.hardening_1_range"], np.array([values[name] for name in names]))
+            rows = bends(values[f"{material.element_set}.hardening_1_range"],
+                         np.array([values[name] for name in names]))
             made.append(_prior(names, rows))
         counts = knots_of_rubber(material.law)
         size = values[f"{material.element_set}.I1_g1"] if counts[0] else 0.0
         for invariant, n in zip(INVARIANTS, counts, strict=True):
             if n:
-                made.append(_prior([f"{material.element_set}.{name}" for name in rubber_levels(invariant, n)], even_bends(n, size if invariant == "I1" else SECOND_SHARE * size)))
+                made.append(_prior([f"{material.element_set}.{name}" for name in rubber_levels(invariant, n)],
+                                   even_bends(n, size if invariant == "I1" else SECOND_SHARE * size)))
     return tuple(made)
 
 

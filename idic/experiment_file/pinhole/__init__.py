@@ -1,1 +1,2 @@
-"""Cameras with a lens in an experiment file: calibration, placement of the mesh, degrees of freedom, pairing of images."""
+"""Cameras with a lens in an experiment file: calibration, placement of the mesh, degrees of freedom, pairing of
+images."""

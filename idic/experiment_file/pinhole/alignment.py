@@ -1,4 +1,5 @@
-"""The mesh placed before calibrated cameras by clicked points: the pose with the least reprojection error in all images.
+"""The mesh placed before calibrated cameras by clicked points: the pose with the least reprojection error in all
+images.
 
 One camera: the pose of n points (PnP), started from a plane or a general solution by direct linear transformation. More
 cameras of a rig: the same six unknowns, fitted to the clicks of all of them.
@@ -50,7 +51,8 @@ def aligned(clicks: Sequence[Clicks], file) -> tuple[np.ndarray, np.ndarray, lis
     best = min((_refined(clicks, start) for start in starts), key=lambda found: found[2])
     rotation, shift, error = best
     if error > MAX_CLICK_ERROR_PX:
-        worst, which = max((float(np.abs(c.camera.project(c.points_mm @ rotation.T + shift) - c.points_px).max()), c.key)
+        worst, which = max((float(np.abs(c.camera.project(c.points_mm @ rotation.T + shift) - c.points_px).max()),
+                            c.key)
                            for c in clicks)
         raise InputError("the clicked points do not fit the calibration", file=file, key=clicks[0].key,
                          expected=f"a pose that leaves less than {MAX_CLICK_ERROR_PX:g} px (rms)",
@@ -66,7 +68,8 @@ def aligned(clicks: Sequence[Clicks], file) -> tuple[np.ndarray, np.ndarray, lis
 def _click_error(clicks: Sequence[Clicks], rotation: np.ndarray, shift: np.ndarray) -> float:
     """Sum of squared distances to the clicks, px²; infinite where a point is behind a camera."""
     try:
-        return sum(float(((c.camera.project(c.points_mm @ rotation.T + shift) - c.points_px) ** 2).sum()) for c in clicks)
+        return sum(float(((c.camera.project(c.points_mm @ rotation.T + shift) - c.points_px) ** 2).sum())
+                   for c in clicks)
     except InputError:
         return np.inf
 

@@ -96,7 +96,8 @@ class _Reader:
                 turn = own.rotation @ rotation.T
                 lens[i] = own.placed(turn, own.translation_mm - turn @ shift)
             made.append(None if lens[i] is None else PlacedCamera(lens[i], rotation, shift))
-        sizes = tuple(None if number is None else self._rig(i).image_size_px[number] for i, number in enumerate(numbers))
+        sizes = tuple(None if number is None else self._rig(i).image_size_px[number]
+                      for i, number in enumerate(numbers))
         prior = self._prior(numbers, made)
         freed = () if prior is None else tuple(
             name for name in prior.names
@@ -104,7 +105,8 @@ class _Reader:
         if any(table.identify_calibration for table in self.tables) and not freed:
             raise InputError("a calibration without deviations", file=self.file, key="camera.identify_calibration",
                              expected="a file with the covariance of its values, as idic calibrate writes it",
-                             found="values alone", remedy="leave identify_calibration out, and give [[dof]] with a prior")
+                             found="values alone",
+                             remedy="leave identify_calibration out, and give [[dof]] with a prior")
         return Lenses(tuple(made), sizes, prior, freed, tuple(notes))
 
     def _is_placed(self) -> bool:
@@ -219,7 +221,8 @@ def check_image(camera: PlacedCamera, calibrated_size: tuple[int, int] | None, s
     lens = camera.lens
     if calibrated_size is None and not (0.0 <= lens.cx <= nx - 1 and 0.0 <= lens.cy <= ny - 1):
         raise InputError("the principal point lies outside the image", file=file, key=f"{key}.cx_px",
-                         expected=f"columns 0 … {nx - 1}, rows 0 … {ny - 1}", found=f"({lens.cx:.1f}, {lens.cy:.1f}) px",
+                         expected=f"columns 0 … {nx - 1}, rows 0 … {ny - 1}",
+                         found=f"({lens.cx:.1f}, {lens.cy:.1f}) px",
                          remedy="check that the calibration is of images of this size")
 
 

@@ -172,7 +172,8 @@ def _scale(declared: LawParameter, value: float) -> float:
 
 
 # [[dof]] ------------------------------------------------------------------------------------------------
-def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, ...], prescribed: tuple[Prescribed, ...],
+def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, ...],
+            prescribed: tuple[Prescribed, ...],
             thickness: float | None, times: np.ndarray | None, length_unit: str, image_shape,
             materials: list[Parameter], file, cameras: tuple[FurtherCamera, ...] = (),
             holes: tuple[Parameter, ...] = (), loads: tuple[Load, ...] = (),

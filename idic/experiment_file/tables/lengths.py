@@ -47,7 +47,8 @@ def lengths(config: ExperimentFile, image_shape: tuple[int, int], file, lens: Pl
     on_image = config.experiment.mesh.in_px
     mesh_unit, scaled = config.experiment.mesh_unit, table is not None and (table.pixel_size_mm is not None)
     if mesh_unit is None:
-        in_mm = scaled or matrix is not None or config.experiment.mesh.roi_mm is not None or config.experiment.mesh.outline_mm is not None
+        in_mm = (scaled or matrix is not None or config.experiment.mesh.roi_mm is not None
+                 or config.experiment.mesh.outline_mm is not None)
         mesh_unit = "mm" if in_mm and not on_image else "px"
         if mesh_unit == "px" and not scaled and matrix is None:
             notes.append("no scale: lengths are in px" + ("" if on_image else ", the mesh file included"))

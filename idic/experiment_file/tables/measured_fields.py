@@ -51,7 +51,8 @@ def kept_stages(table: StagesTable, stack: FieldStack, references: Sequence[int]
     """The stages that the rule of `experiment.stages` keeps, and the rule in words."""
     rule = StageRule(table.every_strain, table.every_change_um, table.every_time_s, table.max)
     kept = chosen_stages(stack.series, stack.points, rule, references, excluded)
-    return kept, (f"{len(kept)} of {len(stack.series.entries)} stages are compared, {rule.words}; the reference and the "
+    return kept, (f"{len(kept)} of {len(stack.series.entries)} stages are compared, {rule.words}; the reference and "
+                  f"the "
                   "last stage are among them (stages in [experiment])")
 
 
@@ -94,11 +95,14 @@ def field_camera(config: ExperimentFile, points: MeasuredPoints, file: Path) -> 
 
 
 def _camera_at(points: MeasuredPoints, origin_mm: np.ndarray, axes: Sequence[str], rotation_deg: float) -> Camera:
-    return Camera.from_table(points.pitch, (origin_mm - _corner(points)) / points.pitch * [1.0, -1.0], axes, rotation_deg)
+    return Camera.from_table(points.pitch, (origin_mm - _corner(points)) / points.pitch * [1.0, -1.0], axes,
+                             rotation_deg)
 
 
-def laid_on_outline(config: ExperimentFile, points: MeasuredPoints, mesh: Mesh, camera: Camera, file: Path) -> tuple[Camera, str]:
-    """The camera of a mesh that is laid along the outline of the points, ``[camera] placement = "outline"``, and a note.
+def laid_on_outline(config: ExperimentFile, points: MeasuredPoints, mesh: Mesh, camera: Camera,
+                    file: Path) -> tuple[Camera, str]:
+    """The camera of a mesh that is laid along the outline of the points, ``[camera] placement = "outline"``, and a
+    note.
 
     camera : as the table gives it: axes of the mesh, and its turn, or its place too, where several placements fit
     """
@@ -116,12 +120,15 @@ def laid_on_outline(config: ExperimentFile, points: MeasuredPoints, mesh: Mesh, 
         raise InputError(error.what, file=file, key=error.key, expected=error.expected, found=error.found,
                          remedy=error.remedy) from None
     degrees = float(np.degrees((found.angle + np.pi) % (2.0 * np.pi) - np.pi))
-    note = (f"the mesh is laid along the outline of the points: origin_mm = [{found.origin[0]:.3f}, {found.origin[1]:.3f}], "
-            f"rotation_deg = {degrees:.3f}; the points end {found.margin:.2g} mm before its edges, {np.sqrt(found.cost):.2g} mm rms "
-            f"beside that; {100 * found.on_edges:.0f} % of the outline are along edges")
+    note = (f"the mesh is laid along the outline of the points: origin_mm = [{found.origin[0]:.3f}, "
+            f"{found.origin[1]:.3f}], "
+            f"rotation_deg = {degrees:.3f}; the points end {found.margin:.2g} mm before its edges, "
+            f"{np.sqrt(found.cost):.2g} mm rms beside that; {100 * found.on_edges:.0f} % of the outline are along "
+            f"edges")
     if others:
         turns = ", ".join(f"{np.degrees(one.angle - found.angle) % 360.0:.0f}°" for one in others)
-        note += (f". The mesh is symmetric: turned by {turns} it fits alike, with the same shape. Taken is the smallest turn from "
+        note += (f". The mesh is symmetric: turned by {turns} it fits alike, with the same shape. Taken is the "
+                 f"smallest turn from "
                  "rotation_deg; another matters only for sets, loads and material directions that are not as symmetric")
     return _camera_at(points, found.origin, _field_axes(config), degrees), note
 
@@ -162,7 +169,8 @@ def rigid_is_free(config: ExperimentFile, file: Path) -> bool:
                      if drive is not None and drive.measured is not None), None)
     if measured is not None:
         raise InputError("a free rigid motion next to a measured side", file=file, key="camera.motion",
-                         expected="sides that are held, or driven by the log", found=f'the motion of {measured} is measured',
+                         expected="sides that are held, or driven by the log",
+                         found=f'the motion of {measured} is measured',
                          remedy="leave motion out: measured sides move with the specimen already")
     return True
 
@@ -196,7 +204,8 @@ def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoin
     """
     given = config.experiment.fields_noise_um
     files = tuple((entry.path, entry.number, entry.path.stat().st_mtime_ns) for entry in stack.entries)
-    found = _seen_noise(_Recording((files, stack.series.mm_per_unit, tuple(frames), reference, n_references, len(stack.points)),
+    found = _seen_noise(_Recording((files, stack.series.mm_per_unit, tuple(frames), reference, n_references,
+                                    len(stack.points)),
                                    stack, points.positions_px))
     if found is None:
         if given is None:

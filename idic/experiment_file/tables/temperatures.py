@@ -75,8 +75,10 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, folder: P
     dependent = [p.name for p in parameters if p.name.endswith(f".{REFERENCE.name}")]
     if dependent and not made:
         raise InputError("a law depends on the temperature, which nothing gives", file=context.file,
-                         key=f"material.{dependent[0]}", expected='a [[boundary]] with temperature = { column = "temperature_C" }, '
-                         "or infrared images", found="none", remedy="give the temperature, or leave the temperature terms out")
+                         key=f"material.{dependent[0]}",
+                         expected='a [[boundary]] with temperature = { column = "temperature_C" }, '
+                         "or infrared images", found="none",
+                         remedy="give the temperature, or leave the temperature terms out")
     if made and not dependent and not any(p.name.endswith(f".{EXPANSION.name}") for p in parameters):
         notes.append("no material has alpha or a law that depends on the temperature, so it has no effect; write e.g.  "
                      'alpha = { value = 1e-5, unit = "1/K", identify = true }')

@@ -387,7 +387,8 @@ def point_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray
     guess = np.ascontiguousarray(g.state[:, -1]) if mode == 2 else None
     P = g.P if g.scale is None or dexpansion is None else g.P * g.scale[:, None, None] ** (d - 1)  # acting on Fbar
     dP, dstate_new, _ = expansion.directional(group.law, mode, g.Fbar, g.expansion, P, states[k],
-                                              values_at(group, params, g), dt, dF, dstate, dparams, dexpansion, guess=guess)
+                                              values_at(group, params, g), dt, dF, dstate, dparams, dexpansion,
+                                              guess=guess)
     return dP, dstate_new
 
 

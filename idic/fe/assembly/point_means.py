@@ -1,4 +1,5 @@
-"""Nodal means of point values, weighted by the (bi-, tri-)linear corner functions: they stay within the range of the values."""
+"""Nodal means of point values, weighted by the (bi-, tri-)linear corner functions: they stay within the range of the
+values."""
 
 from __future__ import annotations
 

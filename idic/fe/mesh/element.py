@@ -235,8 +235,8 @@ def _serendipity(xi):
 
 
 def _serendipity_brick(xi):
-    """Corners (1 + x xa)(1 + y ya)(1 + z za)(x xa + y ya + z za - 2) / 8; middles (1 - x²)(1 + y ya)(1 + z za) / 4 on an edge
-    along x, and likewise."""
+    """Corners (1 + x xa)(1 + y ya)(1 + z za)(x xa + y ya + z za - 2) / 8; middles (1 - x²)(1 + y ya)(1 + z za) / 4 on
+    an edge along x, and likewise."""
     corner = _HEX20.prod(axis=1) != 0.0
     factor = np.where(_HEX20[None] == 0.0, 1 - xi[:, None, :] ** 2, 1 + xi[:, None, :] * _HEX20[None])  # (n, 20, 3)
     slope = np.where(_HEX20[None] == 0.0, -2 * xi[:, None, :], _HEX20[None])
@@ -245,5 +245,6 @@ def _serendipity_brick(xi):
     grads = np.empty(factor.shape)
     for i in range(3):
         others = np.delete(factor, i, axis=2).prod(axis=2)
-        grads[:, :, i] = others * np.where(corner, (slope[:, :, i] * reach + factor[:, :, i] * _HEX20[:, i]) / 8, slope[:, :, i] / 4)
+        grads[:, :, i] = others * np.where(corner, (slope[:, :, i] * reach + factor[:, :, i] * _HEX20[:, i]) / 8,
+                                           slope[:, :, i] / 4)
     return values, grads

@@ -14,7 +14,8 @@ _NEWTON_STEPS = 12
 _EDGE_TOLERANCE = 1e-6  # of the local coordinates: a point on an edge, or on the chord of a curved one, is inside
 
 
-def interpolation(nodes: np.ndarray, blocks: Sequence[Block], points: np.ndarray) -> tuple[sparse.csr_array, np.ndarray]:
+def interpolation(nodes: np.ndarray, blocks: Sequence[Block],
+                  points: np.ndarray) -> tuple[sparse.csr_array, np.ndarray]:
     """Weights that carry nodal values to points.
 
     Parameters

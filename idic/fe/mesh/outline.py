@@ -1,8 +1,8 @@
 """Closed outlines of straight lines and circular arcs: the plane region of a drawn mesh.
 
 An outline is a list of entries: ``[x, y]``, a straight line to this point; ``[xm, ym, x, y]``, an arc through (xm, ym)
-to (x, y). Segment k runs from point k to point k + 1, the last one back to the first point. ``[xc, yc, r]`` in the place
-of a list is a circle.
+to (x, y). Segment k runs from point k to point k + 1, the last one back to the first point. ``[xc, yc, r]`` in the
+place of a list is a circle.
 """
 
 from __future__ import annotations
@@ -123,13 +123,15 @@ def _loop(entries: Sequence, name: str):
 def _circle(numbers: np.ndarray, name: str):
     x, y, radius = numbers
     if not (np.isfinite(numbers).all() and radius > 0):
-        raise _refused(f"not a circle: {name}", "[x, y, radius] with a positive radius", str(numbers.tolist()), "correct it")
+        raise _refused(f"not a circle: {name}", "[x, y, radius] with a positive radius", str(numbers.tolist()),
+                       "correct it")
     start = np.array([[x + radius, y]])
     return start, start, np.array([[x, y]]), np.array([radius]), np.zeros(1), np.array([2 * np.pi])
 
 
 def _arc(a: np.ndarray, through: np.ndarray, b: np.ndarray):
-    """Centre, radius, first angle and sweep of the circle through three points; nothing curved where they are in line."""
+    """Centre, radius, first angle and sweep of the circle through three points; nothing curved where they are in
+    line."""
     chord, middle = b - a, through - a
     twice = chord[0] * middle[1] - chord[1] * middle[0]  # twice the area of the triangle
     if abs(twice) < MIN_ARC_HEIGHT * (chord @ chord):

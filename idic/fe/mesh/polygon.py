@@ -32,13 +32,14 @@ def fill(segments: Segments, boundary: Boundary, size: float, quads: bool) -> tu
 
 def mesh_polygon(outline: Sequence, holes: Sequence = (), size: float = 1.0, *, quads: bool = False,
                  names: Mapping[str, Sequence[int]] | None = None, mesher: Mesher = fill) -> Mesh:
-    """A mesh of the region inside `outline` and outside of `holes`, with linear elements (`raise_order` makes them quadratic).
+    """A mesh of the region inside `outline` and outside of `holes`, with linear elements (`raise_order` makes them
+    quadratic).
 
     Parameters
     ----------
     outline : (n, 2) array, or sequence of entries
-        ``[x, y]``: a straight line to this point; ``[xm, ym, x, y]``: an arc through (xm, ym). Not closed by a last point
-        that repeats the first one. ``[xc, yc, r]`` is a circle. Any unit, any sense of rotation.
+        ``[x, y]``: a straight line to this point; ``[xm, ym, x, y]``: an arc through (xm, ym). Not closed by a last
+        point that repeats the first one. ``[xc, yc, r]`` is a circle. Any unit, any sense of rotation.
     holes : sequence of the same
     size : float
         Edge length of an element, in the unit of the outline. Edges are shorter at details that are smaller.
@@ -52,8 +53,8 @@ def mesh_polygon(outline: Sequence, holes: Sequence = (), size: float = 1.0, *, 
     Returns
     -------
     Mesh
-        quad4 and tri3 (``mesh.nodes`` (n, 2), ``mesh.blocks``). Edge and node sets: OUTER; EDGE1, EDGE2, … of the outline
-        (not of a circle); HOLE1, HOLE2, …; `names`. Element set ALL.
+        quad4 and tri3 (``mesh.nodes`` (n, 2), ``mesh.blocks``). Edge and node sets: OUTER; EDGE1, EDGE2, … of the
+        outline (not of a circle); HOLE1, HOLE2, …; `names`. Element set ALL.
 
     Raises
     ------
@@ -116,7 +117,8 @@ def _check_size(segments: Segments, size: float) -> None:
         return
     check_crossings(cut(segments, np.inf), segments)  # the area of an outline that crosses itself is no reason
     if area <= 0:
-        raise InputError("the outline encloses nothing", expected="an outline larger than its holes", found=f"area {area:g}",
+        raise InputError("the outline encloses nothing", expected="an outline larger than its holes",
+                         found=f"area {area:g}",
                          remedy="correct the outline or the holes")
     raise InputError("the element size does not suit the drawing",
                      expected=f"{np.sqrt(area / MAX_NODES):.3g} to {np.sqrt(area):.3g}", found=f"{size:g}",
@@ -128,7 +130,8 @@ def _with_sets(mesh: Mesh, segments: Segments, boundary: Boundary, names: Mappin
     known = {tuple(sorted(mesh.face_nodes(face)[:2].tolist())): k for k, face in enumerate(faces)}
     places = [known.get(tuple(sorted(edge))) for edge in boundary.edges.tolist()]
     if None in places or len(places) != len(faces):
-        raise InputError("the outline cannot be meshed", expected="elements that fill the region", found="gaps at its boundary",
+        raise InputError("the outline cannot be meshed", expected="elements that fill the region",
+                         found="gaps at its boundary",
                          remedy="choose another element size")
     segment = np.empty(len(faces), dtype=int)
     segment[places] = boundary.segment
@@ -144,5 +147,6 @@ def _with_sets(mesh: Mesh, segments: Segments, boundary: Boundary, names: Mappin
                              found=f"{name} = {list(numbers)}", remedy="correct the numbers, or choose another name")
         of[name] = np.isin(segment, np.asarray(numbers) - 1)
     edge_sets = {name: faces[own] for name, own in of.items()}
-    return replace(mesh, edge_sets=edge_sets, node_sets={name: face_set_nodes(mesh, own) for name, own in edge_sets.items()},
+    return replace(mesh, edge_sets=edge_sets,
+                   node_sets={name: face_set_nodes(mesh, own) for name, own in edge_sets.items()},
                    element_sets={"ALL": np.arange(mesh.n_elements)})

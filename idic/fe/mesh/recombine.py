@@ -51,7 +51,8 @@ def corner_sines(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
 def smoothed(points: np.ndarray, quads: np.ndarray, triangles: np.ndarray, fixed: int, rounds: int = 8) -> np.ndarray:
     """The points, those from `fixed` on moved towards the mean of their neighbours where every cell keeps its shape."""
     cells = [c for c in (quads, triangles) if len(c)]
-    ends = np.concatenate([np.column_stack([c[:, k], np.roll(c, -1, axis=1)[:, k]]) for c in cells for k in range(c.shape[1])])
+    ends = np.concatenate([np.column_stack([c[:, k], np.roll(c, -1, axis=1)[:, k]]) for c in cells
+                           for k in range(c.shape[1])])
     ends = np.unique(np.sort(ends, axis=1), axis=0)
     for _ in range(rounds):
         sums, count = np.zeros_like(points), np.zeros(len(points))
@@ -62,7 +63,8 @@ def smoothed(points: np.ndarray, quads: np.ndarray, triangles: np.ndarray, fixed
         moved = points.copy()
         moved[fixed:] += 0.5 * (target - points)[fixed:]
         for _ in range(10):
-            worse = [c[corner_sines(moved, c).min(axis=1) < corner_sines(points, c).min(axis=1) - 1e-12].ravel() for c in cells]
+            worse = [c[corner_sines(moved, c).min(axis=1) < corner_sines(points, c).min(axis=1) - 1e-12].ravel()
+                     for c in cells]
             worse = np.unique(np.concatenate(worse))
             worse = worse[(moved[worse] != points[worse]).any(axis=1)]
             if not len(worse):

@@ -24,7 +24,8 @@ def can_raise_order(mesh: Mesh) -> bool:
 
 
 def is_raised_by_default(mesh: Mesh) -> bool:
-    """Whether every element is of a kind that is computed as its quadratic counterpart unless another order is asked for."""
+    """Whether every element is of a kind that is computed as its quadratic counterpart unless another order is asked
+    for."""
     return all(block.cell in RAISED_BY_DEFAULT for block in mesh.blocks)
 
 

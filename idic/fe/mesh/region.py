@@ -35,8 +35,10 @@ def graded_boundary(segments: Segments, size: float) -> Boundary:
         if len(boundary.edges) > MAX_EDGES:
             break
         boundary = halved(boundary, segments, chosen)
-    raise InputError("the outline cannot be meshed", expected="corners of 15 degrees or more, parts that keep a distance",
-                     found=_narrowest(boundary), remedy="draw the sharp corner or the narrow gap wider, or leave it out")
+    raise InputError("the outline cannot be meshed",
+                     expected="corners of 15 degrees or more, parts that keep a distance",
+                     found=_narrowest(boundary),
+                     remedy="draw the sharp corner or the narrow gap wider, or leave it out")
 
 
 def _narrowest(boundary: Boundary) -> str:
@@ -179,7 +181,8 @@ def check_crossings(boundary: Boundary, segments: Segments) -> None:
         if hit.any():
             x, y = a[k] + t[hit][0] * d[k]
             loops = segments.loop[boundary.segment[[k, others[hit][0]]]]
-            names = " and ".join("the outline" if loop == 0 else f"hole {loop}" for loop in dict.fromkeys(loops.tolist()))
+            names = " and ".join("the outline" if loop == 0 else f"hole {loop}"
+                                 for loop in dict.fromkeys(loops.tolist()))
             raise InputError("lines of the drawing cross", expected="lines that meet at their ends only",
                              found=f"a crossing of {names} at ({x:.6g}, {y:.6g})", remedy="move the points apart")
 
@@ -190,7 +193,8 @@ def _check_nesting(boundary: Boundary, segments: Segments) -> None:
         own, others = loop == k, loop == 0
         outer = Boundary(boundary.points, boundary.edges[others], boundary.segment[others], boundary.share[others])
         in_another = [j for j in range(1, int(loop.max()) + 1) if j != k and inside(
-            Boundary(boundary.points, boundary.edges[loop == j], boundary.segment[loop == j], boundary.share[loop == j]),
+            Boundary(boundary.points, boundary.edges[loop == j], boundary.segment[loop == j],
+                     boundary.share[loop == j]),
             boundary.points[boundary.edges[own][:1, 0]])[0]]
         if not inside(outer, boundary.points[boundary.edges[own][:, 0]]).all() or in_another:
             where = f"inside hole {in_another[0]}" if in_another else "outside the outline"

@@ -1,8 +1,8 @@
 """Triangles in a region: a lattice of points, refinement where edges are short, smoothing.
 
 Points are inserted at the centres of circumscribed circles (Ruppert 1995, doi 10.1006/jagm.1995.1021) and move to the
-mean centre of their triangles, weighted by area (Chen 2004), between triangulations of Delaunay, as in Persson and Strang
-(2004, doi 10.1137/S0036144503429121). The boundary points stay.
+mean centre of their triangles, weighted by area (Chen 2004), between triangulations of Delaunay, as in Persson and
+Strang (2004, doi 10.1137/S0036144503429121). The boundary points stay.
 """
 
 from __future__ import annotations

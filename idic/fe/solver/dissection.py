@@ -1,8 +1,8 @@
 """Nested dissection of a mesh by position (George, 1973, doi:10.1137/0710032): elimination order of a direct solver.
 
 The elements are halved across their longest extent again and again. The nodes that two halves share are a separator;
-it is eliminated after both halves. Parts that are not halved any more are leaves. Elements are halved between two layers where
-that leaves halves of similar size: separators of structured meshes are plane.
+it is eliminated after both halves. Parts that are not halved any more are leaves. Elements are halved between two
+layers where that leaves halves of similar size: separators of structured meshes are plane.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Fill and operations of the direct solver, counted on the mesh before there is a matrix.
 
-The front of a separator (`idic.fe.solver.dissection`) holds its own dofs, s, and those of earlier separators around its part, b:
+The front of a separator (`idic.fe.solver.dissection`) holds its own dofs, s, and those of earlier separators around its
+part, b:
 s (s + 1) / 2 + s b entries of one triangle and about s^3 / 3 + s^2 b + s b^2 multiplications.
 """
 

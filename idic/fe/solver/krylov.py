@@ -1,8 +1,9 @@
 """Newton corrections without a new factorisation: generalised conjugate residuals, preconditioned with an old factor.
 
-Large solids: a factorisation costs as much as tens of solutions with it. The tangent of an earlier iteration is near the
-present one, except where points have begun to flow. A few iterations (Eisenstat, Elman and Schultz, 1983,
-doi:10.1137/0720023) give the correction of the present tangent to within `TOLERANCE`; Newton's method converges as before.
+Large solids: a factorisation costs as much as tens of solutions with it. The tangent of an earlier iteration is near
+the present one, except where points have begun to flow. A few iterations (Eisenstat, Elman and Schultz, 1983,
+doi:10.1137/0720023) give the correction of the present tangent to within `TOLERANCE`; Newton's method converges as
+before.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ import numpy as np
 
 from idic.fe.solver.linear import Factor
 
-TOLERANCE = 1e-2  # residual of the linear system over its right-hand side; a smaller one saves no iteration of Newton's method
+# residual of the linear system over its right-hand side; a smaller one saves no iteration of Newton's method
+TOLERANCE = 1e-2
 MAX_ITERATIONS = 16  # a factorisation costs more
 MAX_GAIN = 0.8  # of the residual per iteration, over the last three: slower is not worth going on
 

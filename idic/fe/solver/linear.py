@@ -1,8 +1,8 @@
 """Sparse linear systems of the free degrees of freedom: numbering, scatter positions, factorisation, solution.
 
 Where the band is narrow (strips, small 2D meshes) LAPACK band LU, numbered by reverse Cuthill-McKee or along an axis,
-whichever gives the narrower band; else an LU by dense fronts, numbered by nested dissection. Matrices are unsymmetric in
-general (F-bar, follower loads, non-associated laws).
+whichever gives the narrower band; else an LU by dense fronts, numbered by nested dissection. Matrices are unsymmetric
+in general (F-bar, follower loads, non-associated laws).
 """
 
 from __future__ import annotations
@@ -257,6 +257,7 @@ def _sparse_factor(pattern: Pattern, values: np.ndarray) -> Factor:
         if substitution.backward_error(matrix, factor.solve(rhs), rhs) <= MAX_BACKWARD_ERROR:
             return factor
     try:
-        return Factor(pattern, splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.01, options={"SymmetricMode": True}))
+        return Factor(pattern,
+                      splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.01, options={"SymmetricMode": True}))
     except RuntimeError as error:
         raise SingularMatrix(str(error)) from None

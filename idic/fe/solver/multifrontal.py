@@ -1,12 +1,12 @@
 """LU of a sparse matrix by dense fronts (Duff and Reid, 1983, doi:10.1145/356044.356047), for solids and large meshes.
 
-The equations are eliminated separator after separator (`idic.fe.solver.dissection`). A front is the dense matrix of the equations
-of one separator, the pivots, and of the later equations that they touch, the boundary. Its pivots are eliminated with
-LAPACK, and the Schur complement of the boundary is added to the front above. Rows are exchanged among the pivots of a front
-only: stiffness matrices are nearly definite. `backward_error` tells whether that was enough.
+The equations are eliminated separator after separator (`idic.fe.solver.dissection`). A front is the dense matrix of the
+equations of one separator, the pivots, and of the later equations that they touch, the boundary. Its pivots are
+eliminated with LAPACK, and the Schur complement of the boundary is added to the front above. Rows are exchanged among
+the pivots of a front only: stiffness matrices are nearly definite. `backward_error` tells whether that was enough.
 
-The work is nearly all in dense products. With OpenBLAS on one core it takes the time of MKL's PARDISO, 1.2 times that of MUMPS, and half the
-memory of SuperLU.
+The work is nearly all in dense products. With OpenBLAS on one core it takes the time of MKL's PARDISO, 1.2 times that
+of MUMPS, and half the memory of SuperLU.
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ class Front:
 
 @dataclass(frozen=True)
 class FrontFactor:
-    """Factors of a front: P F11 = L11 U11 in `lu` (s, s) with `pivots` (s,), `lower` F21 U11^-1 (b, s), `upper` L11^-1 P F12."""
+    """Factors of a front: P F11 = L11 U11 in `lu` (s, s) with `pivots` (s,), `lower` F21 U11^-1 (b, s), `upper` L11^-1
+    P F12."""
 
     lu: np.ndarray
     pivots: np.ndarray
@@ -102,8 +103,8 @@ def _local(equations: np.ndarray, first: int, end: int, boundary: np.ndarray) ->
 def factor(fronts: Sequence[Front], values: np.ndarray) -> tuple[FrontFactor, ...] | None:
     """Factors of the matrix with these stored values; None where a front is singular.
 
-    With threads (`idic.fe.solver.threads`) parts of the tree that do not see each other are factorised side by side. Every front
-    is computed as without.
+    With threads (`idic.fe.solver.threads`) parts of the tree that do not see each other are factorised side by side.
+    Every front is computed as without.
     """
     work, pool = _Elimination(fronts, values), pool_of_threads()
     if pool is None:

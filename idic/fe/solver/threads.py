@@ -53,4 +53,5 @@ def solve_triangle(triangle: np.ndarray, block: np.ndarray, *, right: bool, lowe
     _dtrsm(*refs, at, at + 4, ctypes.addressof(one), triangle.ctypes.data, at + 8, block.ctypes.data, at + 12)
 
 
-_dtrsm = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 11)(get_cython_function_address("scipy.linalg.cython_blas", "dtrsm"))
+_dtrsm = ctypes.CFUNCTYPE(None,
+                          *[ctypes.c_void_p] * 11)(get_cython_function_address("scipy.linalg.cython_blas", "dtrsm"))

@@ -1,1 +1,2 @@
-"""What the model leaves unexplained, as a random discrepancy of motion, stress and channels that widens the error bars."""
+"""What the model leaves unexplained, as a random discrepancy of motion, stress and channels that widens the error
+bars."""

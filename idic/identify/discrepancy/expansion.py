@@ -18,8 +18,8 @@ from idic.correlation.system import CorrelationSystem, OpenSums
 def expanded(system: CorrelationSystem, names: Sequence[str], into: sparse.csc_array) -> CorrelationSystem:
     """The system of a frame in other unknowns.
 
-    names : of the new unknowns; into : (n_old, n_new), the amplitudes of the old ones of a unit of each new one. The records
-    of frames lose the slopes of their local unknowns, a matrix per frame as wide as the unknowns are many.
+    names : of the new unknowns; into : (n_old, n_new), the amplitudes of the old ones of a unit of each new one. The
+    records of frames lose the slopes of their local unknowns, a matrix per frame as wide as the unknowns are many.
     """
     sums = system.sums
     back = into.T.tocsr()
@@ -38,7 +38,8 @@ def expanded(system: CorrelationSystem, names: Sequence[str], into: sparse.csc_a
                          for own in sums.frames))
     else:
         sums = None  # only the prediction of generalised least squares needs them
-    frames = tuple(replace(record, channel_columns=columns(record.channel_columns), local_slope=record.local_slope[:, :0].copy())
+    frames = tuple(replace(record, channel_columns=columns(record.channel_columns),
+                           local_slope=record.local_slope[:, :0].copy())
                    for record in system.frames)
     return replace(system, names=tuple(names), M=both(system.M), b=back @ system.b, spread=both(system.spread),
                    shared=columns(system.shared), frames=frames, sums=sums)

@@ -1,8 +1,9 @@
 """The fields of a discrepancy: where they are in the body, how they go over the frames, and how alike they are.
 
 Motion and stress may be off in smooth fields: bilinear hats on a coarse grid over the body, each with a course over the
-frames in linear hats; a channel has a course alone. A unit of a motion field is the rms motion of its frame, of a stress
-field the stress of the model, of a channel its simulated value: what the model leaves out grows with what it describes.
+frames in linear hats; a channel has a course alone. A unit of a motion field is the rms motion of its frame, of a
+stress field the stress of the model, of a channel its simulated value: what the model leaves out grows with what it
+describes.
 
 Amplitudes of one kind have one variance. Their correlation falls with the distance in the body and in the recording:
 

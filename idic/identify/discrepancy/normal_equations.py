@@ -3,8 +3,8 @@
     [ M  A^T ] [ d lam ]   [ b ]
     [ A  G   ] [   a   ] = [ y ]                                                  (docs/method.md, equation 14.4)
 
-All sums are those of the identification (weights, cameras, frame-local unknowns, the shared noise of the reference), with
-the fields of `idic.identify.discrepancy.fields` as further columns.
+All sums are those of the identification (weights, cameras, frame-local unknowns, the shared noise of the reference),
+with the fields of `idic.identify.discrepancy.fields` as further columns.
 """
 
 from __future__ import annotations
@@ -55,7 +55,8 @@ class DiscrepancySystem:
     names : the n parameters; M : (n + q, n + q), b : (n + q,), noise : (n + q, n + q) covariance of b, parameters in
     internal units, then the amplitudes of the components one after the other; motion_px : rms motion of the last frame,
     by the name of the component that it is the unit of; channel_rows : (n_frames, n_channels, n + q) derivatives of the
-    simulated channels, None where they are not known; of several experiments: frames and channels of one after the other;
+    simulated channels, None where they are not known; of several experiments: frames and channels of one after the
+    other;
     mesh_error : (n,) the error of b by a coarse mesh, None where it was not estimated (`idic.identify.systematic`)
     """
 
@@ -245,14 +246,16 @@ class _Fields:
         share = (frame - before) / (after - before)
         du, dchannels = share * self.known[after].du, share * self.known[after].dchannels
         if before in self.known:
-            du, dchannels = du + (1.0 - share) * self.known[before].du, dchannels + (1.0 - share) * self.known[before].dchannels
+            rest = 1.0 - share
+            du, dchannels = du + rest * self.known[before].du, dchannels + rest * self.known[before].dchannels
         return du, dchannels
 
     def into(self, n: int, frame: int) -> sparse.csc_array:
         """The amplitudes of a frame's columns of a unit of each unknown  # (n + fields, n + unknowns)"""
         motion, stress, channels = self.sizes
         at = self.frames.index(frame) / max(len(self.frames) - 1, 1)
-        blocks = [sparse.eye_array(n), sparse.kron(sparse.eye_array(motion + stress), courses(np.array([at]), N_COURSES))]
+        blocks = [sparse.eye_array(n),
+                  sparse.kron(sparse.eye_array(motion + stress), courses(np.array([at]), N_COURSES))]
         if channels:
             blocks.append(sparse.kron(sparse.eye_array(channels), courses(np.array([at]), N_CHANNEL_COURSES)))
         return sparse.csc_array(sparse.block_diag(blocks))
@@ -267,7 +270,8 @@ def _stress_responses(forward: ForwardModel, parameters: ParameterSet, local: np
     found = {}
     numbers = [int(frame) - start for frame in frames]
     in_plane = (own[:, :forward.experiment.n_dim] for own in u)
-    for number, response in zip(numbers, stress_error_responses(base, times, in_plane, numbers, hats.values), strict=True):
+    for number, response in zip(numbers, stress_error_responses(base, times, in_plane, numbers, hats.values),
+                                strict=True):
         if forward.readings is not None:
             moved = forward.readings.motion @ response.du.reshape(-1, response.du.shape[2])
             response = replace(response, dchannels=response.dchannels + moved)

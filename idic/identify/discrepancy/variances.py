@@ -2,7 +2,7 @@
 
 With P the inverse of M over the determined directions, the part of y that no parameter explains is
 
-    z = y - A P b,      z ~ N(0, C + sum_c v_c (G - A P A^T) K_c (G - A P A^T)^T)           (docs/method.md, equation 14.5)
+    z = y - A P b,      z ~ N(0, C + sum_c v_c (G - A P A^T) K_c (G - A P A^T)^T)   (docs/method.md, equation 14.5)
 
 with C its noise. The parameters have taken their share of the discrepancy into their values; z holds the rest alone, so
 the variances v_c are those of the whole. They add
@@ -10,8 +10,8 @@ the variances v_c are those of the whole. They add
     Cov_model(b) = A^T (sum_c v_c K_c) A                                                    (14.6)
 
 to the covariance of b. v_c >= 0; none is left where noise alone has that likelihood (Self and Liang 1987,
-doi:10.1080/01621459.1987.10478472; Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545). The error m of b by a coarse
-mesh adds m m^T (14.7).
+doi:10.1080/01621459.1987.10478472; Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545). The error m of b by a
+coarse mesh adds m m^T (14.7).
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from scipy.optimize import minimize
 from idic.identify.discrepancy.normal_equations import DiscrepancySystem
 
 MIN_LIKELIHOOD_RATIO = 6.0  # twice the gain in log-likelihood: by noise alone in about one recording of a hundred
-MIN_NOISE_SHARE = 1e-5  # of the largest eigenvalue of the noise of z: less is a direction that parameters take but for rounding
+# of the largest eigenvalue of the noise of z: less is a direction that parameters take but for rounding
+MIN_NOISE_SHARE = 1e-5
 STARTS = (0.01, 1.0)  # of the mean variance of noise
 
 
@@ -77,7 +78,8 @@ def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray,
 
 
 def _split(columns: np.ndarray, system: DiscrepancySystem) -> list[np.ndarray]:
-    """Columns of the amplitudes of every component times the root of their correlation  # (rows, q) -> (rows, q_c) each"""
+    """Columns of the amplitudes of every component times the root of their correlation  # (rows, q) -> (rows, q_c)
+    each"""
     ends = np.cumsum([len(c.root) for c in system.components])
     return [columns[:, end - len(c.root):end] @ c.root for c, end in zip(system.components, ends, strict=True)]
 
@@ -121,4 +123,5 @@ class _Likelihood:
         factor = cho_factor(V, lower=True)
         weighed, inverse = cho_solve(factor, self.z), cho_solve(factor, np.eye(len(V)))
         value = 0.5 * self.z @ weighed + np.log(np.diagonal(factor[0])).sum()
-        return float(value), np.array([0.5 * (np.vdot(inverse, part) - weighed @ part @ weighed) for part in self.parts])
+        return float(value), np.array([0.5 * (np.vdot(inverse, part) - weighed @ part @ weighed)
+                                       for part in self.parts])

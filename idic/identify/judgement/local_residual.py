@@ -1,9 +1,10 @@
 """Local test of the image residual: is χ² raised in a part of the specimen, whatever its mean?
 
-χ² per pixel of every element is averaged over the element and its neighbours, over the whole recording and over parts of
-it in time. The cube root of such a mean is nearly normal; its scatter under noise is taken from the elements themselves: from those below the median, which a cluster
-does not reach. Correlated noise widens it like any other, as it needs no assumption of independent pixels. The largest
-departure counts with the number of independent neighbourhoods (Bonferroni).
+χ² per pixel of every element is averaged over the element and its neighbours, over the whole recording and over parts
+of it in time. The cube root of such a mean is nearly normal; its scatter under noise is taken from the elements
+themselves: from those below the median, which a cluster does not reach. Correlated noise widens it like any other, as
+it needs no assumption of independent pixels. The largest departure counts with the number of independent neighbourhoods
+(Bonferroni).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Remedies for light and aliasing, tried at the accepted motion: one image pass over a few frames each, no simulation.
 
-A model that follows the images as well as a free motion does, with a residual above noise, lacks nothing mechanical. What
-the images lack is tried: gain and offset by patches, smaller patches, a better interpolant, a stronger low-pass. χ² at
-the same motion tells which of them removes the residual.
+A model that follows the images as well as a free motion does, with a residual above noise, lacks nothing mechanical.
+What the images lack is tried: gain and offset by patches, smaller patches, a better interpolant, a stronger low-pass.
+χ² at the same motion tells which of them removes the residual.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
 """Noise of a channel that is correlated from frame to frame: its covariance, from what the accepted fit leaves.
 
-A load cell drifts, a signal is filtered: the noise of a channel is then an autoregression (order 0, 1 or 2) over the frames.
-A parameter that follows the channel gets a larger error than independent noise of that size would give it, since its error
-does not average out. The residual of the channel at the accepted point,
+A load cell drifts, a signal is filtered: the noise of a channel is then an autoregression (order 0, 1 or 2) over the
+frames. A parameter that follows the channel gets a larger error than independent noise of that size would give it,
+since its error does not average out. The residual of the channel at the accepted point,
 
-    r = (1 - S A^-1 S^T Sigma^-1) n,   A = M_rest + S^T Sigma^-1 S                           (docs/method.md, equation 11.7)
+    r = (1 - S A^-1 S^T Sigma^-1) n,   A = M_rest + S^T Sigma^-1 S   (docs/method.md, equation 11.7)
 
-has lost what the parameters took. Its restricted likelihood, with S the derivatives of the channel by the parameters and
-M_rest the information of everything else, gives every covariance Sigma of a grid its probability. Few frames do not tell
-the correlation: the covariance is the mean over the grid, as no single one would count that uncertainty. Where the
+has lost what the parameters took. Its restricted likelihood, with S the derivatives of the channel by the parameters
+and M_rest the information of everything else, gives every covariance Sigma of a grid its probability. Few frames do not
+tell the correlation: the covariance is the mean over the grid, as no single one would count that uncertainty. Where the
 grid leaves independent noise at more than even odds, nothing is changed (Patterson & Thompson 1971,
 doi:10.1093/biomet/58.3.545; autoregressions: Box, Jenkins & Reinsel 2008, doi:10.1002/9781118619193).
 """

@@ -1,8 +1,8 @@
 """Which images show the noise of a camera best: those at rest, else all of the test.
 
-At rest are the images that the experiment file declares still and those that are averaged to the reference; without any,
-the frames next to the reference whose readings stay at its readings (`idic.dic.still`). Frames at rest with a load between
-them are no pair: light and focus have changed.
+At rest are the images that the experiment file declares still and those that are averaged to the reference; without
+any, the frames next to the reference whose readings stay at its readings (`idic.dic.still`). Frames at rest with a load
+between them are no pair: light and focus have changed.
 """
 
 from __future__ import annotations

@@ -42,7 +42,8 @@ TEMPLATE = "[design] with image_px = [1200, 800], n_frames = 50, duration_s = 10
 
 @dataclass(frozen=True)
 class Plan:
-    """A planned test: the experiment, the motion of its measured edges (n_frames, m) mm, and the list of data made up."""
+    """A planned test: the experiment, the motion of its measured edges (n_frames, m) mm, and the list of data made
+    up."""
 
     experiment: Experiment
     local: np.ndarray
@@ -121,7 +122,8 @@ def virtual_speckle(shape: tuple[int, int], speckle_px: float, contrast_gv: floa
     for row in range(shape[0]):
         points = np.stack(np.broadcast_arrays(columns, (row + offset)[:, None]), axis=-1).reshape(-1, 2)
         image[row] = pattern.value(points).reshape(n, shape[1], n).mean(axis=(0, 2))
-    return np.clip(np.rint(MEAN_GREY_VALUE + contrast_gv / image.std() * (image - image.mean())), 0, 255).astype(np.uint8)
+    return np.clip(np.rint(MEAN_GREY_VALUE + contrast_gv / image.std() * (image - image.mean())), 0,
+                   255).astype(np.uint8)
 
 
 @dataclass(frozen=True)
@@ -333,7 +335,8 @@ def _with_noise(experiment: Experiment, *given: float | None) -> tuple[Experimen
     else:
         contrast = float(np.std(experiment.stack.frame(experiment.reference)))
         source = Noise(NOISE_SHARE * contrast, "assumed")
-    told = {"given": "as given", "still_frames": "from still frames", "stage_differences": "from the differences of stages",
+    told = {"given": "as given", "still_frames": "from still frames",
+            "stage_differences": "from the differences of stages",
             "assumed": f"assumed: {100 * NOISE_SHARE:g} % of the contrast; give noise_std_gv or --noise-gv"}
     return (replace(experiment, noise=source),
             f"image noise: {source.std_gv:.3g} {image_unit(experiment)} ({told.get(source.source, source.source)})")

@@ -1,10 +1,10 @@
 """What each of several specimens says of the shared parameters: one step from the joint values by its own equations.
 
-    lam_i = lam + P_i b_i,      Cov_i = P_i [ Cov(b_i) + A_i^T V_i A_i ] P_i                     (docs/method.md, equation 16.1)
+    lam_i = lam + P_i b_i,      Cov_i = P_i [ Cov(b_i) + A_i^T V_i A_i ] P_i   (docs/method.md, equation 16.1)
 
-with the normal equations of specimen i alone at the joint values (the first-order value of a separate identification), and
-with the discrepancy that its model leaves at its own values. Its own parameters (alignment, thickness, slip, with their
-priors) are free in that step; priors of shared parameters are left out, as all specimens have them.
+with the normal equations of specimen i alone at the joint values (the first-order value of a separate identification),
+and with the discrepancy that its model leaves at its own values. Its own parameters (alignment, thickness, slip, with
+their priors) are free in that step; priors of shared parameters are left out, as all specimens have them.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ def specimens_content(joint: Joint, state: LoopState, parts: Mapping[str, Evalua
     """
     counts = Counter(joined for names in joint.names.values() for joined in names.values())
     shared = [name for name in joint.whole.parameters.free if counts[name] > 1]
-    own = {name: _own_values(joint, name, state, parts[name], noise[name], discrepancies[name], shared) for name in parts}
+    own = {name: _own_values(joint, name, state, parts[name], noise[name], discrepancies[name], shared)
+           for name in parts}
     current = parameters_at(joint.whole, state)
     return {name: _entry(current[name], {specimen: values[name] for specimen, values in own.items() if name in values})
             for name in shared}
@@ -72,7 +73,8 @@ def _own_values(joint: Joint, name: str, state: LoopState, point: Evaluation, no
 
 
 def _entry(p: Parameter, specimens: Mapping[str, OwnValue]) -> dict:
-    entry: dict = {"unit": p.unit, "values": {name: {"value": own.value, "std": own.std} for name, own in specimens.items()},
+    entry: dict = {"unit": p.unit,
+                   "values": {name: {"value": own.value, "std": own.std} for name, own in specimens.items()},
                    "between_std": None, "between_ci95": None, "p_value": None, "mean": None, "mean_std": None}
     if len(specimens) < MIN_SPECIMENS:
         return entry

@@ -1,10 +1,11 @@
 """Standard deviation between specimens, from a value and a standard deviation of each.
 
-    y_i = mu + eta_i + e_i,     eta_i ~ N(0, tau²),   e_i ~ N(0, s_i²)                          (docs/method.md, equation 16.2)
-    Q(tau²) = sum_i (y_i - mu)² / (s_i² + tau²),     mu = sum_i w_i y_i / sum_i w_i,   w_i = 1 / (s_i² + tau²)      (16.3)
+    y_i = mu + eta_i + e_i,     eta_i ~ N(0, tau²),   e_i ~ N(0, s_i²)   (docs/method.md, equation 16.2)
+    Q(tau²) = sum_i (y_i - mu)² / (s_i² + tau²),     mu = sum_i w_i y_i / sum_i w_i,   w_i = 1 / (s_i² + tau²)   (16.3)
 
-Q has the chi-square distribution of k - 1 degrees of freedom at the true tau. The estimate is where Q is its mean (Paule and
-Mandel 1982, doi:10.6028/jres.087.022), the interval where it is the quantiles (Viechtbauer 2007, doi:10.1002/sim.2514).
+Q has the chi-square distribution of k - 1 degrees of freedom at the true tau. The estimate is where Q is its mean
+(Paule and Mandel 1982, doi:10.6028/jres.087.022), the interval where it is the quantiles (Viechtbauer 2007,
+doi:10.1002/sim.2514).
 """
 
 from __future__ import annotations

@@ -1,13 +1,14 @@
 """Acceptance of a trial: whether it lies nearer to the estimate than the accepted point.
 
 The estimate is the root of b (convected reference gradient); the minimum of the functional differs from it by the
-noise bias of the interpolator (docs/method.md, equation 4.4). Far from the root the functional tells progress. Near it the
-Newton decrement D = b^T M^-1 b does (equation 10.3), the squared distance to the root in standard deviations. Generalised least squares
-are judged by D alone, since their functional would need a sum of residual images.
+noise bias of the interpolator (docs/method.md, equation 4.4). Far from the root the functional tells progress. Near it
+the Newton decrement D = b^T M^-1 b does (equation 10.3), the squared distance to the root in standard deviations.
+Generalised least squares are judged by D alone, since their functional would need a sum of residual images.
 
 Where a material point begins to yield, b is not smooth and between frames it jumps. A root may lie there: steps then
 alternate across it, accepted by the functional in one direction and by D in the other; or D grows across it, and a
-search that wants D to fall stops in front of it. Returns to earlier points are therefore rejected, and small D accepted.
+search that wants D to fall stops in front of it. Returns to earlier points are therefore rejected, and small D
+accepted.
 """
 
 from __future__ import annotations

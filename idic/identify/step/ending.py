@@ -9,7 +9,8 @@ from idic.identify.step.proposal import STEP_CLIP, Step
 from idic.identify.step.state import Ending, LoopState
 from idic.model.experiment import Options
 
-MAX_FLAT_CHANGE = 1e-6  # of the objective, relative: half a unit of chi^2 for half a million pixels; equilibrium is solved to it
+# of the objective, relative: half a unit of chi^2 for half a million pixels; equilibrium is solved to it
+MAX_FLAT_CHANGE = 1e-6
 ITERATIONS, BOUNDS, STEP, SIMULATION = "iterations", "bounds", "step", "simulation"
 
 
@@ -20,14 +21,16 @@ def small_step(step: Step, tolerance: float) -> str:
 
 def flat(step: Step, rejections: int) -> str:
     """Why a search has converged where trial steps were rejected."""
-    tried = f"{rejections} trial steps in a row did not lower it" if rejections > 1 else "the gradient changes its sign within a step"
+    tried = f"{rejections} trial steps in a row did not lower it" if rejections > 1 else ("the gradient changes its "
+                                                                                          "sign within a step")
     return f"the objective is flat: {tried}, and the next step is {step.relative:.2g} standard deviations"
 
 
 def bounded(step: Step) -> Ending:
     """The minimum lies beyond a bound."""
     names = ", ".join(step.pinned)
-    return Ending("at_bound", f"the next step would carry {names} over {'its bound' if len(step.pinned) == 1 else 'their bounds'}",
+    return Ending("at_bound",
+                  f"the next step would carry {names} over {'its bound' if len(step.pinned) == 1 else 'their bounds'}",
                   BOUNDS)
 
 
@@ -37,7 +40,8 @@ def out_of_iterations(count: int, key: str, step: Step, options: Options) -> End
     reason = (f"{count} {counted} are the limit (max_iterations in [{key}]); the next step is {step.relative:.2g} "
               "standard deviations")
     if step.clipped:
-        reason += (f" and is shortened by the limit of a step ({options.step_limit or STEP_CLIP:g} in the logarithm of a "
+        reason += (f" and is shortened by the limit of a step ({options.step_limit or STEP_CLIP:g} in the logarithm of "
+                   f"a "
                    "parameter; step_limit in [options])")
     return Ending("max_iterations", reason, ITERATIONS)
 
@@ -50,7 +54,8 @@ def stuck(step: Step, rejections: int) -> Ending:
 
 
 def judged_flat(state: LoopState, ending: Ending) -> Ending:
-    """The ending of a stalled search; converged where the rejected steps, the full one first, left the objective as it was.
+    """The ending of a stalled search; converged where the rejected steps, the full one first, left the objective as it
+    was.
 
     Objectives of generalised least squares at different points are not comparable: such a search stays stalled.
     """
@@ -60,7 +65,8 @@ def judged_flat(state: LoopState, ending: Ending) -> Ending:
     changes = [_change(entry, accepted.phi) for entry in _since_accepted(state.history)]
     if not changes or max(changes) > MAX_FLAT_CHANGE:
         return ending
-    return Ending("converged", f"the objective is flat: {len(changes)} trial steps, the full one first, changed it by less than "
+    return Ending("converged",
+                  f"the objective is flat: {len(changes)} trial steps, the full one first, changed it by less than "
                                f"{max(max(changes), 1e-12):.0e} of itself")
 
 
@@ -68,11 +74,13 @@ def failed_simulation(state: LoopState, message: str) -> LoopState:
     """The state that ends at a simulation without equilibrium."""
     where = "at the starting values" if state.accepted is None else "at every shorter step tried"
     return replace(state, status="forward_failed",
-                   end=Ending("forward_failed", f"the simulation fails {where}{f': {message}' if message else ''}", SIMULATION))
+                   end=Ending("forward_failed", f"the simulation fails {where}{f': {message}' if message else ''}",
+                              SIMULATION))
 
 
 def end_entry(state: LoopState) -> dict:
-    """``end`` of result.json: ``reason``, a sentence part, and ``limit``: iterations, bounds, step, simulation or None."""
+    """``end`` of result.json: ``reason``, a sentence part, and ``limit``: iterations, bounds, step, simulation or
+    None."""
     if state.status == "interrupted":
         return {"reason": "the run was interrupted", "limit": None}
     if state.end is None:  # runs of earlier versions

@@ -44,7 +44,8 @@ def check_estimator(experiment: Experiment) -> None:
     elif experiment.quantity == "height" and experiment.kind == "plane_strain":
         problem = "height images of a cross-section"
     if problem:
-        raise InputError("generalised least squares are not available here", file="experiment.toml", key="[options] estimator",
+        raise InputError("generalised least squares are not available here", file="experiment.toml",
+                         key="[options] estimator",
                          expected="images of a surface, weighted by their noise", found=problem,
                          remedy='use estimator = "ordinary", whose standard deviations hold as well')
 
@@ -113,7 +114,8 @@ def estimator_notes(experiment: Experiment, estimator: str) -> list[str]:
     share = spline_share(experiment)
     if share <= MAX_SPLINE_ERROR_SHARE:
         return []
-    return [f"generalised least squares take the error of the interpolating spline, {share:.2g} of the noise of an image, "
+    return [f"generalised least squares take the error of the interpolating spline, {share:.2g} of the noise of an "
+            f"image, "
             'for noise: their error bars may be too small; estimator = "auto" uses ordinary least squares here']
 
 
@@ -132,8 +134,10 @@ def spline_share(experiment: Experiment) -> float:
     return spline_error(image, DEGREES[options.interpolation], noise) / noise
 
 
-def with_final_weights(point: Evaluation, experiment: Experiment, names: Sequence[str], image_noise: float) -> Evaluation:
-    """A point of ordinary least squares with the sums of the estimator that would end an identification, as predicted."""
+def with_final_weights(point: Evaluation, experiment: Experiment, names: Sequence[str],
+                       image_noise: float) -> Evaluation:
+    """A point of ordinary least squares with the sums of the estimator that would end an identification, as
+    predicted."""
     if next_estimator(ORDINARY, "converged", experiment, names, point, image_noise) != GENERALISED:
         return point
     predicted = point.system.predicted

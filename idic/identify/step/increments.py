@@ -1,18 +1,19 @@
-"""The choice of the increments of time: as many as the identified parameters need, by halving them at a converged point.
+"""The choice of the increments of time: as many as the identified parameters need, by halving them at a converged
+point.
 
-One increment per frame makes a rate-dependent law wrong by many standard deviations, and plasticity where frames are few.
-A search therefore begins with one increment per frame, which is cheap, and continues from its end with finer ones: 1 and 2
-per frame, extrapolated in time (`idic.fe.extrapolation`), then 2 and 4, 4 and 8, ... While a search runs its increments are
-frozen. The choice ends where the error that is left,
+One increment per frame makes a rate-dependent law wrong by many standard deviations, and plasticity where frames are
+few. A search therefore begins with one increment per frame, which is cheap, and continues from its end with finer ones:
+1 and 2 per frame, extrapolated in time (`idic.fe.extrapolation`), then 2 and 4, 4 and 8, ... While a search runs its
+increments are frozen. The choice ends where the error that is left,
 
     value - value without time error = (value before - value) / (2^(p+1) - 1),  p + 1 = 2
 
 after extrapolation of a law of first order, is at most `MAX_ERROR_STD` standard deviations of every parameter.
 
-Laws with a memory but without time are often exact enough with one increment per frame. At the end of their first search
-1 and 2 per frame are simulated for comparison. The Gauss-Newton step from there is the estimated error of one increment.
-Where it is small enough, the end of the first search is the answer. Otherwise 1 and 2 leave an eighth of it at most
-(docs/time-step.md), and mostly suffice.
+Laws with a memory but without time are often exact enough with one increment per frame. At the end of their first
+search 1 and 2 per frame are simulated for comparison. The Gauss-Newton step from there is the estimated error of one
+increment. Where it is small enough, the end of the first search is the answer. Otherwise 1 and 2 leave an eighth of it
+at most (docs/time-step.md), and mostly suffice.
 """
 
 from __future__ import annotations
@@ -43,7 +44,8 @@ from idic.model.experiment import Experiment, Stage
 
 MAX_ERROR_STD = 0.25  # of a parameter by the increments, standard deviations
 REMAINING_SHARE = 1.0 / 3.0  # of the change by halving: the error after it, of second order
-REMAINING_SHARE_WITHOUT_TIME = 1.0 / 8.0  # after 1 and 2 per frame, of the change from 1: laws without time (1/50 to 1/10 measured)
+# after 1 and 2 per frame, of the change from 1: laws without time (1/50 to 1/10 measured)
+REMAINING_SHARE_WITHOUT_TIME = 1.0 / 8.0
 MAX_INCREMENTS = 64  # per frame, of the finer simulation
 MAX_INCREMENTS_OF_TEST = 5000  # of the finer simulation, all frames; the first halving is always tried
 MIN_EVALUATIONS = 4  # left for a search with finer increments, that it converges
@@ -60,8 +62,8 @@ def rate_dependent_laws(experiment: Experiment) -> tuple[str, ...]:
 
 
 def path_dependent_laws(experiment: Experiment) -> tuple[str, ...]:
-    """Laws of the experiment with a memory, plasticity and damage among them: their stress depends on the increments, if
-    less than that of a rate-dependent law. None with an external solver."""
+    """Laws of the experiment with a memory, plasticity and damage among them: their stress depends on the increments,
+    if less than that of a rate-dependent law. None with an external solver."""
     if experiment.solver is not None:
         return ()
     return tuple(dict.fromkeys(m.law for m in experiment.materials if get_law(m.law).n_state > 0))
@@ -110,19 +112,22 @@ def is_too_coarse(state: LoopState, experiment: Experiment) -> bool:
 
     Its end is wrong by many standard deviations. Where the stress falls as the specimen yields, it may not exist.
     """
-    return (chooses_increments(experiment) and bool(rate_dependent_laws(experiment)) and state.increments == IncrementChoice()
+    return (chooses_increments(experiment) and bool(rate_dependent_laws(experiment))
+            and state.increments == IncrementChoice()
             and experiment.options.max_iterations - state.rounds >= MIN_EVALUATIONS
             and (state.schedule.iterations >= MAX_COARSE_STEPS or state.trust.rejections >= MAX_COARSE_REJECTIONS))
 
 
-def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage, finer: Evaluation, accepted: Evaluation,
+def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage, finer: Evaluation,
+                           accepted: Evaluation,
                            image_noise: float) -> LoopState:
     """The state after finer increments were simulated for comparison: back to one increment per frame where that is
     enough, on with the finer ones otherwise.
 
     Parameters
     ----------
-    last : stage of the schedule; finer, accepted : evaluations of the accepted values, with finer increments and with one
+    last : stage of the schedule; finer, accepted : evaluations of the accepted values, with finer increments and with
+    one
     """
     if finer.system is None:
         return replace(state, increments=IncrementChoice(None, FAILED), trial=Trial(dict(state.accepted.values)))
@@ -208,13 +213,14 @@ def describe(experiment: Experiment, choice: IncrementChoice) -> str:
         return (f"1 per frame, chosen by an error estimate: shorter ones would change no parameter by more than "
                 f"{max_change(experiment, choice):g} std")
     number = "1 per frame" if n is None else f"{n} per frame, extrapolated in time from {n // 2} and {n}"
-    why = f", chosen by an error estimate: halving them changed no parameter by more than {max_change(experiment, choice):g} std"
+    why = (f", chosen by an error estimate: halving them changed no parameter by more than "
+           f"{max_change(experiment, choice):g} std")
     return number + (why if choice.status == ENOUGH else "")
 
 
 def planned_increments(experiment: Experiment) -> tuple[str, ...]:
-    """What `idic check` says of the increments, before any simulation; nothing where no law has a memory, or where they are
-    given to one without time."""
+    """What `idic check` says of the increments, before any simulation; nothing where no law has a memory, or where they
+    are given to one without time."""
     laws, given = ", ".join(path_dependent_laws(experiment)), experiment.options.substeps
     in_time = bool(rate_dependent_laws(experiment))
     if not laws or (given is not None and not in_time):
@@ -233,8 +239,10 @@ def increment_notes(experiment: Experiment, choice: IncrementChoice) -> list[str
     laws, n = ", ".join(path_dependent_laws(experiment)), choice.per_frame
     if choice.status == ENOUGH:
         return [f"increments of law {laws}: {describe(experiment, choice)}"]
-    changed = "" if choice.change is None else f"; the last halving changed a parameter by more than {max_change(experiment, choice):g} std"
-    why = {AT_LIMIT: f"{max_increments(experiment)} are the limit here: record more frames where the load changes fast, or give substeps",
+    changed = "" if choice.change is None else (f"; the last halving changed a parameter by more than "
+                                                f"{max_change(experiment, choice):g} std")
+    why = {AT_LIMIT: f"{max_increments(experiment)} are the limit here: record more frames where the load changes "
+                     f"fast, or give substeps",
            FAILED: "no equilibrium was found with shorter ones: give substeps, or check the loads",
            }.get(choice.status, "the search ended before shorter ones were tried: raise max_iterations")
     return [f"time step error not known to be below the standard deviations: law {laws}, "

@@ -10,7 +10,8 @@ import numpy as np
 from idic.identify.covariance import Scaled, Spectrum, covariance, spectrum
 from idic.identify.step.acceptance import scaled_at
 from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, activation_step, active_parameters
-from idic.identify.step.ending import (ITERATIONS, bounded, failed_simulation, flat, judged_flat, out_of_iterations, small_step,
+from idic.identify.step.ending import (ITERATIONS, bounded, failed_simulation, flat, judged_flat, out_of_iterations,
+                                       small_step,
                                          stuck)
 from idic.identify.step.estimator import next_estimator
 from idic.identify.step.increments import TOO_COARSE, is_too_coarse, with_increments_judged
@@ -44,7 +45,8 @@ from idic.model.experiment import Experiment, Stage
 from idic.parameters import ParameterSet
 
 MAX_REJECTIONS = 8  # in a row; steps have then shrunk to nothing
-NON_SMOOTH_TOLERANCE = 0.1  # standard deviations: of convergence after rejections, since phi is non-smooth where points yield
+# standard deviations: of convergence after rejections, since phi is non-smooth where points yield
+NON_SMOOTH_TOLERANCE = 0.1
 MIN_DAMPED_STEP_SHARE = 0.1  # of the tolerance: shorter damped steps lead nowhere (the model cannot explain the images)
 MIN_EVALUATIONS_OF_AN_ESTIMATOR = 2  # for a change of estimator to converge
 MIN_SCALED_STEP = 1e-7  # shorter steps are rounding, however small the standard deviation
@@ -109,7 +111,8 @@ def after_rejection(state: LoopState, experiment: Experiment, stages: Sequence[S
 
 def _non_smooth_system(state: LoopState, trial: Evaluation, accepted: Evaluation, experiment: Experiment, stage: Stage,
              image_noise: float) -> Scaled | None:
-    """The system of the accepted point with the directional derivative, where the rejected trial shows a non-smooth point."""
+    """The system of the accepted point with the directional derivative, where the rejected trial shows a non-smooth
+    point."""
     if trial.system is None or trial.system.generalised != accepted.system.generalised:
         return None
     known = experiment.parameters.with_values(state.accepted.values)
@@ -176,7 +179,8 @@ def _leave_stage(state: LoopState, experiment: Experiment, stages: Sequence[Stag
 
 def leave_schedule(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation, image_noise: float,
                    end: Ending) -> LoopState:
-    """On with finer increments, with another estimator at the same or the ordinary-least-squares solution, or the end."""
+    """On with finer increments, with another estimator at the same or the ordinary-least-squares solution, or the
+    end."""
     options, present = experiment.options, state.estimator
     status = end.status
     state = with_increments_judged(state, experiment, last, point, image_noise, status)
@@ -187,9 +191,11 @@ def leave_schedule(state: LoopState, experiment: Experiment, last: Stage, point:
     if kind == present.kind or left < 1:
         end = judged_flat(state, end)
         return replace(state, status=end.status, end=end)
-    if kind == GENERALISED and left < MIN_EVALUATIONS_OF_AN_ESTIMATOR:  # a converged end stands unless it was not asked for
+    # a converged end stands unless it was not asked for
+    if kind == GENERALISED and left < MIN_EVALUATIONS_OF_AN_ESTIMATOR:
         if options.estimator == GENERALISED:
-            end = Ending("max_iterations", f"{options.max_iterations} evaluations are the limit (max_iterations in [options]): "
+            end = Ending("max_iterations",
+                         f"{options.max_iterations} evaluations are the limit (max_iterations in [options]): "
                          "none is left for generalised least squares", ITERATIONS)
         return replace(state, status=end.status, end=end)
     solution = present.ordinary_solution if kind == GENERALISED_REJECTED else dict(state.accepted.values)

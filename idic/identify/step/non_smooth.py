@@ -20,7 +20,8 @@ def directional_derivative(here: Scaled, there: Scaled, found: Spectrum, paramet
                            max_distance: float) -> Scaled | None:
     """The system of a non-smooth point with the directional derivative; None where the gradient does not jump.
 
-    The point is a minimum where the step of that system vanishes; otherwise the step leads to one through non-smooth points.
+    The point is a minimum where the step of that system vanishes; otherwise the step leads to one through non-smooth
+    points.
 
     Parameters
     ----------

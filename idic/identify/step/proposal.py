@@ -1,11 +1,11 @@
 """One damped Gauss–Newton step on scaled unknowns: Levenberg–Marquardt, of limited size, within bounds.
 
-A step longer than the limit is damped in every direction alike (a multiple of the identity in the scaled unknowns, ln of
-a positive parameter) until no component is longer. Strong directions then move first and at full length; weak ones wait,
-since far from the solution their Gauss-Newton step is an answer to the errors of the strong ones (docs/method.md,
-equation 10.1; Moré 1978, doi:10.1007/BFb0067700). Clipping every component instead sends 5 of 20 random starts of the bulge
-test along a narrow curved valley until their iterations are used up. A parameter with its own largest step (a viscosity,
-of which only the logarithm matters) is measured by that.
+A step longer than the limit is damped in every direction alike (a multiple of the identity in the scaled unknowns, ln
+of a positive parameter) until no component is longer. Strong directions then move first and at full length; weak ones
+wait, since far from the solution their Gauss-Newton step is an answer to the errors of the strong ones (docs/method.md,
+equation 10.1; Moré 1978, doi:10.1007/BFb0067700). Clipping every component instead sends 5 of 20 random starts of the
+bulge test along a narrow curved valley until their iterations are used up. A parameter with its own largest step (a
+viscosity, of which only the logarithm matters) is measured by that.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
             clip: float | None = None, allowed: np.ndarray | None = None) -> Step:
     """The step from the present point; `damping` multiplies the diagonal of M (0 = Gauss–Newton).
 
-    Components that would leave their bounds, or exceed their own largest step, are pinned there and the others solved again.
+    Components that would leave their bounds, or exceed their own largest step, are pinned there and the others solved
+    again.
     allowed : (n,) bool, the eigen-directions to step along (None: all that the data determine); all of them judge
     convergence.
     """
@@ -76,7 +77,8 @@ def _limited(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, 
         return delta
     largest = np.diagonal(scaled.M).max(initial=0.0)
     least, most = np.log(MIN_RIDGE_SHARE * largest), np.log(MAX_RIDGE_SHARE * largest)
-    while most - least > 0.1 * STEP_LIMIT_TOLERANCE:  # the ridge by bisection of its logarithm: components shrink as it grows
+    # the ridge by bisection of its logarithm: components shrink as it grows
+    while most - least > 0.1 * STEP_LIMIT_TOLERANCE:
         middle = 0.5 * (least + most)
         delta = _bounded(scaled, found, damping, here, low, high, np.exp(middle) / sizes**2)[0]
         longest = np.abs(delta / sizes).max()

@@ -6,9 +6,9 @@ Gauss-Newton step below a tenth (scaled unknowns, ln of a positive parameter).
 
 A preliminary stage uses blurred images (``lowpass_px``: a pattern of longer waves is matched from farther away) or the
 first part of the test (``until_s``: less motion, and less history that goes wrong). It ends where its step is shorter
-than `MIN_PRELIMINARY_STEP` or gains less than `MIN_PRELIMINARY_GAIN`. A stage whose parameters are all freed again in the
-last one, among others, ends at `MIN_CONTINUED_STAGE_GAIN`: its locked parameters are wrong, so that more precision is
-of no use. After a search for a start (`idic.identify.search`) a stage on blurred images comes first by default.
+than `MIN_PRELIMINARY_STEP` or gains less than `MIN_PRELIMINARY_GAIN`. A stage whose parameters are all freed again in
+the last one, among others, ends at `MIN_CONTINUED_STAGE_GAIN`: its locked parameters are wrong, so that more precision
+is of no use. After a search for a start (`idic.identify.search`) a stage on blurred images comes first by default.
 """
 
 from __future__ import annotations

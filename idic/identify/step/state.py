@@ -103,9 +103,10 @@ class EstimatorChoice:
 class IncrementChoice:
     """The increments of the present search (`idic.identify.step.increments`).
 
-    per_frame : of the fine one of two simulations that are extrapolated in time; None: one simulation, as the options say
-    status : AS_GIVEN before any choice, COMPARED while one increment per frame is compared with finer ones, OPEN while the
-    choice is made, ENOUGH, or why it ended before: AT_LIMIT, FAILED
+    per_frame : of the fine one of two simulations that are extrapolated in time; None: one simulation, as the options
+    say
+    status : AS_GIVEN before any choice, COMPARED while one increment per frame is compared with finer ones, OPEN while
+    the choice is made, ENOUGH, or why it ended before: AT_LIMIT, FAILED
     coarser : values where the search ended with half as many, None where none has
     change : of the values when the increments were last halved, None before; predicted, where one per frame is kept
     """

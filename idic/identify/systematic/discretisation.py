@@ -9,8 +9,8 @@ finer mesh; the noise is the same on both, so that the change is hardly noisy:
 The finer mesh has a bias, too, by which the figure is too small. Quadratic elements of the same size have a small
 part of the bias of linear ones. Elements of half the size keep 2^-p of it: next to nothing of quadratic ones where the
 strain is smooth; a quarter of linear bricks; about half where a front of yielding runs through the elements (p = 1), so
-that there the true bias is up to twice the figure. A difference in shape between mesh and body (a polygon for a circle) remains
-under refinement.
+that there the true bias is up to twice the figure. A difference in shape between mesh and body (a polygon for a circle)
+remains under refinement.
 """
 
 from __future__ import annotations
@@ -85,7 +85,8 @@ def is_coarse(experiment: Experiment) -> bool:
 
 
 def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float],
-                    local: np.ndarray, generalised: bool, ended: Evaluation, increments: int | None) -> DiscrepancySystem:
+                    local: np.ndarray, generalised: bool, ended: Evaluation,
+                    increments: int | None) -> DiscrepancySystem:
     """The normal equations of a discrepancy with the error of a coarse mesh; without it where the finer one fails.
 
     Parameters
@@ -93,7 +94,8 @@ def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Ex
     experiment : as its last stage sees it; the others as for `discretisation_bias`
     """
     try:
-        biases, _ = discretisation_bias(evaluate, replace(experiment, stages=()), values, local, generalised, ended, increments)
+        biases, _ = discretisation_bias(evaluate, replace(experiment, stages=()), values, local, generalised, ended,
+                                        increments)
     except NotConverged:
         return found
     bias = np.array([biases.get(name, 0.0) for name in found.names])
@@ -133,8 +135,8 @@ def time_step_bias(evaluate: Evaluate, experiment: Experiment, values: Mapping[s
                    generalised: bool, ended: Evaluation, increments: int | None = None) -> dict[str, float]:
     """Bias by the increments of every free parameter that the data determine (internal units), by halving them.
 
-    The test is simulated once more, extrapolated in time from the given increments and half of their length. Extrapolated
-    increments leave a quarter of their error when they are halved.
+    The test is simulated once more, extrapolated in time from the given increments and half of their length.
+    Extrapolated increments leave a quarter of their error when they are halved.
 
     Parameters
     ----------
@@ -156,7 +158,8 @@ def time_step_bias(evaluate: Evaluate, experiment: Experiment, values: Mapping[s
 
 def _biases(experiment: Experiment, values: Mapping[str, float], evaluated: Evaluation, ended: Evaluation,
             image_noise: float) -> dict[str, float]:
-    """Values less those where one Gauss-Newton step of the finer model leads, without the step left of the given one."""
+    """Values less those where one Gauss-Newton step of the finer model leads, without the step left of the given
+    one."""
     parameters = experiment.parameters.with_values(values)
     steps = []
     for point in (evaluated, ended):

@@ -99,7 +99,8 @@ def _without_earlier_judgement(result: dict) -> dict:
 
 
 def _judge(result: dict, name: str, entry: dict, values: Sequence[float]) -> None:
-    """List a value that changes by more than `MAX_SPREAD` as not identifiable; its parameter returns to the start value."""
+    """List a value that changes by more than `MAX_SPREAD` as not identifiable; its parameter returns to the start
+    value."""
     moved = max(abs(value / entry["value"] - 1.0) for value in values) if entry["value"] else 0.0
     if moved <= MAX_SPREAD:
         return

@@ -16,7 +16,8 @@ from idic.model.experiment import Column, Experiment, Measured, Parametrised
 AS_GIVEN = "as given"
 COMPONENTS = {"ux": "x", "uy": "y", "uz": "z"}
 MORE_SMOOTHING, MORE_MODES, MORE_TIMES = 10.0, 2, 1
-SPECIMEN_MOTION = tuple(f"{PLACEMENT_STEM}.{name}_drift" for name in ("t_z", "rotation_x", "rotation_y"))  # before a lens
+# before a lens
+SPECIMEN_MOTION = tuple(f"{PLACEMENT_STEM}.{name}_drift" for name in ("t_z", "rotation_x", "rotation_y"))
 OF_FREE_DIC = {"virtual": "dic", "modes": 4, "time_modes": 3}  # courses of the measured motion, which may stop and turn
 
 

@@ -1,14 +1,14 @@
 """Noise of a measured field, from the stages themselves: its size, and how it is correlated between neighbours.
 
-Subsets of a DIC overlap and filters smooth, so that neighbouring points share their noise. A stage is predicted from the
-stages before and after it and from a polynomial of the second degree in the place; what is left is noise:
+Subsets of a DIC overlap and filters smooth, so that neighbouring points share their noise. A stage is predicted from
+the stages before and after it and from a polynomial of the second degree in the place; what is left is noise:
 
     v_t = a v_(t-1) + b v_(t+1) + polynomial + noise,      variance s² [1 + a² + b² + (1 - a - b)²/N]
 
 (docs/method.md, equations 15.2 and 15.3). A course that is smooth in time and any field that grows in proportion are
-taken out. The fit takes a part of correlated noise with it, most where points are few: with the projection P of a stage on what
-its fit leaves, the covariance C is the one for which P C P has the sums of products that are seen (equation 15.4). Noise that
-all of a stage shares (a shift, a stretch) is not seen here.
+taken out. The fit takes a part of correlated noise with it, most where points are few: with the projection P of a stage
+on what its fit leaves, the covariance C is the one for which P C P has the sums of products that are seen (equation
+15.4). Noise that all of a stage shares (a shift, a stretch) is not seen here.
 """
 
 from __future__ import annotations
@@ -97,7 +97,8 @@ def _smooth(positions: np.ndarray) -> np.ndarray:
     return np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
 
 
-def _left(stack: Stack, positions, before: int, now: int, after: int, reference: int, n_references: int) -> _Stage | None:
+def _left(stack: Stack, positions, before: int, now: int, after: int, reference: int,
+          n_references: int) -> _Stage | None:
     """What the neighbours in time and a polynomial leave of a stage."""
     fields = [np.zeros((len(positions), 2)) if k == reference else np.asarray(stack.frame(k), float)
               for k in (before, now, after)]
@@ -127,7 +128,9 @@ def _covariance(positions: np.ndarray, stages: Sequence[_Stage]) -> np.ndarray:
 
     With the matrix S_d of all pairs at a distance d, C = sum_d c_d S_d and
 
-        z^T S_e z = sum_d c_d tr(P S_e P S_d),   tr(P S_e P S_d) = tr(S_e S_d) - 2 (S_e Q)·(S_d Q) + (Q^T S_e Q)·(Q^T S_d Q)
+        z^T S_e z = sum_d c_d tr(P S_e P S_d)
+
+        tr(P S_e P S_d) = tr(S_e S_d) - 2 (S_e Q)·(S_d Q) + (Q^T S_e Q)·(Q^T S_d Q)
 
     summed over the stages.
     """
@@ -173,14 +176,15 @@ def _pairs(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _fitted(matrix: np.ndarray, seen: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """The covariance by independent noise and up to two smooth parts, as few as do  # (2 L + 1, 2 L + 1)
 
-    A part is that of a Gaussian filter, or the overlap of square subsets. Waves about as long as the field are mostly taken
-    by its fit: they follow from the shape of the near neighbours.
+    A part is that of a Gaussian filter, or the overlap of square subsets. Waves about as long as the field are mostly
+    taken by its fit: they follow from the shape of the near neighbours.
     """
     number = _lags()
     lags = np.zeros((len(seen), 2))
     lags[number.ravel()] = (np.indices(number.shape) - MAX_LAG).reshape(2, -1).T
     squared = (lags**2).sum(axis=1)
-    weight = 1.0 / np.sqrt(2.0 * np.maximum(np.diagonal(matrix), 1.0))  # products of n independent pairs scatter by its root
+    # products of n independent pairs scatter by its root
+    weight = 1.0 / np.sqrt(2.0 * np.maximum(np.diagonal(matrix), 1.0))
     own = (squared == 0.0).astype(float)[:, None]
     overlaps = np.clip(1.0 - np.abs(lags)[:, :, None] / (SUBSET_LENGTHS * lengths), 0.0, None).prod(axis=1)
     shapes = np.hstack([np.exp(-squared[:, None] / (4.0 * lengths**2)), overlaps])

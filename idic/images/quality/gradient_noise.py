@@ -1,4 +1,5 @@
-"""Noise in the gradient of an image, and the image with that noise filtered out (docs/method.md, equations 4.5 and 4.6).
+"""Noise in the gradient of an image, and the image with that noise filtered out (docs/method.md, equations 4.5 and
+4.6).
 
 The sums of a correlation are weighted by the gradient of the reference image. Its noise adds ``sigma^2 g`` to the mean
 square of each component, where g is the gain of the differentiated spline after the low-pass, and holds no information

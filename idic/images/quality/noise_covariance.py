@@ -56,7 +56,8 @@ class NoiseCovariance:
     tiles: int
 
 
-def noise_covariance(stack: Stack, frames: Sequence[int], region: np.ndarray, lowpass_px: float) -> NoiseCovariance | None:
+def noise_covariance(stack: Stack, frames: Sequence[int], region: np.ndarray,
+                     lowpass_px: float) -> NoiseCovariance | None:
     """Covariance of the noise from consecutive images of a series; None where too few tiles tell it.
 
     Parameters
@@ -176,7 +177,8 @@ def _tile_noise(a: np.ndarray, b: np.ndarray, white: np.ndarray, lowpass_px: flo
     columns = [np.ones_like(x), mean[inner]]
     for axis in (0, 1):
         slope = _derivative(mean, FIRST, axis)[inner]
-        columns += [slope, x * slope, y * slope, _derivative(mean, WIDE, axis)[inner], _derivative(mean, WIDER, axis)[inner]]
+        columns += [slope, x * slope, y * slope, _derivative(mean, WIDE, axis)[inner],
+                    _derivative(mean, WIDER, axis)[inner]]
     for one, other in ((0, 1), (1, 0)):  # third derivatives across
         columns.append(_derivative(_second(mean, one), FIRST, other)[inner])
     basis, _ = np.linalg.qr(np.stack([c.ravel() for c in columns], axis=1))

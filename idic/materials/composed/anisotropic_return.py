@@ -103,7 +103,8 @@ def shifted(back, stress, growth, state, params, A, dA):
 
 
 @inner
-def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, own, e, xi, flowing, passes, sloped):
+def relaxed(elastic, back, hardening, rate, A, trial, p, growth, dt, state, params, own, e, xi, flowing, passes,
+            sloped):
     """The strain e, xi and A xi that belong to a growth: (1 / resistance - 1 / q, its slope over growth if ``sloped``).
 
     e is the start and is overwritten. ``passes`` bounds the Newton passes on the strain: 1 in the complex step.
@@ -232,7 +233,8 @@ def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, 
             growth -= value / steep.real if last == 1 else 0.0 * value
         elastic_stress(elastic[0], elastic[1:], e, params, t, D)
         g = remember(back, U, e, turn, trial, growth, state, own, state_new)
-        inverse_cp = (1.0 + state_new[0], 1.0 + state_new[1], 1.0 + state_new[2], state_new[3], state_new[4], state_new[5])
+        inverse_cp = (1.0 + state_new[0], 1.0 + state_new[1], 1.0 + state_new[2], state_new[3], state_new[4],
+                      state_new[5])
     keep = 1.0 + 0.0 * p
     if damage > 0:
         last = state.shape[0] - 1

@@ -29,7 +29,8 @@ SMALL = 1e-30  # squared strain that is none
 
 @inner
 def linear_stiffness(symmetry, params, C):
-    """C of isotropic (E, nu) or orthotropic (E1, E2, nu12, G12) elasticity into (6, 6); returns the shear modulus 12."""
+    """C of isotropic (E, nu) or orthotropic (E1, E2, nu12, G12) elasticity into (6, 6); returns the shear modulus
+    12."""
     C[:, :] = 0.0
     if symmetry == ORTHOTROPIC:
         C11, C12, C22, C23, G12, G23, _, _ = stiffness(params)

@@ -1,10 +1,11 @@
-"""The composed law: ``elastoplastic`` and, with terms, ``elastoplastic(hill48+voce+linear+armstrong_frederick+norton)``.
+"""The composed law: ``elastoplastic`` and, with terms,
+``elastoplastic(hill48+voce+linear+armstrong_frederick+norton)``.
 
 Each combination is a law of its own, declared and compiled when it is first asked for; its name says all that a worker
-needs to make it. Orthotropic or nonlinear elasticity and in-plane-shear yield take ``anisotropic_return.py``. All others
-have isotropic elasticity and the split of ``plasticity/elastoplastic.py`` (Simo 1992; Simo & Hughes, Computational
-Inelasticity (1998), doi:10.1007/b98904): with back stress, Hill's surface or damage ``general_return.py``, else
-``isotropic_return.py``.
+needs to make it. Orthotropic or nonlinear elasticity and in-plane-shear yield take ``anisotropic_return.py``. All
+others have isotropic elasticity and the split of ``plasticity/elastoplastic.py`` (Simo 1992; Simo & Hughes,
+Computational Inelasticity (1998), doi:10.1007/b98904): with back stress, Hill's surface or damage
+``general_return.py``, else ``isotropic_return.py``.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from collections.abc import Callable, Sequence
 from idic.errors import InputError
 from idic.materials.composed import anisotropic_return, elasticity, general_return, isotropic_return
 from idic.materials.composed.flow_stress import NONE
-from idic.materials.composed.terms import (FLOW_STRESS, FREE_NAME, GROUPS, KNOTS, LISTS, REFERENCE, TERMS, TIMES, Term, kinds_of,
+from idic.materials.composed.terms import (FLOW_STRESS, FREE_NAME, GROUPS, KNOTS, LISTS, REFERENCE, TERMS, TIMES, Term,
+                                           kinds_of,
                                             term_of)
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.core.temperature import Factor, TemperatureDependence
@@ -45,7 +47,8 @@ def _chosen(kinds: Sequence[str]) -> list[Term]:
     unknown = [kind for kind, term in zip(kinds, found, strict=True) if term is None]
     if unknown:
         raise InputError(f"{NAME} has no such term", key="law", expected=f"one of {', '.join(TERMS)}",
-                         found=repr(unknown[0]), remedy=f"correct the kind; a free curve has {KNOTS[0]} to {KNOTS[1]} knots")
+                         found=repr(unknown[0]),
+                         remedy=f"correct the kind; a free curve has {KNOTS[0]} to {KNOTS[1]} knots")
     terms = sorted((term for term in found if term is not None), key=lambda term: GROUPS.index(term.group))
     for group in GROUPS:
         own = [term.kind for term in terms if term.group == group]
@@ -58,7 +61,8 @@ def _chosen(kinds: Sequence[str]) -> list[Term]:
             raise InputError(f"{NAME}: two terms where one says all", key=group, expected=f"one {twice[0]} term"
                              if twice else f"one {group}", found=" and ".join(own), remedy="remove one of them")
         if len(own) > MOST_TERMS:
-            raise InputError(f"{NAME}: too many terms", key=group, expected=f"{MOST_TERMS} at most", found=str(len(own)),
+            raise InputError(f"{NAME}: too many terms", key=group, expected=f"{MOST_TERMS} at most",
+                             found=str(len(own)),
                              remedy="remove those that the test cannot tell apart")
     _refuse(terms)
     return [term for term in terms if term.kind not in DEFAULTS]
@@ -69,12 +73,14 @@ def _refuse(terms: Sequence[Term]) -> None:
     kinds = [term.kind for term in terms]
     beside = [term.kind for term in terms if term.group in ("backstress", "damage")]
     if "drucker_prager" in kinds and beside:
-        raise InputError(f"{NAME}: drucker_prager does not go with {beside[0]}, which has no equation where tension leaves "
+        raise InputError(f"{NAME}: drucker_prager does not go with {beside[0]}, which has no equation where tension "
+                         f"leaves "
                          "no strength", key="yield_surface", expected="mises or hill48 with a back stress or damage",
                          found="drucker_prager", remedy=f"remove {beside[0]}, or take mises or hill48")
     beside = [kind for kind in kinds if kind == "orthotropic" or kind in kinds_of("nonlinear_elasticity")]
     if "drucker_prager" in kinds and beside:
-        raise InputError(f"{NAME}: drucker_prager does not go with {beside[0]}: the pressure would change with the flow",
+        raise InputError(f"{NAME}: drucker_prager does not go with {beside[0]}: the pressure would change with the "
+                         f"flow",
                          key="yield_surface", expected="mises, hill48 or in_plane_shear", found="drucker_prager",
                          remedy=f"remove {beside[0]}, or take another yield surface")
     along = [kind for kind in kinds if kind in NEED_AXES]
@@ -135,8 +141,10 @@ def _dependence(terms: Sequence[Term], codes: tuple[int, ...],
         targets = [name for target in targets for name in (stresses if target == FLOW_STRESS else [target])]
         unknown = [name for name in targets if name not in allowed]
         if unknown or len({*targets}) < len(targets):
-            raise InputError(f"{NAME}: a factor of the temperature acts on parameters of the other terms", key="temperature",
-                             expected=f"{FLOW_STRESS}, or some of {', '.join(allowed)}", found=repr((unknown or targets)[0]),
+            raise InputError(f"{NAME}: a factor of the temperature acts on parameters of the other terms",
+                             key="temperature",
+                             expected=f"{FLOW_STRESS}, or some of {', '.join(allowed)}",
+                             found=repr((unknown or targets)[0]),
                              remedy="correct `of`, and name each parameter once")
         factors.append(Factor(kind, first, tuple(names.index(name) for name in targets)))
     return TemperatureDependence(tuple(factors), len(parameters)) if factors else None

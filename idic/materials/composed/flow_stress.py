@@ -5,9 +5,10 @@
                = sigma(p) (1 + (tau dp/dt)^(1/m))                   (perzyna)
                = sigma(p) (1 + C ln(1 + (dp/dt) / reference_rate))  (johnson_cook)
 
-s of a free curve is linear between its values yield_stress, s2 ... sn at the knots range ((k - 1) / (n - 1))^2, and beyond
-the last; a value below the one before it counts as that one, so that the curve never falls. Terms come as a flat tuple of integers (kind, place of its first parameter, kind, place, ..., NONE, 0): a constant in the
-code of each combination. dp/dt is growth / dt, backward Euler.
+s of a free curve is linear between its values yield_stress, s2 ... sn at the knots range ((k - 1) / (n - 1))^2, and
+beyond the last; a value below the one before it counts as that one, so that the curve never falls. Terms come as a flat
+tuple of integers (kind, place of its first parameter, kind, place, ..., NONE, 0): a constant in the code of each
+combination. dp/dt is growth / dt, backward Euler.
 """
 
 from __future__ import annotations

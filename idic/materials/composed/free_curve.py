@@ -14,7 +14,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import chdtri
 
-SMOOTHNESS = 1.0  # prior std of the change of slope from interval to interval, over the mean slope of the starting curve
+# prior std of the change of slope from interval to interval, over the mean slope of the starting curve
+SMOOTHNESS = 1.0
 TERM = re.compile(r"[(+]free(\d+)[)+]")
 WHITENING_RANK = 1e-10  # variances below this share of the largest are rounding
 NOISE_PROBABILITY = 0.95  # of a loss that noise explains
@@ -91,7 +92,8 @@ class ClassicalFit:
 
 @dataclass(frozen=True)
 class Form:
-    """A classical form: names of its parameters, ``curve(points, *parameters)``, starts of the search for (reach of the points).
+    """A classical form: names of its parameters, ``curve(points, *parameters)``, starts of the search for (reach of the
+    points).
 
     stresses : its parameters in MPa, started in units of the largest stress; lowest : lower bound of all parameters
     """
@@ -145,6 +147,7 @@ def classical_fits(p: np.ndarray, stress: np.ndarray, covariance: np.ndarray, at
         assert best is not None  # every form has a start
         loss, freedom = 2.0 * float(best[0]), int(kept.sum()) - len(form.names)
         inside = freedom > 0 and loss <= chdtri(freedom, 1.0 - NOISE_PROBABILITY)
-        fits.append(ClassicalFit(name, dict(zip(form.names, map(float, best[1]), strict=True)), loss, freedom, bool(inside),
+        fits.append(ClassicalFit(name, dict(zip(form.names, map(float, best[1]), strict=True)), loss, freedom,
+                                 bool(inside),
                                  form.curve(p, *best[1])))
     return tuple(sorted(fits, key=lambda fit: fit.chi2))

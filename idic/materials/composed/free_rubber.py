@@ -1,11 +1,13 @@
-"""Isotropic rubber whose energy is free: derivatives by the invariants on knots, ``free_rubber(8)``, ``free_rubber(8+4)``.
+"""Isotropic rubber whose energy is free: derivatives by the invariants on knots, ``free_rubber(8)``,
+``free_rubber(8+4)``.
 
     W = W1(I1) + W2(I2) + kappa (J - 1)^2 / 2,   I1, I2 of the isochoric b = J^(-2/3) F F^T,   g1 = W1', g2 = W2'
 
 g1, and g2 where there is a second number, are linear between their values I1_g1, I1_g2 ... (MPa) at so many knots
-I - 3 = range ((k - 1) / (n - 1))^2, evenly spread over the stretch (``on_knots.py``). g1 > 0: the energy grows with I1. g1 and g2
-constant: ``mooney_rivlin``. A deformation whose larger stretch would have the smaller stress is refused. Stress as in ``mooney_rivlin.py``. Energies free in the invariants: Sussman & Bathe, Commun.
-Numer. Methods Eng. 25 (2009) 53, doi:10.1002/cnm.1105.
+I - 3 = range ((k - 1) / (n - 1))^2, evenly spread over the stretch (``on_knots.py``). g1 > 0: the energy grows with I1.
+g1 and g2 constant: ``mooney_rivlin``. A deformation whose larger stretch would have the smaller stress is refused.
+Stress as in ``mooney_rivlin.py``. Energies free in the invariants: Sussman & Bathe, Commun. Numer. Methods Eng. 25
+(2009) 53, doi:10.1002/cnm.1105.
 """
 
 from __future__ import annotations
@@ -126,10 +128,12 @@ def compose(kinds: Sequence[str]) -> LawSpec:
         Not one or two numbers within `KNOTS`.
     """
     if not 1 <= len(kinds) <= 2 or not all(kind.isdecimal() and KNOTS[0] <= int(kind) <= KNOTS[1] for kind in kinds):
-        raise InputError(f"{NAME} needs its numbers of knots", key="law", expected=f"{NAME}(8) or {NAME}(8+4), {KNOTS[0]} to {KNOTS[1]} "
+        raise InputError(f"{NAME} needs its numbers of knots", key="law",
+                         expected=f"{NAME}(8) or {NAME}(8+4), {KNOTS[0]} to {KNOTS[1]} "
                          "each", found=repr("+".join(kinds)), remedy="correct the numbers")
     n1, n2 = int(kinds[0]), int(kinds[1]) if len(kinds) > 1 else 0
-    parameters = [LawParameter("kappa", "MPa", "bulk modulus", default=660.0), *_curve("I1", n1), *(_curve("I2", n2) if n2 else ())]
+    parameters = [LawParameter("kappa", "MPa", "bulk modulus", default=660.0), *_curve("I1", n1),
+                  *(_curve("I2", n2) if n2 else ())]
 
     def update_of(F, state, params, dt, P, state_new):
         return update(n1, n2, F, params, P)
@@ -138,16 +142,18 @@ def compose(kinds: Sequence[str]) -> LawSpec:
         return linearise(n1, n2, F, params, dF, dparams, P, dP)
 
     return LawSpec(
-        name=f"{NAME}({'+'.join(map(str, map(int, kinds)))})", parameters=tuple(parameters), updates={"finite": update_of},
+        name=f"{NAME}({'+'.join(map(str, map(int, kinds)))})", parameters=tuple(parameters),
+        updates={"finite": update_of},
         linearise={"finite": linearise_of}, compose=compose,
-        reference="W = W1(I1) + W2(I2) + kappa (J - 1)^2 / 2, W1' and W2' linear between their values at knots; Sussman & Bathe, "
-                  "Commun. Numer. Methods Eng. 25 (2009) 53, doi:10.1002/cnm.1105")
+        reference="W = W1(I1) + W2(I2) + kappa (J - 1)^2 / 2, W1' and W2' linear between their values at knots; "
+                  "Sussman & Bathe, Commun. Numer. Methods Eng. 25 (2009) 53, doi:10.1002/cnm.1105")
 
 
 def _curve(invariant: str, n: int) -> tuple[LawParameter, ...]:
     first = invariant == "I1"
     last = LawParameter(f"{invariant}_range", "-", f"{invariant} - 3 at the last knot; chosen, locked", default=2.0)
-    return (last, *(LawParameter(name, "MPa", f"dW/d{invariant} at knot {k} of {n}", default=0.3 + 0.02 * k if first else 0.3,
+    return (last,
+            *(LawParameter(name, "MPa", f"dW/d{invariant} at knot {k} of {n}", default=0.3 + 0.02 * k if first else 0.3,
                                  positive=first, bounds=(0.0 if first else -np.inf, np.inf),
                                  max_step=USUAL_MAX_STEP if first else SECOND_MAX_STEP)
                     for k, name in enumerate(level_names(invariant, n), 1)))

@@ -1,19 +1,19 @@
 """The return of a composed law with back stresses, Hill's surface or damage; derivatives by the complex step.
 
-s and the back strains a_i stand in axes that turn with the material (R of F = R U; with Hill also by ``angle`` about z).
-One unknown, the growth of p, for any number of terms (symbols of ``plasticity/elastoplastic.py``):
+s and the back strains a_i stand in axes that turn with the material (R of F = R U; with Hill also by ``angle`` about
+z). One unknown, the growth of p, for any number of terms (symbols of ``plasticity/elastoplastic.py``):
 
     w_i = 1 / (1 + gamma_i growth),  z = growth / resistance,  h = 2 G I + sum 2/3 C_i w_i
     xi = (1 + z h A)^-1 (s - sum 2/3 C_i w_i a_i),     q(xi) = sqrt(xi : A xi) = resistance(p + growth, growth / dt)
     strain = z A xi,  s+ = s - 2 G I strain,  a_i+ = w_i (a_i + strain)
 
-(A = 3/2 on deviators: Mises; ``plasticity/j2_hill.py`` has Hill's). gamma = 0 is Prager's back stress. Damage acts on the
-stress of this effective material: tau = (1 - D) (s+ + kappa (J - 1) J 1), with Lemaitre's
+(A = 3/2 on deviators: Mises; ``plasticity/j2_hill.py`` has Hill's). gamma = 0 is Prager's back stress. Damage acts on
+the stress of this effective material: tau = (1 - D) (s+ + kappa (J - 1) J 1), with Lemaitre's
 
     dD = (Y / S)^s dp,   Y = q^2 / (2 E) (2/3 (1 + nu) + 3 (1 - 2 nu) (mean stress / q)^2)   beyond p = threshold,
 
-q and the mean stress of the effective stress at the end of the step. Growth falls to nothing as mean stress / q goes from
-0 to -1/3, uniaxial compression (cut-off: Bao & Wierzbicki, Eng. Fract. Mech. 72 (2005) 1049,
+q and the mean stress of the effective stress at the end of the step. Growth falls to nothing as mean stress / q goes
+from 0 to -1/3, uniaxial compression (cut-off: Bao & Wierzbicki, Eng. Fract. Mech. 72 (2005) 1049,
 doi:10.1016/j.engfracmech.2004.07.011; smooth between), and D ends at 0.99. Hardening follows p of the effective
 material, so the return knows no D.
 """
@@ -193,7 +193,8 @@ def update(surface, hardening, back, rate, damage, F, state, params, dt, P, stat
             return 1
         growth, strain = real + 0.0 * p, tensors.scaled(0.0 * p, local, 0.0)
         for last in range(2):  # one more step, in complex: exact derivative; then the strain that belongs to it
-            value, slope, strain = yield_function(surface, hardening, back, rate, local, twice_shear, state, p, growth, dt,
+            value, slope, strain = yield_function(surface, hardening, back, rate, local, twice_shear, state, p, growth,
+                                                  dt,
                                                   hill, params)
             growth -= value / slope.real if last == 0 else 0.0 * value
         local = tensors.combine(1.0, local, -twice_shear, strain, 0.0)

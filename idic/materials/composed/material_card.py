@@ -1,8 +1,8 @@
 """A law as a material card of Abaqus or CalculiX: *ELASTIC, *PLASTIC and what goes with them.
 
 Units are mm, N, MPa, s. What a program has no card for is listed in `Card.missing`; nothing is replaced silently.
-idic's flow stress is the Kirchhoff stress, that of both programs the Cauchy stress: they differ by the change of volume,
-(1 - 2 nu) stress / E.
+idic's flow stress is the Kirchhoff stress, that of both programs the Cauchy stress: they differ by the change of
+volume, (1 - 2 nu) stress / E.
 """
 
 from __future__ import annotations
@@ -43,7 +43,8 @@ def material_card(name: str, law: str, values: Mapping[str, float], program: str
     values : {parameter: value} MPa, -, deg, s
     program : "abaqus" | "calculix"
     reached : plastic strain at the end of the table of the flow stress; default: the last knot, or 1
-    temperatures : °C, increasing, of the tables of a law whose parameters depend on it; between them the programs interpolate
+    temperatures : °C, increasing, of the tables of a law whose parameters depend on it; between them the programs
+    interpolate
         linearly
     """
     rubber = rubber_card(law, values)
@@ -80,7 +81,8 @@ def _row(*numbers: float) -> str:
     return ", ".join(f"{number:.8g}" for number in numbers)
 
 
-def _elastic(name: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[str, float], at: Warm) -> tuple[list[str], list[str], list[str]]:
+def _elastic(name: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[str, float],
+             at: Warm) -> tuple[list[str], list[str], list[str]]:
     """(lines before *MATERIAL, lines, missing)"""
     missing = [f"nonlinear elasticity {w.kind}: reversible, no card of a plastic material has it"
                for w in groups.get("nonlinear_elasticity", [])]
@@ -96,12 +98,14 @@ def _elastic(name: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping
                   f"*ORIENTATION, NAME={name}, SYSTEM=RECTANGULAR",
                   _row(math.cos(angle), math.sin(angle), 0.0, -math.sin(angle), math.cos(angle), 0.0)]
     shear = 0.5 * E2 / (1.0 + nu12)  # closed as idic's law: transversely isotropic about axis 1, nu23 = nu12
-    return before, ["*ELASTIC, TYPE=ENGINEERING CONSTANTS", _row(E1, E2, E2, nu12, nu12, nu12, G12, G12), _row(shear)], missing
+    return before, ["*ELASTIC, TYPE=ENGINEERING CONSTANTS", _row(E1, E2, E2, nu12, nu12, nu12, G12, G12),
+                    _row(shear)], missing
 
 
 def _plastic(law: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[str, float], program: str,
              reached: float | None, at: Warm) -> tuple[list[str], list[str]]:
-    missing = [f"{w.term.group} {w.kind}: no card has this equation" for group in ("rate", "damage") for w in groups.get(group, [])]
+    missing = [f"{w.term.group} {w.kind}: no card has this equation" for group in ("rate", "damage")
+               for w in groups.get(group, [])]
     free = [w for w in groups.get("hardening", []) if w.kind.startswith("free")]
     end = reached or (free[0].values["range"] if free else COMPARED_STRAIN)
     p = end * np.linspace(0.0, 1.0, ROWS) ** 2
@@ -109,7 +113,8 @@ def _plastic(law: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[
         p = np.append(last := knots(free[0].values["range"], knots_of(law)), max(end, 2.0 * last[-1]))
     table = [_row(stress, strain) for stress, strain in zip(flow_stress(law, values, p), p, strict=True)]
     if at:
-        table = [_row(stress, strain, T) for T, v in at for stress, strain in zip(flow_stress(law, v, p), p, strict=True)]
+        table = [_row(stress, strain, T) for T, v in at
+                 for stress, strain in zip(flow_stress(law, v, p), p, strict=True)]
     lines, lacking = _hardening(groups.get("backstress", []), bool(groups.get("hardening")), values, p, table, program)
     missing += lacking
     for surface in groups.get("yield_surface", []):
@@ -131,7 +136,8 @@ def _hardening(back: list[WrittenTerm], isotropic: bool, values: Mapping[str, fl
                  _row(values["yield_stress"], *terms)]
         return lines + (["*CYCLIC HARDENING", *table] if isotropic else []), []
     if curved:
-        return ["*PLASTIC", *table], [f"backstress {w.kind}: CalculiX hardens kinematically by a table, without recovery; "
+        return ["*PLASTIC",
+                *table], [f"backstress {w.kind}: CalculiX hardens kinematically by a table, without recovery; "
                                       "left out, so this body hardens too little" for w in curved]
     start = values["yield_stress"]
     line = [_row(start + straight * strain, strain) for strain in (0.0, p[-1])]

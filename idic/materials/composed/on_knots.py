@@ -1,8 +1,8 @@
 """A function that is linear between its values at knots, and beyond the last: free curves in compiled code.
 
-n knots at last ((k - 1) / (n - 1))^2, k = 1 ... n, dense at the beginning. Places in ``params``: ``last`` of the last knot,
-``start`` of the first value, ``levels`` of the second (the others follow). ``rising``: a value below the one before it counts as
-that one.
+n knots at last ((k - 1) / (n - 1))^2, k = 1 ... n, dense at the beginning. Places in ``params``: ``last`` of the last
+knot, ``start`` of the first value, ``levels`` of the second (the others follow). ``rising``: a value below the one
+before it counts as that one.
 """
 
 from __future__ import annotations

@@ -26,12 +26,16 @@ def rubber_card(law: str, values: Mapping[str, float]) -> tuple[list[str], list[
     counts = knots_of_rubber(law)
     if not counts[0]:
         return None
-    (a10, a20, a30), (a01, a02, a03) = (_quadratic(invariant, n, values) for invariant, n in zip(INVARIANTS, counts, strict=True))
-    lines = ["*HYPERELASTIC, POLYNOMIAL, N=3", _row(a10, a01, a20, 0.0, a02, a30, 0.0, 0.0), _row(a03, 2.0 / values["kappa"], 0.0, 0.0)]
+    (a10, a20, a30), (a01, a02,
+                      a03) = (_quadratic(invariant, n, values) for invariant, n in zip(INVARIANTS, counts, strict=True))
+    lines = ["*HYPERELASTIC, POLYNOMIAL, N=3", _row(a10, a01, a20, 0.0, a02, a30, 0.0, 0.0),
+             _row(a03, 2.0 / values["kappa"], 0.0, 0.0)]
     worst = _largest_difference(counts, values, (a10, a20, a30), (a01, a02, a03))
-    reach = ", ".join(f"{name} - 3 = {values[f'{name}_range']:g}" for name, n in zip(INVARIANTS, counts, strict=True) if n)
-    return lines, [f"free energy: a polynomial of order 3 in its place, fitted up to {reach}; there nominal stresses of tension, pure "
-                   f"shear and equibiaxial tension differ by {100.0 * worst:.2g} % of the largest at most"]
+    reach = ", ".join(f"{name} - 3 = {values[f'{name}_range']:g}" for name, n in zip(INVARIANTS, counts, strict=True)
+                      if n)
+    return lines, [f"free energy: a polynomial of order 3 in its place, fitted up to {reach}; there nominal stresses "
+                   f"of tension, pure shear and equibiaxial tension differ by {100.0 * worst:.2g} % of the largest at "
+                   f"most"]
 
 
 def _row(*numbers: float) -> str:
@@ -39,7 +43,8 @@ def _row(*numbers: float) -> str:
 
 
 def _quadratic(invariant: str, n: int, values: Mapping[str, float]) -> tuple[float, float, float]:
-    """(C1, C2, C3) of the polynomial C1 x + C2 x^2 + C3 x^3 whose derivative is nearest to that at the knots, evenly in stretch"""
+    """(C1, C2, C3) of the polynomial C1 x + C2 x^2 + C3 x^3 whose derivative is nearest to that at the knots, evenly in
+    stretch"""
     if n == 0:
         return 0.0, 0.0, 0.0
     last = values[f"{invariant}_range"]

@@ -6,9 +6,10 @@ With stretch L along the pull and g1, g2 the derivatives of the energy by I1, I2
     pure shear     2 (L - L^-3) (g1 + g2)           I1 = I2 = L^2 + 1 + L^-2
     equibiaxial    2 (L - L^-5) (g1 + L^2 g2)       I1 = 2 L^2 + L^-4          I2 = L^4 + 2 L^-2
 
-Classical forms: Treloar, The Physics of Rubber Elasticity (1975); Yeoh, Rubber Chem. Technol. 63 (1990) 792; Gent, ibid. 69 (1996)
-59; Arruda & Boyce, J. Mech. Phys. Solids 41 (1993) 389, doi:10.1016/0022-5096(93)90013-6; Haines & Wilson, ibid. 27 (1979)
-345, doi:10.1016/0022-5096(79)90034-6; Ogden, Proc. R. Soc. Lond. A 326 (1972) 565, doi:10.1098/rspa.1972.0026.
+Classical forms: Treloar, The Physics of Rubber Elasticity (1975); Yeoh, Rubber Chem. Technol. 63 (1990) 792; Gent,
+ibid. 69 (1996) 59; Arruda & Boyce, J. Mech. Phys. Solids 41 (1993) 389, doi:10.1016/0022-5096(93)90013-6; Haines &
+Wilson, ibid. 27 (1979) 345, doi:10.1016/0022-5096(79)90034-6; Ogden, Proc. R. Soc. Lond. A 326 (1972) 565,
+doi:10.1098/rspa.1972.0026.
 """
 
 from __future__ import annotations
@@ -49,7 +50,8 @@ def stress_matrix(mode: str, stretch: np.ndarray, last: tuple[float, ...], n: tu
 
 
 def classical_forms(mode: np.ndarray, stretch: np.ndarray) -> dict[str, Form]:
-    """The classical forms at points of these modes (m,) and stretches (m,); the points of `Form.curve` are their places."""
+    """The classical forms at points of these modes (m,) and stretches (m,); the points of `Form.curve` are their
+    places."""
     x, y, of_first, of_second = (np.zeros(len(stretch)) for _ in range(4))
     for one in MODES:
         own = mode == one
@@ -75,18 +77,21 @@ def classical_forms(mode: np.ndarray, stretch: np.ndarray) -> dict[str, Form]:
         "neo_hooke": Form(("C10",), by_slopes(lambda x, y, C: (C + zero * x, zero * x)), lambda r: [(0.3,)], ("C10",)),
         "mooney_rivlin": Form(("C10", "C01"), by_slopes(lambda x, y, C, D: (C + zero * x, D + zero * x)),
                               lambda r: [(0.3, 0.05)], ("C10", "C01"), -np.inf),
-        "yeoh": Form(("C10", "C20", "C30"), by_slopes(lambda x, y, a, b, c: (a + 2.0 * b * x + 3.0 * c * x * x, zero * x)),
+        "yeoh": Form(("C10", "C20", "C30"),
+                     by_slopes(lambda x, y, a, b, c: (a + 2.0 * b * x + 3.0 * c * x * x, zero * x)),
                      lambda r: [(0.3, 0.0, 0.0)], ("C10", "C20", "C30"), -np.inf),
         "gent": Form(("mu", "Jm"), by_slopes(lambda x, y, mu, J: (0.5 * mu * _locking(x, J), zero * x)),
                      lambda r: [(0.5, f * most) for f in (1.5, 5.0, 30.0)], ("mu",)),
         "arruda_boyce": Form(("mu", "stretch_m"), by_slopes(
-            lambda x, y, mu, m: (mu * sum((i + 1) * c * ((x + 3.0) / (m * m)) ** i for i, c in enumerate(CHAIN)), zero * x)),
+            lambda x, y, mu, m: (mu * sum((i + 1) * c * ((x + 3.0) / (m * m)) ** i for i, c in enumerate(CHAIN)),
+                                 zero * x)),
             lambda r: [(0.5, f * np.sqrt(1.0 + most / 3.0)) for f in (1.2, 2.0, 5.0)], ("mu",)),
         "haines_wilson": Form(("C10", "C01", "C11", "C20", "C02", "C30"), by_slopes(
             lambda x, y, a, b, c, d, e, f: (a + c * y + 2.0 * d * x + 3.0 * f * x * x, b + c * x + 2.0 * e * y)),
             lambda r: [(0.3, 0.05, 0.0, 0.0, 0.0, 0.0)], ("C10", "C01", "C11", "C20", "C02", "C30"), -np.inf),
         "ogden": Form(("mu1", "alpha1", "mu2", "alpha2", "minus_mu3", "minus_alpha3"), ogden,
-                      lambda r: [(0.3, a, 0.01, b, 0.01, c) for a in (1.3, 2.0) for b in (4.0, 6.0) for c in (1.0, 2.0)],
+                      lambda r: [(0.3, a, 0.01, b, 0.01, c) for a in (1.3, 2.0) for b in (4.0, 6.0)
+                                 for c in (1.0, 2.0)],
                       ("mu1", "mu2", "minus_mu3")),
     }
 

@@ -18,7 +18,8 @@ from idic.materials.core import temperature
 from idic.materials.core.law import LawParameter
 from idic.materials.orthotropic import PARAMETERS as ORTHOTROPIC_PARAMETERS
 
-GROUPS = ("elasticity", "nonlinear_elasticity", "yield_surface", "hardening", "backstress", "rate", "damage", "temperature")
+GROUPS = ("elasticity", "nonlinear_elasticity", "yield_surface", "hardening", "backstress", "rate", "damage",
+          "temperature")
 LISTS = ("nonlinear_elasticity", "hardening", "backstress", "temperature")  # groups with any number of terms
 
 
@@ -119,8 +120,8 @@ TERMS = {term.kind: term for term in (
          (LawParameter("C", "MPa", "kinematic modulus: initial slope of the back stress over plastic strain",
                        default=5000.0),
           LawParameter("gamma", "-", "recovery of the back stress, which saturates at C / gamma", default=50.0)),
-         "back stress' = 2/3 C (plastic strain)' - gamma (back stress) p'; Armstrong & Frederick (1966); Chaboche, Int. "
-         "J. Plast. 2 (1986) 149, doi:10.1016/0749-6419(86)90010-0"),
+         "back stress' = 2/3 C (plastic strain)' - gamma (back stress) p'; Armstrong & Frederick (1966); Chaboche, "
+         "Int. J. Plast. 2 (1986) 149, doi:10.1016/0749-6419(86)90010-0"),
     Term("norton", "rate", NORTON,
          (LawParameter("eta", "MPa*s", "viscosity: the overstress at a plastic strain rate of 1/s", default=100.0),
           LawParameter("m", "-", "rate exponent, overstress = eta rate^(1/m) with the rate in 1/s", default=3.0,
@@ -155,15 +156,17 @@ TEMPERATURE_TERMS = {term.kind: term for term in (
          (LawParameter("m", "-", "exponent of the homologous temperature", default=1.0, bounds=(0.05, 20.0)),
           LawParameter("melting", "C", "temperature at which nothing is left; chosen, locked", default=1500.0,
                        positive=False, bounds=(-temperature.KELVIN, np.inf))),
-         "times 1 - ((T - reference_temperature) / (melting - reference_temperature))^m; Johnson & Cook, Eng. Fract. Mech. "
-         "21 (1985) 31, doi:10.1016/0013-7944(85)90052-9"),
+         "times 1 - ((T - reference_temperature) / (melting - reference_temperature))^m; Johnson & Cook, Eng. Fract. "
+         "Mech. 21 (1985) 31, doi:10.1016/0013-7944(85)90052-9"),
     Term("arrhenius", "temperature", temperature.ARRHENIUS,
-         (LawParameter("activation", "K", "activation energy over the gas constant; positive falls with T", default=2000.0,
+         (LawParameter("activation", "K", "activation energy over the gas constant; positive falls with T",
+                       default=2000.0,
                        null=0.0, positive=False, bounds=_ANY_SIGN),),
          "times exp(activation (1/T - 1/reference_temperature)), both in K"),
 )}
 TIMES, FLOW_STRESS = "*", "flow_stress"  # linear*yield_stress; the word for yield stress and all hardening stresses
-REFERENCE = LawParameter("reference_temperature", "C", "temperature at which the parameters hold as they are given", default=20.0,
+REFERENCE = LawParameter("reference_temperature", "C", "temperature at which the parameters hold as they are given",
+                         default=20.0,
                          positive=False, bounds=(-temperature.KELVIN, np.inf))
 
 DEFAULT_KNOTS, KNOTS = 8, (3, 24)  # of a free curve; fewest and most

@@ -25,7 +25,8 @@ F33_LAST_STEP_TOLERANCE = 1e-7          # below this the next evaluation is expe
 F33_ITERATIONS = 80        # Newton takes 2 to 4; bisection, where a law is not smooth, up to 50
 
 
-borrowing = partial(inner, _nrt=False)  # makes no arrays: no atomic reference counts, a quarter of the time in plane stress
+# makes no arrays: no atomic reference counts, a quarter of the time in plane stress
+borrowing = partial(inner, _nrt=False)
 
 
 @borrowing

@@ -82,7 +82,8 @@ class LawParameter:
 
 EXPANSION = LawParameter(
     "alpha", "1/K", "linear thermal expansion, of any law where a temperature is given", default=1e-5, null=0.0,
-    positive=False, bounds=(-np.inf, np.inf))  # no parameter of the law: it changes the mechanical strain (fe/expansion.py)
+    # no parameter of the law: it changes the mechanical strain (fe/expansion.py)
+    positive=False, bounds=(-np.inf, np.inf))
 
 
 @dataclass(frozen=True)

@@ -114,7 +114,8 @@ def _solve(law, mode, params, free, F, state, target, dt):
         if not ok:
             return None
         residual, A = P[0].ravel()[free], A[0]
-        if np.abs(residual).max(initial=0.0) <= STRESS_TOLERANCE * np.abs(P).max() + STIFFNESS_ROUNDING * np.abs(A).max():
+        tolerance = STRESS_TOLERANCE * np.abs(P).max() + STIFFNESS_ROUNDING * np.abs(A).max()
+        if np.abs(residual).max(initial=0.0) <= tolerance:
             return F, P[0], state_new[0], A
         step = np.linalg.solve(A[np.ix_(free, free)], -residual)
         if not np.isfinite(step).all():

@@ -1,8 +1,8 @@
 """Parameters of a law that depend on the temperature: factors that are 1 at the reference temperature.
 
     linear         1 + slope (T - T0)
-    johnson_cook   1 - ((T - T0) / (melting - T0))^m  above T0, 1 below;  Johnson & Cook, Eng. Fract. Mech. 21 (1985) 31,
-                   doi:10.1016/0013-7944(85)90052-9
+    johnson_cook   1 - ((T - T0) / (melting - T0))^m  above T0, 1 below; Johnson & Cook, Eng. Fract. Mech. 21
+                   (1985) 31, doi:10.1016/0013-7944(85)90052-9
     arrhenius      exp(activation (1/T - 1/T0)), T in K, activation = energy / gas constant
 
 A point has the parameters of its temperature at the end of an increment (backward Euler): laws keep strains, not

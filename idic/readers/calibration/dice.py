@@ -104,7 +104,8 @@ def _rotation(entry, values, conventions, file):
             matrix = [[_number(word, file, f"ROW {i}") for word in rows[f"ROW {i}"].strip("{} ").split(",")]
                       for i in range(3)]
             if any(len(row) != 3 for row in matrix):
-                raise InputError("not a rotation matrix", file=file, key=part.get("name"), expected="three rows of three",
+                raise InputError("not a rotation matrix", file=file, key=part.get("name"),
+                                 expected="three rows of three",
                                  found=matrix, remedy="export the calibration again")
             return np.array(matrix)
     return rotation_of_angles([_number(values.get(name, "0"), file, name) for name in _ANGLES], conventions)

@@ -1,8 +1,8 @@
 """OpenCV: camera matrices, distortion coefficients and pose under the many names of YAML, XML, JSON and npz files.
 
 One camera: ``camera_matrix, distortion_coefficients``; two: ``K1, D1, K2, D2, R, T`` with X1 = R X0 + T (what
-`stereoCalibrate` returns). Skew is the entry (1, 2) of the camera matrix. Distortion in OpenCV's sequence k1, k2, p1, p2, k3.
-`idic calibrate` writes this format as JSON, with the covariance.
+`stereoCalibrate` returns). Skew is the entry (1, 2) of the camera matrix. Distortion in OpenCV's sequence k1, k2, p1,
+p2, k3. `idic calibrate` writes this format as JSON, with the covariance.
 """
 
 from __future__ import annotations
@@ -145,6 +145,7 @@ def _covariance(value, file):
         return (), None
     names, matrix = tuple(value.get("names", ())), _array(value.get("matrix"))
     if matrix is None or matrix.shape != (len(names), len(names)):
-        raise InputError("not a covariance", file=file, key="covariance", expected="names, and a matrix of their number",
+        raise InputError("not a covariance", file=file, key="covariance",
+                         expected="names, and a matrix of their number",
                          found=f"{len(names)} names", remedy="run idic calibrate again")
     return names, matrix

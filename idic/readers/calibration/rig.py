@@ -44,7 +44,8 @@ class Conventions:
                             ("angles", ANGLE_ORDERS)):
             if getattr(self, name) not in known:
                 raise InputError("no such convention", key=name, found=getattr(self, name),
-                                 expected=", ".join(str(word) for word in known if word), remedy="use one of these words")
+                                 expected=", ".join(str(word) for word in known if word),
+                                 remedy="use one of these words")
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Tables of names and values for two cameras: MatchID .caldat (name;value) and pyvale text (name,value).
 
-The pose is that of camera 1 relative to camera 0: X1 = Rz(psi) Ry(phi) Rx(theta) X0 + T, mm and degrees. Skew in px where
-the name says nothing else; MatchID writes the unit into the name: ``Cam0_Fs [pixels]`` or ``[deg]``.
+The pose is that of camera 1 relative to camera 0: X1 = Rz(psi) Ry(phi) Rx(theta) X0 + T, mm and degrees. Skew in px
+where the name says nothing else; MatchID writes the unit into the name: ``Cam0_Fs [pixels]`` or ``[deg]``.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ def read_stereo_table(text: str, file, conventions: Conventions) -> CameraRig:
             missing = [name for name in _POSE if name not in table]
             if missing:
                 raise InputError("the pose of the second camera is incomplete", file=file, key=", ".join(missing),
-                                 expected=", ".join(_POSE), found=", ".join(table), remedy="export the calibration again")
+                                 expected=", ".join(_POSE), found=", ".join(table),
+                                 remedy="export the calibration again")
             pose = {"rotation": rotation_of_angles([table[name] for name in _POSE[:3]], conventions),
                     "translation_mm": np.array([table[name] for name in _POSE[3:]])}
         cameras.append(camera_of(values, own, file, number, **pose))
@@ -66,7 +67,8 @@ def _table(text, file):
         try:
             table[bare] = float(value.strip().rstrip(";").replace(",", ".") if separator == ";" else value)
         except ValueError:
-            raise InputError("not a name and a number", file=file, key=name.strip(), expected="name;value or name,value",
+            raise InputError("not a name and a number", file=file, key=name.strip(),
+                             expected="name;value or name,value",
                              found=line.strip(), remedy="export the calibration again") from None
         units[bare] = (unit[1].strip().lower() if unit else plain_unit) or ""
     return table, units

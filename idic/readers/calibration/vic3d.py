@@ -15,7 +15,8 @@ import numpy as np
 from idic.errors import InputError
 from idic.readers.calibration.rig import CameraRig, Conventions, camera_of, rotation_of_angles
 
-_CAMERA = re.compile(r"<camera\b[^>]*\bid=[\"'](\d+)[\"'][^>]*>([^<]*)<orientation[^>]*>([^<]*)</orientation>", re.DOTALL)
+_CAMERA = re.compile(r"<camera\b[^>]*\bid=[\"'](\d+)[\"'][^>]*>([^<]*)<orientation[^>]*>([^<]*)</orientation>",
+                     re.DOTALL)
 _ORDER = ("cx", "cy", "fx", "fy", "skew", "k1", "k2", "k3")
 
 

@@ -85,7 +85,8 @@ def read_table(text: str, path: Path) -> Table:
                              remedy="correct the row; with a comma as separator, numbers need a decimal point")
         made.append(row)
     units = tuple(cell.strip("[]() ") for cell in units[:n])
-    return Table(separator, cells[header][0], names, units + ("",) * (n - len(units)), tuple(made), tuple(k for k, _ in rows),
+    return Table(separator, cells[header][0], names, units + ("",) * (n - len(units)), tuple(made),
+                 tuple(k for k, _ in rows),
                  tuple(cells[:header]))
 
 
@@ -97,7 +98,8 @@ def _refuse_shifted_row(names: tuple[str, ...], rows: Sequence[tuple[int, tuple[
         return
     for (number, _), cell in zip(rows, below, strict=True):
         if looks_numeric(cell):
-            raise InputError("a row of the log has another number of cells than its header", file=path, key=f"line {number}",
+            raise InputError("a row of the log has another number of cells than its header", file=path,
+                             key=f"line {number}",
                              expected=f"{n - 1} cells: {', '.join(names[:-1])}", found=f"{cell} below no name",
                              remedy="correct the row, or give the last column a name")
 

@@ -55,7 +55,8 @@ def read_aramis(path: Path) -> Stage:
     if block is None:
         raise InputError("a stage without points", file=path, key=KEY, expected="a block id;x;y;z",
                          found=", ".join(block.name for block in blocks) or "no block",
-                         remedy="export the deformed points of the surface component, or remove the file from the pattern")
+                         remedy="export the deformed points of the surface component, or remove the file from the "
+                                "pattern")
     names = block.header
     values = numbers_of(block.lines[1:], len(names), ";", path, block.first + 1)
     values = values[np.isfinite(values[:, [names.index(name) for name in ("x", "y")]]).all(axis=1)]

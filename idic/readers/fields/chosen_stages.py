@@ -2,8 +2,8 @@
 
     kept stage k -> next kept stage: the first one that differs from k by the strain, the change or the time of the rule
 
-The strain is that of the affine motion that fits the points best; the change is the rms of the displacement less a rigid
-motion. So neither counts a motion of the whole specimen.
+The strain is that of the affine motion that fits the points best; the change is the rms of the displacement less a
+rigid motion. So neither counts a motion of the whole specimen.
 """
 
 from __future__ import annotations
@@ -73,7 +73,8 @@ def _by_difference(series: FieldSeries, points: MeasuredPoints, rule: StageRule,
 
 @dataclass(frozen=True, eq=False)
 class _Shape:
-    """What a rule compares of a stage: moved (n, 2) mm, strain (2, 2), time s; each None where the rule needs it not."""
+    """What a rule compares of a stage: moved (n, 2) mm, strain (2, 2), time s; each None where the rule needs it
+    not."""
 
     moved: np.ndarray | None
     strain: np.ndarray | None
@@ -96,7 +97,8 @@ class _Shape:
             return True
         if rule.strain and np.linalg.norm(self.strain - other.strain) >= rule.strain:  # type: ignore[operator]
             return True
-        return bool(rule.change_um) and change_of_shape(points.positions, self.moved - other.moved) * 1e3 >= rule.change_um
+        return bool(rule.change_um) and change_of_shape(points.positions,
+                                                        self.moved - other.moved) * 1e3 >= rule.change_um
 
 
 def mean_strain(positions: np.ndarray, moved: np.ndarray) -> np.ndarray:

@@ -40,7 +40,8 @@ DIALECTS = (
     Dialect("matchid", ("coor.x", "coor.y", "coor.z"),
             ("disp.horizontal displacement u", "disp.vertical displacement v", "disp.out-of-plane: w"), "px"),
     Dialect("dice", ("model_coordinates_x", "model_coordinates_y", "model_coordinates_z"),
-            ("model_displacement_x", "model_displacement_y", "model_displacement_z"), "mm", "subset_id", ("sigma", 0.0)),
+            ("model_displacement_x", "model_displacement_y", "model_displacement_z"), "mm", "subset_id",
+            ("sigma", 0.0)),
     Dialect("dice", ("coordinate_x", "coordinate_y", "-"), ("displacement_x", "displacement_y", "-"), "px", "subset_id",
             ("sigma", 0.0)),
     Dialect("pyvale", ("ss_x", "ss_y", "-"), ("displacement_u", "displacement_v", "-"), "px", valid=("converged", 0.5)),
@@ -112,7 +113,8 @@ def find_columns(lines: Sequence[str], wanted: str | None = None) -> Columns | N
 
 
 def read_columns(path: Path, wanted: str | None = None) -> list[tuple[float, Stage]]:
-    """The stages of a file with their numbers in its stage column, in its order; one stage where there is no such column.
+    """The stages of a file with their numbers in its stage column, in its order; one stage where there is no such
+    column.
 
     Raises
     ------
@@ -129,7 +131,8 @@ def read_columns(path: Path, wanted: str | None = None) -> list[tuple[float, Sta
     rows = [line for line in lines[columns.first_row - 1:] if line.strip()]
     values = numbers_of(rows, len(columns.names), columns.separator, path, columns.first_row)
     if len(values) == 0:
-        raise InputError("a stage without points", file=path, key=KEY, expected="one row per point", found="a header only",
+        raise InputError("a stage without points", file=path, key=KEY, expected="one row per point",
+                         found="a header only",
                          remedy="export the stage again, or remove the file from the pattern")
     _check_units(columns, path)
     return [(number, _stage(columns, part, path)) for number, part in _by_stage(columns, values)]

@@ -1,11 +1,12 @@
 """Stages as Ncorr saves them: a MATLAB file whose structure `data_dic_save` holds the displacements of every image.
 
     data_dic_save.dispinfo          type, spacing (px left out between points), pixtounits, units, imgcorr (steps)
-    data_dic_save.displacements(k)  plot_u_ref_formatted, …  against the reference image, in `units`: after Format Displacements
+    data_dic_save.displacements(k)  plot_u_ref_formatted, …  against the reference image, in `units`: after Format
+    Displacements
                                     plot_u_dic, …            px, against the reference of its step; 0 outside the region
 
-Rows and v count downwards; a stage has them upwards. The first stage, the reference image, moves nowhere; Ncorr does not
-save it. Ncorr writes version 7.3 (HDF5), where arrays are transposed.
+Rows and v count downwards; a stage has them upwards. The first stage, the reference image, moves nowhere; Ncorr does
+not save it. Ncorr writes version 7.3 (HDF5), where arrays are transposed.
 """
 
 from __future__ import annotations
@@ -82,7 +83,8 @@ def _content(path: Path) -> _Saved:
     steps = np.size(info.get("imgcorr", 0))
     if str(info.get("type") or _REGULAR) != _REGULAR or steps > 1 or any(pair is None for pair in raw):
         raise InputError("displacements that are not against the reference image", file=path, key=KEY,
-                         expected="formatted displacements", found=f"{info.get('type')} analysis in {steps} steps, not formatted",
+                         expected="formatted displacements",
+                         found=f"{info.get('type')} analysis in {steps} steps, not formatted",
                          remedy="in Ncorr: Analysis > Format Displacements, then save again")
     return _Saved(step, factor, name, [(factor * u, factor * v) for u, v in raw])  # type: ignore[misc]
 
@@ -106,7 +108,8 @@ def _of_hdf5(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         info = {name: _value(saved["dispinfo"][name]) for name in ("type", "spacing", "pixtounits", "units")
                 if name in saved["dispinfo"]}
         if "imgcorr" in saved["dispinfo"]:
-            info["imgcorr"] = np.zeros(max((len(_parts(file, node)) for node in saved["dispinfo"]["imgcorr"].values()), default=1))
+            info["imgcorr"] = np.zeros(max((len(_parts(file, node)) for node in saved["dispinfo"]["imgcorr"].values()),
+                                           default=1))
         columns = {name: [_value(part) for part in _parts(file, node)] for name, node in saved["displacements"].items()
                    if name in ("plot_u_dic", "plot_v_dic", "plot_u_ref_formatted", "plot_v_ref_formatted")}
     n = max((len(column) for column in columns.values()), default=0)

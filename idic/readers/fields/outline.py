@@ -1,8 +1,8 @@
 """The outline of measured points: a polygon with holes around them, wider than they are by a margin.
 
 Neighbouring points are triangulated; gaps of a few points are closed, larger ones are holes (alpha shape, Edelsbrunner,
-Kirkpatrick and Seidel 1983, doi:10.1109/TIT.1983.1056714). The steps of a grid along an inclined edge are replaced by the
-straight line through them, and a round hole by a circle.
+Kirkpatrick and Seidel 1983, doi:10.1109/TIT.1983.1056714). The steps of a grid along an inclined edge are replaced by
+the straight line through them, and a round hole by a circle.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ MAX_MITRE = 4.0  # margins: a corner that would reach further out is a sliver
 
 @dataclass(frozen=True, eq=False)
 class PointOutline:
-    """outline : (n, 2) corners, counter-clockwise; holes : ``[x, y, r]`` or (m, 2) corners; filled : part of the rectangle
-    around the outline that it takes, holes left out"""
+    """outline : (n, 2) corners, counter-clockwise; holes : ``[x, y, r]`` or (m, 2) corners; filled : part of the
+    rectangle around the outline that it takes, holes left out"""
 
     outline: np.ndarray
     holes: tuple[np.ndarray, ...]
@@ -64,7 +64,8 @@ def sides(outline: np.ndarray) -> dict[str, list[int]]:
     found = {}
     for name, axis, sign in (("LEFT", 0, -1), ("RIGHT", 0, 1), ("BOTTOM", 1, -1), ("TOP", 1, 1)):
         end = (high if sign > 0 else low)[axis]
-        there = (sign * outward[:, axis] > np.cos(np.radians(20.0))) & (np.abs(middle[:, axis] - end) < 0.1 * (high - low)[axis])
+        there = (sign * outward[:, axis] > np.cos(np.radians(20.0))) & (np.abs(middle[:, axis] - end) < 0.1
+                                                                        * (high - low)[axis])
         if there.any():
             found[name] = (np.flatnonzero(there) + 1).tolist()
     return found
@@ -168,8 +169,8 @@ def _chosen(points: np.ndarray, first: int, last: int, tolerance: float) -> list
 def _line(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A point of the best line, its direction in walking order, and the points.
 
-    Best is the least sum of distances: the few points of a curve at its end do not turn it. The ends are shared with the next
-    line and do not count.
+    Best is the least sum of distances: the few points of a curve at its end do not turn it. The ends are shared with
+    the next line and do not count.
     """
     own = points[1:-1] if len(points) > 4 else points
     weights = np.ones(len(own))

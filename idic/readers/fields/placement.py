@@ -3,9 +3,9 @@
     Y = R(-angle) (p - origin),      d(Y) = margin        at the points p of an outline
 
 d is the distance to the nearest edge of the mesh, positive inside; points end a margin before the edge of the specimen,
-which is unknown. Gauss-Newton with bisquare weights (Beaton and Tukey 1974, doi:10.1080/00401706.1974.10489171), so that the
-ends of a view within the specimen do not count. It starts from the centres, from every pair of holes, and from turns all
-round.
+which is unknown. Gauss-Newton with bisquare weights (Beaton and Tukey 1974, doi:10.1080/00401706.1974.10489171), so
+that the ends of a view within the specimen do not count. It starts from the centres, from every pair of holes, and from
+turns all round.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ MAX_SYMMETRY_GAP = 0.5  # distances of neighbours, rms: of a mesh from its own i
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """Edges of a mesh that one cell has. start, along : (n, 2) mm; inward : (n, 2) unit normals; middle, size : of all"""
+    """Edges of a mesh that one cell has. start, along : (n, 2) mm; inward : (n, 2) unit normals; middle, size : of
+    all"""
 
     start: np.ndarray
     along: np.ndarray
@@ -66,8 +67,8 @@ class Edges:
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """origin : (2,) mm, where the origin of the mesh lies; angle : rad, counter-clockwise; margin : mm; cost : mean of the
-    squared distances, limited (mm²); on_edges : part of the outline along the edges of the mesh"""
+    """origin : (2,) mm, where the origin of the mesh lies; angle : rad, counter-clockwise; margin : mm; cost : mean of
+    the squared distances, limited (mm²); on_edges : part of the outline along the edges of the mesh"""
 
     origin: np.ndarray
     angle: float
@@ -87,14 +88,15 @@ def fitted_placement(edges: Edges, points: np.ndarray, loops: Sequence[np.ndarra
     Parameters
     ----------
     edges : of the mesh, in its axes
-    points : all of them, (n, 2) mm; loops : boundary loops of them, (m, 2) mm, the outer one first; pitch : distance of neighbours
+    points : all of them, (n, 2) mm; loops : boundary loops of them, (m, 2) mm, the outer one first; pitch : distance of
+    neighbours
     near : its origin NaN: nearest is the one with the smallest turn from its angle
 
     Raises
     ------
     InputError
-        The outline does not lie along the edges, does not hold the mesh in every direction, or fits in several ways that
-        are no symmetry of the mesh.
+        The outline does not lie along the edges, does not hold the mesh in every direction, or fits in several ways
+        that are no symmetry of the mesh.
     """
     fit = _Fit.of(edges, np.concatenate(loops), pitch)
     coarse = fit.thinned()
@@ -107,7 +109,8 @@ def fitted_placement(edges: Edges, points: np.ndarray, loops: Sequence[np.ndarra
     best = (found or refined)[0]
     if not found or best.on_edges < MIN_ON_EDGES:
         raise InputError("the outline of the points does not lie along the edges of the mesh", key="camera.placement",
-                         expected=f"{100 * MIN_ON_EDGES:.0f} % of it or more within {NARROW:g} distances of points, and no point "
+                         expected=f"{100 * MIN_ON_EDGES:.0f} % of it or more within {NARROW:g} distances of points, "
+                                  f"and no point "
                          "beside the mesh", found=f"{100 * best.on_edges:.0f} % in the best placement",
                          remedy="check the mesh and its unit, or place it: origin_mm, axes, rotation_deg")
     fit.check_held(best)
@@ -207,7 +210,8 @@ class _Fit:
         size = np.hypot(*gap.T)
         sign = np.where(np.sum(gap * inward, axis=1) >= 0, 1.0, -1.0)
         corner = (share == 0.0) | (share == 1.0)
-        direction = np.where((corner & (size > 1e-9))[:, None], sign[:, None] * gap / np.maximum(size, 1e-9)[:, None], inward)
+        direction = np.where((corner & (size > 1e-9))[:, None], sign[:, None] * gap / np.maximum(size, 1e-9)[:, None],
+                             inward)
         return sign * size, direction
 
     def refined(self, placement: Placement, scales: Sequence[float]) -> Placement:
@@ -280,7 +284,8 @@ class _Fit:
     def _linear(self, placement: Placement) -> tuple[np.ndarray, np.ndarray]:
         """d less the margin, and its derivatives by shift (2), turn at the rim, margin  # (n,) mm, (n, 4)"""
         d, direction = self.distances(placement)
-        outward = -direction @ _rotation(placement.angle).T  # in the axes of the points: the mesh moves, the points stay
+        # in the axes of the points: the mesh moves, the points stay
+        outward = -direction @ _rotation(placement.angle).T
         x, y = (self.points - self._middle).T
         turn = (outward[:, 1] * x - outward[:, 0] * y) / self._radius
         return d - placement.margin, np.column_stack([outward, turn, -np.ones(len(d))])

@@ -55,8 +55,8 @@ class FieldEntry:
 class FieldSeries:
     """All stages of a test.
 
-    format : one of `FORMATS` without "auto"; mm_per_unit : of lengths in the files; unit, columns : of lengths and names of
-    the columns of points, as the first file states them
+    format : one of `FORMATS` without "auto"; mm_per_unit : of lengths in the files; unit, columns : of lengths and
+    names of the columns of points, as the first file states them
     """
 
     entries: tuple[FieldEntry, ...]
@@ -195,7 +195,8 @@ def detected(path: Path) -> str:
 
 def _entries(path: Path, format: str) -> list[FieldEntry]:
     if path.stat().st_size == 0:
-        raise InputError("a stage is empty", file=path, key=KEY, expected="the points of a stage", found="a file of 0 bytes",
+        raise InputError("a stage is empty", file=path, key=KEY, expected="the points of a stage",
+                         found="a file of 0 bytes",
                          remedy="export the stage again, or remove the file from the pattern")
     if format == ARAMIS:
         time, analog = read_aramis_head(path)

@@ -1,8 +1,9 @@
 """Whether all stages are those of one test: none of another specimen with the same numbers, none that was cut off.
 
-Systems number the points of every project from 1 on, so that another specimen has the same ids. Its points lie elsewhere:
-neighbours of the reference stage are no neighbours there. A file that ends too early at the end of a row looks like a stage
-that has lost points; the next stage has them again.
+Systems number the points of every project from 1 on, so that another specimen has the same ids. Its points lie
+elsewhere:
+neighbours of the reference stage are no neighbours there. A file that ends too early at the end of a row looks like a
+stage that has lost points; the next stage has them again.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from idic.readers.fields.stage import KEY
 
 MAX_TORN_PART = 0.05  # of the points that were between their neighbours; a crack through the specimen tears 2 % or so
 MIN_TORN_PITCH = 0.5  # distance from the middle of the four neighbours, in distances of neighbours
-MAX_OFF_MIDDLE = 0.1  # of a distance of neighbours, in the reference stage: the point is in the middle of its four nearest
+# of a distance of neighbours, in the reference stage: the point is in the middle of its four nearest
+MAX_OFF_MIDDLE = 0.1
 MIN_CUT_PART = 0.05  # of the points, at the end of a file
 
 
@@ -44,10 +46,12 @@ def check_stages(stack: FieldStack, frames: Sequence[int]) -> None:
                              remedy="remove stages of other specimens, and those after the break, from the pattern")
         missing = _missing_at_end(stack, k)
         if number and missing_before - missing > MIN_CUT_PART * len(stack.points):
-            raise InputError("a stage ends before its last points", file=stack.entries[frames[number - 1]].path, key=KEY,
+            raise InputError("a stage ends before its last points", file=stack.entries[frames[number - 1]].path,
+                             key=KEY,
                              expected="the points of the reference stage, as in the next stage",
                              found=f"the last {missing_before} of {len(stack.points)} are not there",
-                             remedy="the file may be half written: export the stage again, or remove it from the pattern")
+                             remedy="the file may be half written: export the stage again, or remove it from the "
+                                    "pattern")
         missing_before = missing
 
 

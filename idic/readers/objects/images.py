@@ -110,7 +110,8 @@ def _files(path: str | os.PathLike) -> list[Path]:
     if found.is_file():
         return [found]
     pattern = str(found / "*") if found.is_dir() else str(path)
-    files = sorted((Path(name) for name in glob.glob(pattern, recursive=True)), key=lambda file: natural_key(file.as_posix()))
+    files = sorted((Path(name) for name in glob.glob(pattern, recursive=True)),
+                   key=lambda file: natural_key(file.as_posix()))
     files = [file for file in files if file.is_file() and not file.name.startswith(".")]
     if not files:
         raise InputError("no images match the pattern", key=KEY, expected=f"files that match {pattern!r}", found="none",

@@ -42,7 +42,8 @@ def log_of(loads: Any, units: Mapping[str, str] | None = None, decimal: Decimal 
     columns = {str(name): np.asarray(loads[name]) for name in names}
     lengths = {name: np.shape(values) for name, values in columns.items()}
     if not columns or any(len(shape) != 1 for shape in lengths.values()) or len(set(lengths.values())) > 1:
-        raise InputError("the columns of the log do not fit together", key=KEY, expected="one value per image in every column",
+        raise InputError("the columns of the log do not fit together", key=KEY,
+                         expected="one value per image in every column",
                          found=", ".join(f"{name}: {shape}" for name, shape in lengths.items()) or "no columns",
                          remedy="give columns of one length, one row per image")
     unknown = sorted(set(units or {}) - set(columns))

@@ -46,7 +46,8 @@ def mesh_of(mesh: Any) -> RawMesh:
             raise InputError("the mesh cannot be used", key=KEY, expected="nodes, and elements that refer to them",
                              found=str(problem), remedy="make the mesh anew") from None
         return raw_mesh_of(mesh, NAME)
-    raise InputError("not a mesh", key=KEY, expected='a meshio.Mesh, a path, or {"roi_px": [x0, y0, x1, y1], "element_px": 20}',
+    raise InputError("not a mesh", key=KEY,
+                     expected='a meshio.Mesh, a path, or {"roi_px": [x0, y0, x1, y1], "element_px": 20}',
                      found=type(mesh).__name__, remedy="convert the mesh, e.g. with meshio.Mesh(points, cells)")
 
 

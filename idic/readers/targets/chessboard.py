@@ -1,4 +1,5 @@
-"""Chessboards: inner corners with their place on the board, found by OpenCV and fitted with a model of crossing edges."""
+"""Chessboards: inner corners with their place on the board, found by OpenCV and fitted with a model of crossing
+edges."""
 
 from __future__ import annotations
 

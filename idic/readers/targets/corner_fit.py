@@ -1,4 +1,5 @@
-"""Corners of a chessboard to a hundredth of a pixel: a model of two blurred edges that cross, fitted to the grey values.
+"""Corners of a chessboard to a hundredth of a pixel: a model of two blurred edges that cross, fitted to the grey
+values.
 
     g = m + gx x + gy y + A erf(u / (√2 w)) erf(v / (√2 w)),   u, v: distances to the two edges, w: their blur
 """
@@ -27,7 +28,8 @@ def fit_corners(image: np.ndarray, field: np.ndarray) -> np.ndarray:
     """
     start = field.reshape(-1, 2)
     along, down = (np.gradient(field, axis=axis).reshape(-1, 2) for axis in (1, 0))
-    half = float(np.clip(WINDOW * min(np.linalg.norm(d, axis=1).min() for d in (along, down)), MIN_HALF_PX, MAX_HALF_PX))
+    half = float(np.clip(WINDOW * min(np.linalg.norm(d, axis=1).min() for d in (along, down)), MIN_HALF_PX,
+                         MAX_HALF_PX))
     reach = int(np.ceil(half))
     dx, dy = (d.ravel() for d in np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)))
     near = dx**2 + dy**2 <= half**2

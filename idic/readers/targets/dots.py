@@ -57,7 +57,8 @@ def find_dots(image: np.ndarray) -> TargetView | None:
 def _ellipses(grey, block):
     """Alike ellipses: centre, half axes, angle in degrees  # (n, 5) px"""
     size = 2 * int(block * grey.shape[0] / 2) + 3
-    binary = cv2.adaptiveThreshold(grey, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, size, 255 * CONTRAST_STEP)
+    binary = cv2.adaptiveThreshold(grey, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, size,
+                                   255 * CONTRAST_STEP)
     contours, hierarchy = cv2.findContours(binary, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     found = []
     for contour, (_, _, _, parent) in zip(contours, [] if hierarchy is None else hierarchy[0], strict=True):
@@ -139,7 +140,8 @@ def _gaps(ellipses):
 
 
 def _by_markers(index, hollow):
-    """Index turned and counted from the markers, the same in every image; None without markers that tell a direction."""
+    """Index turned and counted from the markers, the same in every image; None without markers that tell a
+    direction."""
     if not 3 <= hollow.sum() <= max(3, len(index) // 10):
         return None
     turns = [np.array(m) for m in (((1, 0), (0, 1)), ((0, 1), (-1, 0)), ((-1, 0), (0, -1)), ((0, -1), (1, 0)))]

@@ -37,7 +37,8 @@ def find_target(image: np.ndarray, kind: str, grid: tuple[int, int] | None) -> T
     if view is None or view.unique:
         return view
     if grid is None:
-        raise InputError("the target needs its grid", key="--grid", found="none, and no dot grid with three hollow dots",
+        raise InputError("the target needs its grid", key="--grid",
+                         found="none, and no dot grid with three hollow dots",
                          expected="COLUMNSxROWS: inner corners of a chessboard, or dots",
                          remedy="count them, e.g. --grid 11x7")
     return _whole_grid(view, grid)

@@ -43,9 +43,10 @@ def residual_maps(record: DiagnosisRecord) -> Picture | None:
             axis.set_axis_off()
         figure.colorbar(drawn, ax=list(axes), label="residual [σ of noise]", shrink=0.8, aspect=30)
         return to_picture(figure, "diagnosis_residual", f"Residual of frame {record.frame} in standard deviations",
-                      "The frame with the largest excess of the identified model, before and after the enrichment, and a "
-                      "draw of noise with an rms of 1 (independent from pixel to pixel; interpolation smooths the noise "
-                      "of a residual).")
+                      "The frame with the largest excess of the identified model, before and after the enrichment, and "
+                      "a "
+                      "draw of noise with an rms of 1 (independent from pixel to pixel; interpolation smooths the "
+                      "noise of a residual).")
 
 
 def excess_course(record: DiagnosisRecord) -> Picture:
@@ -68,9 +69,10 @@ def excess_course(record: DiagnosisRecord) -> Picture:
         figure.legend(ncols=3, loc="outside upper left")
         _mark_onset(axis, record)
         return to_picture(figure, "diagnosis_excess", "Held-out excess over time",
-                      "Drop of χ² by free smooth motions beyond its expectation under noise, per motion: 0 for a complete "
-                      "model. Measured on the held-out copy of the recording; where both copies judged, on each after a "
-                      "fit to the other.")
+                      "Drop of χ² by free smooth motions beyond its expectation under noise, per motion: 0 for a "
+                      "complete "
+                      "model. Measured on the held-out copy of the recording; where both copies judged, on each after "
+                      "a fit to the other.")
 
 
 def ranking(record: DiagnosisRecord) -> Picture | None:
@@ -105,8 +107,10 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
                    Patch(facecolor="white", edgecolor=GREEN, label="indistinguishable")]
         figure.legend(handles=handles, loc="outside lower center", ncols=6)
         return to_picture(figure, "diagnosis_ranking", "Candidates",
-                      "Left: score of the best variant of each candidate. The dotted line is the 1 % level of a single test; "
-                      "the decision is family-wise. Right: drop of χ² predicted by the score and achieved by the refit.")
+                      "Left: score of the best variant of each candidate. The dotted line is the 1 % level of a single "
+                      "test; "
+                      "the decision is family-wise. Right: drop of χ² predicted by the score and achieved by the "
+                      "refit.")
 
 
 def parameters(record: DiagnosisRecord) -> Picture | None:
@@ -130,8 +134,8 @@ def parameters(record: DiagnosisRecord) -> Picture | None:
         axis.set_yticklabels([shown[n] for n in names])
         axis.legend(handles=[Patch(color=ORANGE, label="before"), Patch(color=BLUE, label="after")], loc="best")
         return to_picture(figure, "diagnosis_parameters", "Parameters before and after",
-                      "The parameters of the identified model are biased by the missing physics. The enriched model removes "
-                      "the bias.")
+                      "The parameters of the identified model are biased by the missing physics. The enriched model "
+                      "removes the bias.")
 
 
 def channel(record: DiagnosisRecord, curve: Curve) -> Picture:
@@ -221,5 +225,5 @@ def courses(record: DiagnosisRecord) -> Picture | None:
         axes[-1].set_xlabel(record.time_label)
         axes[0].legend(ncols=3, loc="best")
         return to_picture(figure, "diagnosis_courses", "Course of what is no material",
-                          "Amplitude of the cause in every frame. A course of the candidate is a ramp, a jump or in proportion; "
-                          "where it left something, the data give it, linear between knots.")
+                          "Amplitude of the cause in every frame. A course of the candidate is a ramp, a jump or in "
+                          "proportion; where it left something, the data give it, linear between knots.")

@@ -25,13 +25,15 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
         return "This test says nothing about missing physics."
     if word == "outside_library" and not (content["named"] and (share or 0.0) > MOSTLY):
         where = when_and_where(content)
-        return (f"{side_in_words(content)} moves or reads in a way that no candidate explains{f' ({where})' if where else ''}: "
+        return (f"{side_in_words(content)} moves or reads in a way that no candidate "
+                f"explains{f' ({where})' if where else ''}: "
                 "do not trust the parameters.")
     causes = _joined(_causes(content, titles, sizes=word != "outside_library"))
     where = when_and_where(content)
     said = f"{causes[:1].upper()}{causes[1:]}{f', {where},' if where else ''} "
     if word == "outside_library":
-        return f"{said}explain{_s(content)} most of it ({_per_cent(share)}), but not all: do not trust the parameters yet."
+        return (f"{said}explain{_s(content)} most of it ({_per_cent(share)}), but not all: do not trust the parameters "
+                f"yet.")
     moved = _moves(content)
     effect = f"; without {'it' if len(content['named']) == 1 else 'them'} {', '.join(moved)}" if moved else ""
     return f"{said}explain{_s(content)} {_per_cent(share)} of the residual{effect}."
@@ -85,7 +87,8 @@ def _moves(content: Mapping) -> list[str]:
         if abs(new["value"] - old["value"]) > MIN_MOVE_STD * (new["std"] or old["std"]):
             share = 100.0 * (old["value"] / new["value"] - 1.0)
             found.append(f"{shown[name]} came out {abs(share):.2g} % too {'high' if share > 0 else 'low'} "
-                         f"({with_std(old['value'], None, old['unit'])} for {with_std(new['value'], new['std'], new['unit'])})")
+                         f"({with_std(old['value'], None, old['unit'])} for "
+                         f"{with_std(new['value'], new['std'], new['unit'])})")
     return found
 
 

@@ -32,7 +32,8 @@ def window_courses(record: DiagnosisRecord) -> Picture | None:
         figure.align_ylabels(list(axes))
         shown = "of the enriched model's value" if record.content["named"] else "of the identified value"
         return to_picture(figure, "diagnosis_windows", "Parameters over growing windows of frames",
-                      f"Deviation in per cent {shown} with 95 % intervals, fitted to the frames of the window alone (first "
+                      f"Deviation in per cent {shown} with 95 % intervals, fitted to the frames of the window alone "
+                      f"(first "
                       "order). A parameter that compensates missing physics drifts; under a complete model it is flat.")
 
 
@@ -61,5 +62,5 @@ def _law(pair: LawPair) -> Picture:
         axis.set(xlabel="nominal strain [%]", ylabel="nominal stress [MPa]", xlim=(0.0, strain[-1]))
         axis.legend(loc="best")
         return to_picture(figure, f"diagnosis_law_{pair.name}", f"Law of {pair.name}",
-                      "Uniaxial tension of one point in the duration of the test, up to the strain that 99 % of the nodes stay "
-                      "within.")
+                      "Uniaxial tension of one point in the duration of the test, up to the strain that 99 % of the "
+                      "nodes stay within.")

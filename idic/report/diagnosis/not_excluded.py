@@ -1,4 +1,5 @@
-"""What a diagnosis cannot exclude: indistinguishable rivals, rivals that come near, and effects that this test cannot see.
+"""What a diagnosis cannot exclude: indistinguishable rivals, rivals that come near, and effects that this test cannot
+see.
 
 An effect that the identified parameters imitate does not show, and moves them all the same: its plausible size is named
 with the shift that it would cause.
@@ -57,12 +58,15 @@ def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]
         for rival in one.rivals:
             other = rival.ranked.candidate
             known = selected.rivals.get(other.name) or other.rivals.get(selected.name)
-            share = (rival.achieved if rival.refitted.usable else rival.predicted) / winner.achieved  # type: ignore[union-attr]
-            if rival is winner or rival.name in one.equals or not share > (MIN_NEAR_SHARE if known else MIN_OTHER_SHARE):
+            share = (rival.achieved if rival.refitted.usable
+                     else rival.predicted) / winner.achieved  # type: ignore[union-attr]
+            if rival is winner or rival.name in one.equals or not share > (MIN_NEAR_SHARE if known
+                                                                           else MIN_OTHER_SHARE):
                 continue
             reach = "reaches" if rival.refitted.usable else "promised"
             given_up = "" if rival.refitted.usable else " (its refit was given up)"
-            yield {"name": other.name, "why": f"{reach} {min(share, 1.0):.0%} of what {selected.title} explains{given_up}, and a "
+            yield {"name": other.name,
+                   "why": f"{reach} {min(share, 1.0):.0%} of what {selected.title} explains{given_up}, and a "
                                               f"part is left{f': {known}' if known else ''}"}
 
 
@@ -70,12 +74,14 @@ def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
     """A candidate that would explain too little more to be a further cause."""
     last = diagnosis.rounds[-1]
     if last.passed_over is not None and not holds(last.blocks):
-        yield {"name": last.passed_over.name, "why": "explains more where it was fitted, and less in blocks of the recording that "
+        yield {"name": last.passed_over.name,
+               "why": "explains more where it was fitted, and less in blocks of the recording that "
                "had no part in the fit"}
     elif last.passed_over is not None:
         drop = diagnosis.rounds[0].null.judgement.chi2 - last.passed_over.refitted.judgement.chi2
         yield {"name": last.passed_over.name, "why":
-               f"as a further cause it would explain {100.0 * last.passed_over.heldout / drop:.2g} % of the whole; so little may be a "
+               f"as a further cause it would explain {100.0 * last.passed_over.heldout / drop:.2g} % of the whole; so "
+               f"little may be a "
                "flaw of the description"}
 
 
@@ -93,7 +99,8 @@ def _hidden(diagnosis: Diagnosis) -> list[dict[str, str]]:
             share = size / (diagnosis.found.parameters[name].value or np.inf)
             found.append((abs(in_std), {"name": ranked.candidate.name, "why":
                           f"{probe_words(ranked.variant)} would not show and would move {shown[name]} by "
-                          f"{'+' if share > 0 else '−'}{two_digits(100.0 * abs(share))} % ({two_digits(abs(in_std))} standard deviations)"}))
+                          f"{'+' if share > 0 else '−'}{two_digits(100.0 * abs(share))} % ({two_digits(abs(in_std))} "
+                          f"standard deviations)"}))
     return [entry for _, entry in sorted(found, key=lambda one: -one[0])][:MAX_HIDDEN]
 
 

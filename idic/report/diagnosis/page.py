@@ -68,7 +68,8 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
     """Label, value, and whether it is good news, bad news or neither."""
     fit, mismatch = content["fit"], content["mismatch"]
     after, std = fit["heldout_excess_after"], fit["heldout_excess_std"]
-    facts: list[tuple[str, str, bool | None]] = [("verdict", VERDICTS[content["verdict"]], content["verdict"] in ("none", "single", "multiple")),
+    facts: list[tuple[str, str, bool | None]] = [("verdict", VERDICTS[content["verdict"]],
+                                                  content["verdict"] in ("none", "single", "multiple")),
              ("probability under noise alone", p_text(mismatch["p_value"]), None),
              ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms", None),
              ("held-out excess before", number(fit["heldout_excess_before"], std), None)]
@@ -81,7 +82,8 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
                   if margin["px"] > margin["assumed_px"] else "assumed, above that of the images at rest")
         facts.append(("practical margin", f"{margin['px']:.2g} px, {source}", None))
     if content["named"]:
-        facts.append(("held-out excess after", number(after, std), after < 0.1 * abs(fit["heldout_excess_before"]) + 5.0 * std))
+        facts.append(("held-out excess after", number(after, std),
+                      after < 0.1 * abs(fit["heldout_excess_before"]) + 5.0 * std))
         if fit["explainable_share_recovered"] is not None:
             share = fit["explainable_share_recovered"]
             facts.append(("explained share of the residual", f"{100.0 * share:.3g} %", share > 0.7))

@@ -29,7 +29,8 @@ LEVELS = {"camera": "camera alone", "boundary": "driven edges, law kept", "camer
          "bulk": "any smooth motion"}
 COLOURS = {"camera": SKY, "boundary": ORANGE, "camera+boundary": GREY, "bulk": BLUE}
 MIN_COLOUR_LIMIT = 400.0  # statistic at the end of the colour bar, at least
-MAP_LABEL_WIDTH_INCH, MIN_LEGEND_WIDTH_INCH = 1.9, 3.2  # inches beside a map for its labels and colour bar; for a legend above
+# inches beside a map for its labels and colour bar; for a legend above
+MAP_LABEL_WIDTH_INCH, MIN_LEGEND_WIDTH_INCH = 1.9, 3.2
 LEGEND_ENTRY_WIDTH_INCH = 2.4  # inches of one of its entries
 
 
@@ -112,7 +113,8 @@ def source_map(record: WhereRecord) -> Picture | None:
                                                label="blind: no pixels"))
         _frame_axis(axis, record, low, high)
         figure.legend(loc="outside upper left", ncols=max(int(width / LEGEND_ENTRY_WIDTH_INCH), 1))
-        figure.colorbar(cloud, ax=axis, label="Σ z² of the stiffness score of an element", shrink=0.8, aspect=30, pad=0.01)
+        figure.colorbar(cloud, ax=axis, label="Σ z² of the stiffness score of an element", shrink=0.8, aspect=30,
+                        pad=0.01)
         return to_picture(figure, "diagnosis_where", "Adjoint source map", record.words.get("where", ""))
 
 
@@ -165,8 +167,8 @@ def active_map(record: WhereRecord) -> Picture | None:
         figure.colorbar(cloud, ax=axis, label=f"{verb} since frame", shrink=0.8, aspect=30, pad=0.01,
                         ticks=MaxNLocator(8, integer=True))
         return to_picture(figure, "diagnosis_active", "Active elements of the selected law",
-                      f"The law acts in {len(acting)} of {len(record.since_active)} elements of the enriched model, in the "
-                      f"first ones from frame {first} on.")
+                      f"The law acts in {len(acting)} of {len(record.since_active)} elements of the enriched model, in "
+                      f"the first ones from frame {first} on.")
 
 
 def amplitude_course(record: WhereRecord) -> Picture | None:

@@ -44,12 +44,14 @@ def strongest(content: Mapping, number: int) -> list[Mapping]:
 
 
 def name_of_best(content: Mapping) -> str:
-    """Standing of the candidates in the enriched model; where the library does not explain the residual, they are nearest."""
+    """Standing of the candidates in the enriched model; where the library does not explain the residual, they are
+    nearest."""
     return "nearest, not the cause" if content["verdict"] == "outside_library" else "selected"
 
 
 def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
-    """Final standing of a candidate; `otherwise` where it is neither selected nor indistinguishable from a selected one."""
+    """Final standing of a candidate; `otherwise` where it is neither selected nor indistinguishable from a selected
+    one."""
     if entry["named"]:
         return name_of_best(content)
     equals = set().union(*content["indistinguishable"])
@@ -103,7 +105,8 @@ def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> st
     shown = short_names(after)
     stems = dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
     courses = {stem: {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem} for stem in stems}
-    courses = {stem: course for stem, course in courses.items() if len(course) >= MIN_COURSE_UNKNOWNS or stem.endswith("_knot")}
+    courses = {stem: course for stem, course in courses.items() if len(course) >= MIN_COURSE_UNKNOWNS
+               or stem.endswith("_knot")}
     said = [f"{shown[n].replace('_', ' ')} "
             + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
             for n, p in added.items() if _stem(n) not in courses and not _is_open(p)]
@@ -135,7 +138,8 @@ def _course(stem: str, entries: Mapping[str, Mapping]) -> str:
     largest = max(known, key=lambda name: abs(known[name]["value"]))
     std, unit = min(p["std"] for p in known.values()), known[largest]["unit"]
     if stem.endswith("_knot"):  # a course that is zero at other knots
-        return f"{what} {with_std(known[largest]['value'], known[largest]['std'], unit)} at most, in frame {frame_of(largest)}"
+        return (f"{what} {with_std(known[largest]['value'], known[largest]['std'], unit)} at most, in frame "
+                f"{frame_of(largest)}")
     rms = math.sqrt(sum(p["value"] ** 2 for p in known.values()) / len(known))
     return (f"{what} {number(rms, std)} {unit} rms, {number(known[largest]['value'], std)} {unit} at most in frame "
             f"{frame_of(largest)}")
@@ -174,8 +178,8 @@ def _blind(content: Mapping) -> str:
     if all(c["visibility"] < MAX_HIDDEN_VISIBILITY for c in content["candidates"]):
         return ("This test says nothing about missing physics: the identified parameters imitate the effect of every "
                 "candidate.")
-    return ("This test says nothing about missing physics of the specimen: the residual of images and channels is noise, "
-            "and a candidate of plausible size would be lost in it "
+    return ("This test says nothing about missing physics of the specimen: the residual of images and channels is "
+            "noise, and a candidate of plausible size would be lost in it "
             f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
 
 
@@ -223,14 +227,16 @@ def _when_where(content: Mapping) -> str:
 
 
 def _began(content: Mapping) -> str:
-    """Since when the amplitude of a single selected cause differs from zero, "" where it has no course or from the start."""
+    """Since when the amplitude of a single selected cause differs from zero, "" where it has no course or from the
+    start."""
     first = [one["onset_frames"] for one in content.get("courses") or () if one.get("onset_frames")]
     if len(content["named"]) != 1 or not first:
         return ""
     last_at_zero, visible = min(first)
     if not last_at_zero:
         return ""
-    return f"from frame {visible} on" if visible == last_at_zero + 1 else f"from between frames {last_at_zero} and {visible} on"
+    return f"from frame {visible} on" if visible == last_at_zero + 1 else (f"from between frames {last_at_zero} and "
+                                                                           f"{visible} on")
 
 
 def _bounds(content: Mapping) -> str:

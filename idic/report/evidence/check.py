@@ -114,7 +114,8 @@ class CheckReport:
         noise = "unknown yet" if self.noise.std_gv is None else f"{self.noise.std_gv:.3g} ({self.noise.source})"
         return [f"camera       {self.name}: {self.image_size[0]} x {self.image_size[1]} px, {self.depth}; "
                 f"{self.n_visible} of {self.n_seen} elements seen, {self.px_per_element:.0f} px each; pattern "
-                f"{self.contrast_gv:.3g}, noise {noise}", *(f"warning      {self.name}: {text}" for text in self.warnings)]
+                f"{self.contrast_gv:.3g}, noise {noise}",
+                *(f"warning      {self.name}: {text}" for text in self.warnings)]
 
 
 def _margin_note(experiment: Experiment) -> tuple[str, ...]:
@@ -167,7 +168,8 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
         tuple(channel.column for channel in experiment.channels), noise, float(np.nanstd(reference[roi])),
         (*experiment.notes, *_margin_note(experiment), *planned_increments(experiment)),
         (*_scale_warnings(experiment, corners, visible), *_warnings(experiment, reference, roi, areas, noise))
-        if experiment.points is None else tuple(_field_warnings(experiment, corners, visible)), picture, experiment.camera_name,
+        if experiment.points is None else tuple(_field_warnings(experiment, corners, visible)), picture,
+        experiment.camera_name,
         value_unit=experiment.value_unit, points=_points_line(experiment), starts=start_values(experiment))
 
 
@@ -178,7 +180,8 @@ def overlay(experiment: Experiment) -> Picture:
     corners = corners_px(points, cells, experiment.kind, experiment.surface, camera)
     sets = _sets_px(experiment, points)
     if experiment.points is not None:
-        return mesh_on_points(camera.inverse(experiment.points.positions_px), [camera.inverse(cell) for cell in corners],
+        return mesh_on_points(camera.inverse(experiment.points.positions_px),
+                              [camera.inverse(cell) for cell in corners],
                               {name: camera.inverse(at) for name, at in sets.items()})
     visible = visible_cells(experiment.mesh, experiment.kind, experiment.surface, camera, shape)
     return mesh_overlay(experiment.stack.frame(experiment.reference), corners, visible, sets, experiment.mask)
@@ -225,7 +228,8 @@ def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, ar
         frame = experiment.stack.frame(k)  # decodes every image: damaged ones are found here
         jump = abs(float(frame[roi].mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
         if jump and k not in experiment.excluded and experiment.quantity == "grey":
-            yield (f"{experiment.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} % "
+            yield (f"{experiment.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} "
+                   f"% "
                    "from the reference: check lighting and exposure, or exclude the frame")
 
 
@@ -247,7 +251,8 @@ def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: 
     assert points is not None and experiment.stack is not None
     sizes = np.array([_area(cell) for cell, seen in zip(corners, visible, strict=True) if seen])
     if sizes.mean() < MIN_POINTS_PER_ELEMENT:
-        yield (f"only {sizes.mean():.1f} points per element: larger elements would make the motion of the free fit less "
+        yield (f"only {sizes.mean():.1f} points per element: larger elements would make the motion of the free fit "
+               f"less "
                "noisy")
     counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
     check_stages(experiment.stack, counted)  # type: ignore[arg-type]
@@ -256,7 +261,8 @@ def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: 
         if part < MIN_SEEN_PART:
             yield f"{experiment.labels[k]}: only {100 * part:.0f} % of the points of the reference stage are measured"
     for column, label in dropped_loads(experiment):
-        yield (f"{label}: {column} falls to less than a tenth of its largest value and stays there: after the break? then "
+        yield (f"{label}: {column} falls to less than a tenth of its largest value and stays there: after the break? "
+               f"then "
                "list these stages in exclude_frames")
 
 

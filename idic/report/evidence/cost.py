@@ -1,9 +1,9 @@
 """Memory and time that an identification will take, from mesh, law, frames and images; `idic check` prints them.
 
 The constants are rounded measurements: one core of a shared machine (two cores with other programs on them, one thread
-per BLAS, September 2026 versions of NumPy and SciPy): the LU by fronts and the band LU on stiffness patterns of 7 000 to
-92 000 equations, simulations of 10 000 to 22 000 equations in elastic, rubber-like and elastoplastic laws, image passes with
-ten parameters. Within these the estimates were between half and twice the measurement; beyond them they are
+per BLAS, September 2026 versions of NumPy and SciPy): the LU by fronts and the band LU on stiffness patterns of 7 000
+to 92 000 equations, simulations of 10 000 to 22 000 equations in elastic, rubber-like and elastoplastic laws, image
+passes with ten parameters. Within these the estimates were between half and twice the measurement; beyond them they are
 extrapolations.
 """
 
@@ -74,8 +74,8 @@ class Cost:
     def line(self) -> str:
         """One line for people."""
         here = "" if self.available is None else f"; this machine has {_bytes(self.available)}"
-        return (f"about {_bytes(self.memory)} of memory, {_duration(self.time_s)} on one core, {_bytes(self.disk)} of disk "
-                f"(each within a factor of 2){here}")
+        return (f"about {_bytes(self.memory)} of memory, {_duration(self.time_s)} on one core, {_bytes(self.disk)} of "
+                f"disk (each within a factor of 2){here}")
 
     def warnings(self) -> list[str]:
         """What will not fit, or takes longer than a day."""
@@ -84,10 +84,12 @@ class Cost:
             verb = "needs" if self.memory > _FITS_SHARE * self.available else "may need"
             found.append(f"the identification {verb} more memory than this machine has: about {_bytes(self.memory)} of "
                          f"{_bytes(self.available)}; the factorised stiffness of {self.equations} equations takes "
-                         f"{_bytes(self.factor)}. Use larger elements, element_order = \"as_given\", half of a symmetric "
+                         f"{_bytes(self.factor)}. Use larger elements, element_order = \"as_given\", half of a "
+                         f"symmetric "
                          "specimen, or a machine with more memory")
         if self.time_s > _LONG_S:
-            found.append(f"the identification takes about {_duration(self.time_s)} on one core: larger elements or fewer "
+            found.append(f"the identification takes about {_duration(self.time_s)} on one core: larger elements or "
+                         f"fewer "
                          "frames shorten it; --workers spreads images and perturbed simulations over cores")
         return found
 
@@ -120,7 +122,8 @@ def expected_cost(experiment: Experiment) -> Cost:
         time_s += _FREE_DIC_PASSES * image_pass
     memory = (_PROCESS + factor + held + _PER_PIXEL * pixels / max(len(experiment.views), 1) + max(nodal, 8e6)
               + _generalised(experiment, n_frames))
-    return Cost(memory, factor, images + 3.0 * nodal * n_frames + _REPORT, time_s, mesh.n_nodes * mesh.n_dim, memory_here())
+    return Cost(memory, factor, images + 3.0 * nodal * n_frames + _REPORT, time_s, mesh.n_nodes * mesh.n_dim,
+                memory_here())
 
 
 def _factorisation(mesh: Mesh) -> tuple[float, float, float]:
@@ -165,7 +168,8 @@ def _measured_unknowns(experiment: Experiment) -> int:
 
 
 def _generalised(experiment: Experiment, n_frames: int) -> float:
-    """Bytes of generalised least squares: a matrix of the unknowns of all frames, or where they are many of the nodal values."""
+    """Bytes of generalised least squares: a matrix of the unknowns of all frames, or where they are many of the nodal
+    values."""
     edges = _measured_unknowns(experiment)
     if experiment.options.estimator == "ordinary" or (experiment.options.estimator == "auto" and not edges):
         return 0.0
@@ -178,7 +182,8 @@ def _generalised(experiment: Experiment, n_frames: int) -> float:
 
 
 def _bytes_per_pixel(experiment: Experiment) -> int:
-    dtype = getattr(experiment.stack.entries[0], "dtype", "uint16") if hasattr(experiment.stack, "entries") else "uint16"
+    dtype = getattr(experiment.stack.entries[0], "dtype", "uint16") if hasattr(experiment.stack,
+                                                                               "entries") else "uint16"
     return np.dtype(dtype).itemsize
 
 

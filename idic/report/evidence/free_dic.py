@@ -57,7 +57,8 @@ def free_motions(seen: Seen, frames: Sequence[int], motion: Callable[[int], np.n
             found = dic_frame(seen.reference, spline, u, seen.smoother, brightness)
             if found.factorisation is None or not found.n_pixels:
                 return None
-            chi2.append(residual_noise(seen.reference, spline, found, brightness, fitted_dof(found)).variance / variance)
+            chi2.append(residual_noise(seen.reference, spline, found, brightness, fitted_dof(found)).variance
+                        / variance)
         differences.append(found.u_px - u)
         full.append(found.u_full_px)
         coefficients.append(found.brightness)
@@ -80,7 +81,8 @@ def _residual(seen: Seen, frame: int, u_px: np.ndarray, coefficients: np.ndarray
     if isinstance(seen.reference, FieldReference):
         left = seen.reference.compare_pixels(seen.experiment, frame, u_px, coefficients)
     else:
-        left = residual_map(seen.reference, frame_spline(seen.experiment, frame), u_px, seen.experiment.options.brightness,
+        left = residual_map(seen.reference, frame_spline(seen.experiment, frame), u_px,
+                            seen.experiment.options.brightness,
                             coefficients)
     return seen.reference.pixel_map.to_image(np.where(left.valid, left.r, np.nan))
 

@@ -1,4 +1,5 @@
-"""Identified free hardening curves: flow stress over plastic strain with its band, and the classical forms beside it."""
+"""Identified free hardening curves: flow stress over plastic strain with its band, and the classical forms beside
+it."""
 
 from __future__ import annotations
 
@@ -41,7 +42,8 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         last = parameters[f"{material.element_set}.hardening_1_range"].value
         reached = last if state is None else float(np.nanpercentile(state, REACHED_PERCENTILE, axis=1).max())
         entries = [result["parameters"].get(name, {}) for name in names]
-        known = [i for i, entry in enumerate(entries) if entry.get("std") and names[i] in result["correlation"]["names"]]
+        known = [i for i, entry in enumerate(entries) if entry.get("std")
+                 and names[i] in result["correlation"]["names"]]
         if reached < MIN_REACHED or not known:
             continue
         at = knots(last, n)
@@ -52,7 +54,8 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         covariance = J[:, known] @ covariance_of(result, parameters, [names[i] for i in known]) @ J[:, known].T
         stress = J @ np.maximum.accumulate([parameters[name].value for name in names])
         fits = classical_fits(p, stress, covariance, np.searchsorted(p, compared))
-        yield HardeningCurve(material.element_set, p, stress, np.sqrt(np.maximum(np.diag(covariance), 0.0)), at, reached,
+        yield HardeningCurve(material.element_set, p, stress, np.sqrt(np.maximum(np.diag(covariance), 0.0)), at,
+                             reached,
                              fits)
 
 

@@ -76,12 +76,14 @@ def _curve(experiment, material: Material, names, parameters: ParameterSet, resu
     covariance = np.asarray(table["matrix"], dtype=float)[np.ix_(at, at)] * np.outer(stds, stds)
     slopes = found.dP[:, known, axis, axis]  # (m, n) MPa per unit
     variance = np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
-    return LawCurve(material.element_set, material.law, path, found.P[:, axis, axis], np.sqrt(np.maximum(variance, 0.0)),
+    return LawCurve(material.element_set, material.law, path, found.P[:, axis, axis],
+                    np.sqrt(np.maximum(variance, 0.0)),
                     started.P[:, axis, axis], seconds, axis="xyz"[axis])
 
 
 def _direction(experiment: Experiment, material: Material, motions: np.ndarray) -> tuple[int, int]:
-    """Axis of the mesh nearest to the largest mean strain of the set, and whether it is stretched (1) or pressed (-1)."""
+    """Axis of the mesh nearest to the largest mean strain of the set, and whether it is stretched (1) or pressed
+    (-1)."""
     mesh, largest, found = experiment.mesh, 0.0, (0, 1)
     nodes = nodes_of(mesh, mesh.element_sets[material.element_set])
     for u in motions:

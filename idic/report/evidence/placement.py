@@ -1,4 +1,5 @@
-"""Input that contradicts the images: still frames from elsewhere, and a mesh that would fit better with an axis mirrored."""
+"""Input that contradicts the images: still frames from elsewhere, and a mesh that would fit better with an axis
+mirrored."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ def misplaced_still_frames(experiment: Experiment, roi: np.ndarray) -> Iterator[
     contrast = float(f[roi].std())
     for label, image in images[1:]:
         if float((image[roi] - f[roi]).std()) > MAX_CHANGE_SHARE * contrast:
-            yield (f"still frame {label} shows another place than {first}: the specimen has moved by a speckle or more, so their "
+            yield (f"still frame {label} shows another place than {first}: the specimen has moved by a speckle or "
+                   f"more, so their "
                    "difference is no noise. Leave it out of still_frames, or give noise_std_gv")
 
 
@@ -56,8 +58,8 @@ def mirrored_axes(experiment: Experiment, reference: np.ndarray, roi: np.ndarray
         region = _region(replace(experiment, camera=replace(camera, matrix=flip @ camera.matrix)))
         share = 1.0 if region is None else float(without_pattern(reference, region, noise).mean())
         if share < MAX_SHARE_OF_MIRRORED * here:
-            yield (f"mirrored along the {name} of the image, {share:.0%} of the ROI would be without pattern; now it is "
-                   f"{here:.0%}. A sign in axes may be wrong: look at the picture")
+            yield (f"mirrored along the {name} of the image, {share:.0%} of the ROI would be without pattern; now it "
+                   f"is {here:.0%}. A sign in axes may be wrong: look at the picture")
 
 
 def _region(experiment: Experiment) -> np.ndarray | None:

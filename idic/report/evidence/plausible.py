@@ -1,4 +1,5 @@
-"""Input that can be read but hardly is meant: values far from typical ones, a scale off by ten, a ROI on the background."""
+"""Input that can be read but hardly is meant: values far from typical ones, a scale off by ten, a ROI on the
+background."""
 
 from __future__ import annotations
 
@@ -46,7 +47,8 @@ def implausible_values(experiment: Experiment) -> Iterator[str]:
             ratio = parameter.value / known.default
             if not 1.0 / MAX_FROM_TYPICAL < ratio < MAX_FROM_TYPICAL:
                 typical = f"{known.default:,.0f}".replace(",", " ") if known.default >= 1.0 else f"{known.default:g}"
-                yield (f"{parameter.name} = {parameter.value:.6g} MPa; typical of {material.law}: {typical} MPa. Check its unit; "
+                yield (f"{parameter.name} = {parameter.value:.6g} MPa; typical of {material.law}: {typical} MPa. Check "
+                       f"its unit; "
                        "if it is meant, nothing needs to be done")
 
 
@@ -66,8 +68,10 @@ def opposed_forces(experiment: Experiment) -> Iterator[str]:
         force, motion = sign * channel.factor * channel.values[counted], drive.values[counted]
         if np.ptp(force) > 0.0 and np.ptp(motion) > 0.0 and np.corrcoef(force, motion)[0, 1] < MAX_OPPOSED:
             with_it = "with" if sign > 0.0 else "against"
-            yield (f"{channel.column}: the force that holds {channel.nodes} goes {with_it} the motion of {nodes}, {drive.column}; the "
-                   f"log shows the contrary. factor = {-channel.factor:g} in simulated = {{ … }} turns the sign of the force")
+            yield (f"{channel.column}: the force that holds {channel.nodes} goes {with_it} the motion of {nodes}, "
+                   f"{drive.column}; the "
+                   f"log shows the contrary. factor = {-channel.factor:g} in simulated = {{ … }} turns the sign of the "
+                   f"force")
 
 
 def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: float) -> Iterator[str]:
@@ -92,7 +96,8 @@ def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: fl
         yield f"{size}: pixel_size_mm may be too large (by ten?), or mesh_unit is another"
 
 
-def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None, pixels_per_element: float) -> Iterator[str]:
+def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
+                     pixels_per_element: float) -> Iterator[str]:
     """A ROI that covers background or grips, and speckle too fine or too coarse for the pixels and elements."""
     plain = without_pattern(image, roi, noise_gv)
     if plain is NO_PATTERN:
@@ -100,19 +105,24 @@ def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
     if plain.mean() > MAX_PLAIN_SHARE:
         rows, columns = (at[plain] for at in np.nonzero(roi))
         yield (f"{plain.mean():.0%} of the ROI has no pattern (around column {np.median(columns):.0f}, row "
-               f"{np.median(rows):.0f}): background or grips? Then the mesh is larger than the specimen, lies beside it, or an axis "
+               f"{np.median(rows):.0f}): background or grips? Then the mesh is larger than the specimen, lies beside "
+               f"it, or an axis "
                "is mirrored: look at the picture; a mask leaves out what cannot be compared")
     width = speckle_size(image, roi, noise_gv or 0.0)
     if width is not None and width < MIN_SPECKLE_PX:
-        yield (f"the speckle is {width:.1f} px wide, too fine for the pixels: interpolation errs and the result is biased. "
+        yield (f"the speckle is {width:.1f} px wide, too fine for the pixels: interpolation errs and the result is "
+               f"biased. "
                "Coarser speckle or a closer camera next time; now lowpass_px = 1 under [options]")
     elif width is not None and width > min(MAX_SPECKLE_PX, np.sqrt(pixels_per_element)):
-        yield (f"the speckle is {width:.0f} px wide, an element {np.sqrt(pixels_per_element):.0f} px: few edges carry the motion, so "
-               "error bars are large, or the image is out of focus. Finer speckle or focus next time; now larger elements")
+        yield (f"the speckle is {width:.0f} px wide, an element {np.sqrt(pixels_per_element):.0f} px: few edges carry "
+               f"the motion, so "
+               "error bars are large, or the image is out of focus. Finer speckle or focus next time; now larger "
+               "elements")
 
 
 def without_pattern(image: np.ndarray, roi: np.ndarray, noise_gv: float | None) -> np.ndarray:
-    """Pixels of the ROI around which the grey value hardly changes; `NO_PATTERN` where it nowhere does  # (n_roi,) bool"""
+    """Pixels of the ROI around which the grey value hardly changes; `NO_PATTERN` where it nowhere does  # (n_roi,)
+    bool"""
     values = np.asarray(image, dtype=float)
     mean, square = uniform_filter(values, WINDOW_PX), uniform_filter(values**2, WINDOW_PX)
     local = np.sqrt(np.maximum(square - mean**2, 0.0))[roi]

@@ -1,4 +1,5 @@
-"""Identified free rubber energies: stress in three modes and derivatives by the invariants, with bands, and classical forms."""
+"""Identified free rubber energies: stress in three modes and derivatives by the invariants, with bands, and classical
+forms."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ from idic.report.record import RubberCurve, RubberMode, RubberSlope
 
 POINTS = 40  # of a drawn curve
 COMPARED = 8  # stretches per mode at which classical forms are compared
-REACHED_PERCENTILE = 99.0  # percent of the nodes: the few at corners of the mesh strain more than anything that was seen
+# percent of the nodes: the few at corners of the mesh strain more than anything that was seen
+REACHED_PERCENTILE = 99.0
 SMALLEST_STRETCH, LARGEST_STRETCH = 1.02, 10.0  # of the curves: below, all forms are one
 
 
@@ -35,13 +37,15 @@ def rubber_curves(experiment: Experiment, parameters: ParameterSet, result: Mapp
     return tuple(_curves(experiment, parameters, result, motions))
 
 
-def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping, motions: np.ndarray) -> Iterator[RubberCurve]:
+def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+            motions: np.ndarray) -> Iterator[RubberCurve]:
     for material in experiment.materials:
         counts = tuple(n for n in knots_of_rubber(material.law) if n)
         if not counts:
             continue
         own = INVARIANTS[:len(counts)]
-        names = [f"{material.element_set}.{name}" for invariant, n in zip(own, counts, strict=True) for name in level_names(invariant, n)]
+        names = [f"{material.element_set}.{name}" for invariant, n in zip(own, counts, strict=True)
+                 for name in level_names(invariant, n)]
         known = [i for i, name in enumerate(names)
                  if (result["parameters"].get(name) or {}).get("std") and name in result["correlation"]["names"]]
         if not known:

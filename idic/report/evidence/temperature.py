@@ -19,7 +19,8 @@ from idic.report.record import TemperatureFactor
 POINTS = 60  # of a curve
 
 
-def temperature_factors(experiment: Experiment, parameters: ParameterSet, result: Mapping) -> tuple[TemperatureFactor, ...]:
+def temperature_factors(experiment: Experiment, parameters: ParameterSet,
+                        result: Mapping) -> tuple[TemperatureFactor, ...]:
     """One record per temperature term of every material; none where the experiment has no temperature."""
     field = nodal_temperature(experiment)
     if field is None:
@@ -28,7 +29,8 @@ def temperature_factors(experiment: Experiment, parameters: ParameterSet, result
     return tuple(_factors(experiment, parameters, result, np.linspace(seen.min(), seen.max(), POINTS)))
 
 
-def _factors(experiment: Experiment, parameters: ParameterSet, result: Mapping, T: np.ndarray) -> Iterator[TemperatureFactor]:
+def _factors(experiment: Experiment, parameters: ParameterSet, result: Mapping,
+             T: np.ndarray) -> Iterator[TemperatureFactor]:
     for material in experiment.materials:
         dependence = get_law(material.law).temperature if "(" in material.law else None
         if dependence is None:
@@ -42,7 +44,8 @@ def _factors(experiment: Experiment, parameters: ParameterSet, result: Mapping, 
             full = [f"{material.element_set}.{name}" for name in term.names.values()]
             known = [i for i, name in enumerate(full)
                      if (result["parameters"].get(name) or {}).get("std") and name in result["correlation"]["names"]]
-            slopes = np.array([factor(one.kind, own + 1j * STEP * np.eye(len(own))[i], reference, T + 0j).imag / STEP for i in known])
+            slopes = np.array([factor(one.kind, own + 1j * STEP * np.eye(len(own))[i], reference, T + 0j).imag / STEP
+                               for i in known])
             variance = np.zeros(len(T))
             if known:
                 covariance = covariance_of(result, parameters, [full[i] for i in known])

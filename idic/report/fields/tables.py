@@ -48,7 +48,8 @@ def _row(gauge: Gauge, own: Reading) -> dict:
     simulated = float(own.simulated[-1]) if np.isfinite(own.simulated[-1]) else None
     both = None if measured is None or simulated is None else measured - simulated
     return {"name": gauge.name, "kind": gauge.kind, "quantity": own.quantity.replace("_", " "),
-            "unit": "" if own.unit == "-" else own.unit, "measured": words.number(measured, std), "std": words.number(std, std),
+            "unit": "" if own.unit == "-" else own.unit, "measured": words.number(measured, std),
+            "std": words.number(std, std),
             "simulated": words.number(simulated, std), "difference": words.number(both, std)}
 
 

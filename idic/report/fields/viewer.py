@@ -1,4 +1,5 @@
-"""The numbers of the field viewer: nodal fields as 16-bit integers, mesh, reference image, gauges; drawn by fields.js.j2.
+"""The numbers of the field viewer: nodal fields as 16-bit integers, mesh, reference image, gauges; drawn by
+fields.js.j2.
 
 The page holds displacement, deformation gradient, stress and state at the corner nodes of the elements. Strain of any
 measure and axes follows from the deformation gradient in the browser.
@@ -51,7 +52,8 @@ def viewer_data(record: RunRecord) -> str:
         "states": [[name, name.replace("_", " ")] for name in series.states],
         "smoothed": None if series.smoothed is None else _short(series.smoothed),
         "floor": {name: _short(value) for name, value in series.floor.items()},
-        "image": _image(record.reference) if record.value_unit == "grey values" else None, "gauges": _gauges(record, kept),
+        "image": _image(record.reference) if record.value_unit == "grey values" else None,
+        "gauges": _gauges(record, kept),
         "sequential": _colours(SEQUENTIAL), "diverging": _colours(DIVERGING),
     }
     return json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")

@@ -29,13 +29,16 @@ def calibration_picture(result: Calibration) -> Picture:
 
 def _residuals(axis, result, camera):
     width, height = result.rig.image_size_px[camera]
-    pairs = [(row[camera].points_px, errors[camera]) for row, errors in zip(result.views, result.residuals_px, strict=True)
+    pairs = [(row[camera].points_px, errors[camera])
+             for row, errors in zip(result.views, result.residuals_px, strict=True)
              if row[camera] is not None]
     points, errors = np.vstack([p for p, _ in pairs]), np.vstack([e for _, e in pairs])
     scale = ARROW_SHARE * width / max(3.0 * result.noise_px, 1e-12)
-    axis.quiver(points[:, 0], points[:, 1], errors[:, 0], errors[:, 1], angles="xy", scale_units="xy", scale=1.0 / scale,
+    axis.quiver(points[:, 0], points[:, 1], errors[:, 0], errors[:, 1], angles="xy", scale_units="xy",
+                scale=1.0 / scale,
                 color=CYCLE[camera], width=0.002)
-    axis.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal", xlabel="column (px)", ylabel="row (px)")
+    axis.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal", xlabel="column (px)",
+             ylabel="row (px)")
     axis.set_title(f"camera {camera}: residuals × {scale:.0f}, rms {np.sqrt((errors**2).sum(axis=1).mean()):.3f} px;\n"
                    f"points span {coverage(result, camera):.0%} of the image")
 
@@ -43,11 +46,14 @@ def _residuals(axis, result, camera):
 def _rms(axis, result):
     n = len(result.rig.cameras)
     for c in range(n):
-        values = [np.nan if errors[c] is None else np.sqrt((errors[c] ** 2).sum(axis=1).mean()) for errors in result.residuals_px]
-        axis.bar(np.arange(len(values)) + (c - (n - 1) / 2) * 0.8 / n, values, 0.8 / n, color=CYCLE[c], label=f"camera {c}")
+        values = [np.nan if errors[c] is None else np.sqrt((errors[c] ** 2).sum(axis=1).mean())
+                  for errors in result.residuals_px]
+        axis.bar(np.arange(len(values)) + (c - (n - 1) / 2) * 0.8 / n, values, 0.8 / n, color=CYCLE[c],
+                 label=f"camera {c}")
     axis.axhline(result.rms_px, color=GREY, lw=0.8)
     axis.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axis.set(xlabel="image", ylabel="rms (px)", title=f"Reprojection error per image; line: all, {result.rms_px:.3f} px")
+    axis.set(xlabel="image", ylabel="rms (px)",
+             title=f"Reprojection error per image; line: all, {result.rms_px:.3f} px")
     if n > 1:
         axis.legend(ncols=2)
 
@@ -68,6 +74,7 @@ def _poses(axis, result):
         axis.plot(*centre[[2, 0]], "o", color=CYCLE[c], label=f"camera {c}")
     axis.invert_yaxis()
     axis.set(xlabel="z of camera 0 (mm)", ylabel="x (mm)", aspect="equal",
-             title=f"Poses of the target, tilted by {np.nanmin(tilts_deg(result)):.0f} to {np.nanmax(tilts_deg(result)):.0f}°")
+             title=f"Poses of the target, tilted by {np.nanmin(tilts_deg(result)):.0f} to "
+                   f"{np.nanmax(tilts_deg(result)):.0f}°")
     axis.grid(color=FAINT)
     axis.legend(loc="best")

@@ -22,8 +22,9 @@ def camera_floor(record: RunRecord) -> Picture | None:
         axes[0, 0].set_title(f"rms {scale * found['px']:.2g} {unit}", fontsize=8.5)
         figure.colorbar(drawn, ax=axes, label=f"floor at rest [{unit}]", shrink=0.85, aspect=15, pad=0.01)
         caption = (
-            f"Free motion (rms per component) in images at rest: {', '.join(found['labels'])}. Rigid motion, image noise "
-            "and the leading motions of the loaded specimen are taken off. Light, air, focus or aliasing make it, in loaded "
-            "frames too. No law is blamed for a motion of this size."
+            f"Free motion (rms per component) in images at rest: {', '.join(found['labels'])}. Rigid motion, image "
+            f"noise "
+            "and the leading motions of the loaded specimen are taken off. Light, air, focus or aliasing make it, in "
+            "loaded frames too. No law is blamed for a motion of this size."
         )
         return to_picture(figure, "camera_floor", "Motion in images at rest", caption, as_photo=True)

@@ -74,7 +74,8 @@ def residual_level(record: RunRecord) -> Picture | None:
         excluded = _excluded(record)
         after = np.where(used & ~excluded, record.rms_after, np.nan)
         if expected is not None and len(expected) == len(x):
-            axis.plot(x, expected, color=FAINT, lw=5.0, solid_capstyle="butt", label=in_words_of(record.result, "camera noise alone"))
+            axis.plot(x, expected, color=FAINT, lw=5.0, solid_capstyle="butt",
+                      label=in_words_of(record.result, "camera noise alone"))
         if record.rms_before is not None:
             axis.plot(x, record.rms_before, "--", color=ORANGE, marker="s", ms=3, label="starting values")
         axis.plot(x, after, "-o", color=BLUE, ms=3.5, label="identified values")
@@ -95,8 +96,8 @@ def residual_level(record: RunRecord) -> Picture | None:
             figure,
             "residual_level",
             "Image residual per frame",
-            "Grey: residual of camera noise alone, after interpolation and low-pass. Red: frames that are left out (lost, "
-            "unexplained); a triangle stands for a residual beyond the axis, its value next to it.",
+            "Grey: residual of camera noise alone, after interpolation and low-pass. Red: frames that are left out "
+            "(lost, unexplained); a triangle stands for a residual beyond the axis, its value next to it.",
         )
 
 
@@ -117,7 +118,8 @@ def _frame_axis(axis, record: RunRecord) -> None:
 
 def _excluded(record: RunRecord) -> np.ndarray:
     """Frames that the user has excluded  # (n_frames,) bool"""
-    return np.array([f.get("status") == "excluded" for f in record.result.get("frames", ())] or [False] * record.n_frames)
+    return np.array([f.get("status") == "excluded" for f in record.result.get("frames", ())]
+                    or [False] * record.n_frames)
 
 
 def _mark_left_out(axis, record: RunRecord, used: np.ndarray, top: float) -> None:
@@ -136,7 +138,8 @@ def _mark_left_out(axis, record: RunRecord, used: np.ndarray, top: float) -> Non
         low, high = y[group].min(), y[group].max()
         text = f"{low:.3g}" if len(group) == 1 else f"{low:.3g} to {high:.3g}"
         middle = np.clip(x[group].mean(), x.min() + LABEL_MARGIN * span, x.max() - LABEL_MARGIN * span)
-        axis.annotate(text, (middle, 0.94 * top), (0, -11), textcoords="offset points", color=RED, fontsize=8, ha="center",
+        axis.annotate(text, (middle, 0.94 * top), (0, -11), textcoords="offset points", color=RED, fontsize=8,
+                      ha="center",
                       va="center",
                       bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.85})
 
@@ -155,7 +158,8 @@ def channel(record: RunRecord, data: ChannelRecord) -> Picture:
         x = record.abscissa
         if data.started is not None:
             top.plot(x, data.started, "--", color=ORANGE, lw=1.1, label="simulated, starting values")
-        top.plot(x, np.where(_excluded(record), np.nan, data.simulated), "-", color=BLUE, label="simulated, identified values")
+        top.plot(x, np.where(_excluded(record), np.nan, data.simulated), "-", color=BLUE,
+                 label="simulated, identified values")
         top.plot(x, data.measured, "o", color="#222222", ms=3.5, label="measured")
         label = data.name.rsplit("_", 1)[0].replace("_", " ") if data.name.endswith("_" + data.unit) else data.name
         top.set_ylabel(f"{label} [{data.unit}]")
@@ -165,13 +169,15 @@ def channel(record: RunRecord, data: ChannelRecord) -> Picture:
             bottom.axhspan(-2.0 * data.std, 2.0 * data.std, color=FAINT, alpha=0.6, lw=0)
         bottom.axhline(0.0, color=GREY, lw=0.7)
         bottom.plot(x, difference, "-o", color=BLUE, lw=0.8, ms=3.5)
-        reach = 1.25 * max(np.nanmax(np.abs(difference), initial=0.0, where=np.isfinite(difference)), 2.0 * (data.std or 0.0),
+        reach = 1.25 * max(np.nanmax(np.abs(difference), initial=0.0, where=np.isfinite(difference)),
+                           2.0 * (data.std or 0.0),
                            1e-12)
         bottom.set(ylabel=f"measured − sim. [{data.unit}]", ylim=(-reach, reach))
         _frame_axis(bottom, record)
         figure.align_ylabels([top, bottom])
         band = f"±2 σ = ±{2.0 * data.std:.3g} {data.unit} shaded. " if data.std else ""
-        return to_picture(figure, f"channel_{data.name}", f"Channel {data.name}", f"{band}Below: measured minus simulated.")
+        return to_picture(figure, f"channel_{data.name}", f"Channel {data.name}",
+                          f"{band}Below: measured minus simulated.")
 
 
 def temperature(record: RunRecord) -> Picture | None:
@@ -182,12 +188,14 @@ def temperature(record: RunRecord) -> Picture | None:
     with look():
         figure = new_figure(7.2, 2.8)
         axis = figure.subplots()
-        axis.fill_between(record.abscissa, lowest, highest, color=FAINT, alpha=0.8, lw=0, label="lowest to highest node")
+        axis.fill_between(record.abscissa, lowest, highest, color=FAINT, alpha=0.8, lw=0,
+                          label="lowest to highest node")
         axis.plot(record.abscissa, mean, "-o", color=BLUE, ms=3.5, label="mean of the nodes")
         axis.set(ylabel="change [K]")
         _frame_axis(axis, record)
         axis.legend()
-        return to_picture(figure, "temperature", "Temperature", "Change since the reference frame, as given in the experiment file.")
+        return to_picture(figure, "temperature", "Temperature",
+                          "Change since the reference frame, as given in the experiment file.")
 
 
 def _trace(middle, right, record, accepted, name, label, i):

@@ -21,10 +21,12 @@ def hardening_curve(record: RunRecord, curve: HardeningCurve) -> Picture:
     with look():
         figure = new_figure(7.2, 5.2)
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(1.6, 1.2))
-        top.fill_between(p, curve.stress / size - half, curve.stress / size + half, color=BLUE, alpha=0.3, lw=0, label="95 %")
+        top.fill_between(p, curve.stress / size - half, curve.stress / size + half, color=BLUE, alpha=0.3, lw=0,
+                         label="95 %")
         top.plot(p, curve.stress / size, color=BLUE, label="free curve")
         inside = curve.knots <= curve.reached
-        top.plot(100.0 * curve.knots[inside], np.interp(curve.knots[inside], curve.plastic_strain, curve.stress / size), "|",
+        top.plot(100.0 * curve.knots[inside], np.interp(curve.knots[inside], curve.plastic_strain, curve.stress / size),
+                 "|",
                  color=GREY, label="knots")
         top.set(ylabel=f"flow stress [{unit}]")
         top.legend()
@@ -45,10 +47,13 @@ def hardening_curve(record: RunRecord, curve: HardeningCurve) -> Picture:
 
 def _caption(curve: HardeningCurve, unit: str, size: float) -> str:
     forms = "; ".join(_form(fit, unit, size) for fit in curve.fits)
-    return (f"Flow stress up to the plastic strain that 99 % of the seen nodes stay within ({100 * curve.reached:.3g} %); beyond it "
+    return (f"Flow stress up to the plastic strain that 99 % of the seen nodes stay within ({100 * curve.reached:.3g} "
+            f"%); beyond it "
             "the curve is not measured. The band follows from the covariance of the parameters; the smoothness prior "
-            f"(changes of slope from interval to interval: std {SMOOTHNESS:g} of the mean starting slope) is part of it. Below: classical forms at the knots, "
-            "fitted in that covariance, solid where their loss in chi2 is no more than noise explains (about the number in "
+            f"(changes of slope from interval to interval: std {SMOOTHNESS:g} of the mean starting slope) is part of "
+            f"it. Below: classical forms at the knots, "
+            "fitted in that covariance, solid where their loss in chi2 is no more than noise explains (about the "
+            "number in "
             f"brackets). {forms}.")
 
 

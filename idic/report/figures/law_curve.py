@@ -49,13 +49,15 @@ def plot_law(name: str, path: Path | str, largest_strain: float | None = None) -
     memory = law.n_state(0) > 0
     if largest_strain is None:
         largest_strain = _STRAIN if memory or "small" in spec.kinematics else _RUBBER_STRAIN
-    parts = [np.linspace(0, 1, _CURVE_STEPS)] + ([np.linspace(1, _REVERSAL_STRAIN_SHARE, _CURVE_STEPS // 2)[1:]] if memory else [])
+    parts = [np.linspace(0, 1, _CURVE_STEPS)] + ([np.linspace(1, _REVERSAL_STRAIN_SHARE, _CURVE_STEPS // 2)[1:]]
+                                                 if memory else [])
     strain = largest_strain * np.concatenate(parts)
     curve = uniaxial(law, params, strain)
     with look():
         figure = new_figure(7.2, 6.4)
         stress, change = figure.subplots(2, 1, sharex=True)
-        for line, style, label in ((slice(0, _CURVE_STEPS), "-", "loading"), (slice(_CURVE_STEPS - 1, None), "--", "reversed")):
+        for line, style, label in ((slice(0, _CURVE_STEPS), "-", "loading"),
+                                   (slice(_CURVE_STEPS - 1, None), "--", "reversed")):
             if line.stop is None and not memory:
                 continue
             stress.plot(100 * strain[line], curve.P[line, 0, 0], style, color=BLACK, label=label)

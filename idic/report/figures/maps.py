@@ -67,7 +67,8 @@ def local_chi2(record: RunRecord) -> Picture | None:
     )
     reaches = [max(float(np.nanmax(stack)) if np.isfinite(stack).any() else 1.0, MIN_CHI2_REACH) for stack in stacks]
     return _before_and_after(
-        record, stacks, [LogNorm(1.0 / reach, reach) for reach in reaches], "local χ² [–]", lambda m: f"max {_ratio(np.nanmax(m))}",
+        record, stacks, [LogNorm(1.0 / reach, reach) for reach in reaches], "local χ² [–]",
+        lambda m: f"max {_ratio(np.nanmax(m))}",
         ("local_chi2", "Local residual", caption),
     )  # fmt: skip
 
@@ -84,14 +85,16 @@ def _before_and_after(record: RunRecord, stacks, norms: Sequence[Normalize], lab
         for column, frame in enumerate(data.frames):
             for row, stack in enumerate(stacks):
                 axis = axes[row, column]
-                axis.imshow(stack[column], cmap=DIVERGING, norm=norms[min(row, len(norms) - 1)], interpolation="nearest")
+                axis.imshow(stack[column], cmap=DIVERGING, norm=norms[min(row, len(norms) - 1)],
+                            interpolation="nearest")
                 bare(axis, window)
                 entitle(axis, *((f"frame {frame},  ",) if row == 0 else ()), describe(stack[column]))
         for row, name in enumerate(("start", "identified")):
             axes[row, 0].set_ylabel(name)
         for row, norm in enumerate(norms):
             own = axes if len(norms) == 1 else axes[row, :]
-            bar = figure.colorbar(axes[row, 0].images[0], ax=own, label=label, shrink=0.8, aspect=30 if len(norms) == 1 else 15,
+            bar = figure.colorbar(axes[row, 0].images[0], ax=own, label=label, shrink=0.8,
+                                  aspect=30 if len(norms) == 1 else 15,
                                   pad=0.01, extend="both" if len(norms) == 1 else "neither")
             if isinstance(norm, LogNorm):
                 _ratio_ticks(bar, norm)
@@ -132,7 +135,8 @@ def residual_window(stack: np.ndarray) -> tuple[float, float, float, float]:
 
 
 def _window_mean(stack: np.ndarray, size: int) -> np.ndarray:
-    """Mean over size x size windows of the finite values; NaN stays NaN, and so does a window with less than half of them."""
+    """Mean over size x size windows of the finite values; NaN stays NaN, and so does a window with less than half of
+    them."""
     seen = np.isfinite(stack)
     total, count = (_window_sum(np.where(seen, part, 0.0), size) for part in (stack, 1.0))
     well_filled = seen & (count >= 0.5 * size**2)
@@ -208,7 +212,8 @@ def sensitivities(record: RunRecord) -> Picture | None:
                 drawn = draw(axes[row, column], record, phi[:, row] / unit, norm, DIVERGING)
             parts = shown.get(name, name).split(".")
             entitle(axes[0, column], *(f"{part}." for part in parts[:-1]), parts[-1], below=f"per {step}")
-            figure.colorbar(drawn, ax=axes[:, column], location="bottom", label=f"{text}{name_of_unit}", shrink=0.9, aspect=18,
+            figure.colorbar(drawn, ax=axes[:, column], location="bottom", label=f"{text}{name_of_unit}", shrink=0.9,
+                            aspect=18,
                             pad=0.02, ticks=MaxNLocator(2 if tall else 4, symmetric=True))
         for row, text in enumerate(components):
             axes[row, 0].set_ylabel(text)
@@ -273,7 +278,8 @@ def grid(rows: int, columns: int, window, bottom: float = 0.0):
     aspect = (window[3] - window[2]) / max(window[1] - window[0], 1e-9)
     label_width = 0.35 if bottom else 1.3
     width = min((PAGE_WIDTH_INCH - label_width) / columns, MAX_ROW_HEIGHT_INCH / max(aspect, 1e-9), 4.2)
-    figure = new_figure(min(PAGE_WIDTH_INCH, columns * width + label_width), rows * ((width - 0.1) * aspect + 0.12) + 0.4 + bottom)
+    figure = new_figure(min(PAGE_WIDTH_INCH, columns * width + label_width),
+                        rows * ((width - 0.1) * aspect + 0.12) + 0.4 + bottom)
     return figure, np.asarray(figure.subplots(rows, columns, squeeze=False))
 
 

@@ -99,13 +99,15 @@ def mesh_on_points(points: np.ndarray, cells: Sequence[np.ndarray], sets: Mappin
         axis.grid(False)
         figure.legend(loc="outside lower center", ncols=3)
         return to_picture(figure, "mesh_on_points", "Mesh on the measured points",
-                          "Points end half a subset before the edges and holes of the specimen; the mesh reaches to them.")
+                          "Points end half a subset before the edges and holes of the specimen; the mesh reaches to "
+                          "them.")
 
 
 def identified_mesh(record: RunRecord) -> Picture | None:
     """The mesh where the identified geometry and camera put it on the reference image; None where neither was free."""
     free = [name for name, entry in record.result["parameters"].items() if entry["free"]]
-    if not any(name.startswith("geometry.hole_") or name.rpartition(".")[2] in {*CAMERA_PARAMETERS, *LENS_PARAMETERS} for name in free):
+    if not any(name.startswith("geometry.hole_") or name.rpartition(".")[2] in {*CAMERA_PARAMETERS, *LENS_PARAMETERS}
+               for name in free):
         return None
     corners = [record.nodes_px[cell[:3 if kind.startswith("tri") else 4]]
                for kind, cells in record.cells for cell in cells if kind in ("tri3", "tri6", "quad4", "quad8")]

@@ -24,10 +24,12 @@ def point_maps(record: RunRecord) -> Picture | None:
         size = _marker_points(axes[0, 0], data, high - low)
         for component, name in enumerate(COMPONENTS):
             moved = data.measured[:, :, component] - np.nanmean(data.measured[:, :, component], axis=1)[:, None]
-            drawn = _row(axes[component], data, moved, _norm(moved), size, lambda m: (f"{_short(np.nanmax(m) - np.nanmin(m))} µm",))
+            drawn = _row(axes[component], data, moved, _norm(moved), size,
+                         lambda m: (f"{_short(np.nanmax(m) - np.nanmin(m))} µm",))
             figure.colorbar(drawn, ax=axes[component], label=f"u{name} − mean [µm]", shrink=0.85, aspect=15, pad=0.01)
             left = data.residual[:, :, component]
-            drawn = _row(axes[2 + component], data, left, Normalize(-RESIDUAL_RANGE * sigma, RESIDUAL_RANGE * sigma), size,
+            drawn = _row(axes[2 + component], data, left, Normalize(-RESIDUAL_RANGE * sigma, RESIDUAL_RANGE * sigma),
+                         size,
                          lambda m: (f"{_short(rms(m))} µm, ", f"{_short(rms(m) / sigma)} σ"))
             figure.colorbar(drawn, ax=axes[2 + component], label=f"residual {name} [µm]", shrink=0.85,
                             aspect=15, pad=0.01, extend="both")
@@ -36,9 +38,12 @@ def point_maps(record: RunRecord) -> Picture | None:
         for axis in axes.ravel():
             axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], yticks=[])
             axis.grid(False)
-        caption = ("Displacement that was measured, less its mean (above each map: smallest to largest), and measured less "
-                   f"simulated displacement with the identified values (above: rms). σ = {sigma:.3g} µm is the noise of a "
-                   f"component of a point, the colours of the residual end at {RESIDUAL_RANGE:g} σ. A map of noise alone has 1.0 "
+        caption = ("Displacement that was measured, less its mean (above each map: smallest to largest), and measured "
+                   "less "
+                   f"simulated displacement with the identified values (above: rms). σ = {sigma:.3g} µm is the noise "
+                   f"of a "
+                   f"component of a point, the colours of the residual end at {RESIDUAL_RANGE:g} σ. A map of noise "
+                   f"alone has 1.0 "
                    "to 1.4 σ, as the reference stage has noise too. x and y are those of the mesh.")
         return to_picture(figure, "point_maps", "Measured points", caption, as_photo=True)
 

@@ -62,7 +62,8 @@ def sensitivities(record: RunRecord) -> Picture | None:
         axes[0].set_ylabel("sensitivity / its maximum [–]")
         return to_picture(figure, "sensitivities", f"Sensitivities, frame {data.frame}",
                       "How far the pattern moves (heights over the size of a pixel) when one parameter changes by the "
-                      "step stated. The test does not separate parameters whose curves have the same shape in all frames.")
+                      "step stated. The test does not separate parameters whose curves have the same shape in all "
+                      "frames.")
 
 
 def height_profile(figure: Figure, record: RunRecord, view: FrameView) -> None:

@@ -19,14 +19,16 @@ def rubber_energy(record: RunRecord, curve: RubberCurve) -> Picture:
         top, bottom = figure.subplots(2, 1, height_ratios=(1.5, 1.0))
         for i, mode in enumerate(curve.modes):
             half = WIDTH_95 * mode.std / size
-            top.fill_between(mode.stretch, mode.stress / size - half, mode.stress / size + half, color=CYCLE[i], alpha=0.3, lw=0)
+            top.fill_between(mode.stretch, mode.stress / size - half, mode.stress / size + half, color=CYCLE[i],
+                             alpha=0.3, lw=0)
             top.plot(mode.stretch, mode.stress / size, color=CYCLE[i], label=mode.mode)
         top.set(xlabel="stretch [-]", ylabel=f"nominal stress [{unit}]")
         top.legend()
         for i, slope in enumerate(curve.slopes):
             half = WIDTH_95 * slope.std / size
             color = CYCLE[(i + len(curve.modes)) % len(CYCLE)]
-            bottom.fill_between(slope.invariant, slope.value / size - half, slope.value / size + half, color=color, alpha=0.3, lw=0)
+            bottom.fill_between(slope.invariant, slope.value / size - half, slope.value / size + half, color=color,
+                                alpha=0.3, lw=0)
             bottom.plot(slope.invariant, slope.value / size, color=color, label=f"dW/d{slope.name}")
             inside = slope.knots <= slope.invariant[-1]
             at = slope.knots[inside]
@@ -34,17 +36,22 @@ def rubber_energy(record: RunRecord, curve: RubberCurve) -> Picture:
         bottom.set(xlabel="I1 − 3, I2 − 3 [-]", ylabel=f"derivative [{unit}]")
         bottom.legend()
         figure.align_ylabels([top, bottom])
-        return to_picture(figure, f"rubber_{curve.name}", f"Free rubber energy: {curve.name}", _caption(curve, unit, size))
+        return to_picture(figure, f"rubber_{curve.name}", f"Free rubber energy: {curve.name}",
+                          _caption(curve, unit, size))
 
 
 def _caption(curve: RubberCurve, unit: str, size: float) -> str:
     forms = "; ".join(_form(fit, unit, size) for fit in curve.fits)
-    return (f"Incompressible rubber with the identified energy, up to the invariants that 99 % of the nodes stay within (I1 − 3 = "
-            f"{curve.reached[0]:.3g}, I2 − 3 = {curve.reached[1]:.3g}). A mode that the specimen does not undergo is a prediction. Shaded: "
-            f"95 %, from the covariance of the parameters, with the smoothness prior (second differences of the values at the knots: std "
-            f"{SMOOTHNESS:g} of the starting C10 over the number of intervals; a tenth of that for I2). Classical forms, fitted to the three modes in "
-            f"that covariance, the nearest first; \"inside\": the loss in chi2 is no more than noise explains (about the number in "
-            f"brackets). {forms}.")
+    return (f"Incompressible rubber with the identified energy, up to the invariants that 99 % of the nodes stay "
+            f"within (I1 − 3 = "
+            f"{curve.reached[0]:.3g}, I2 − 3 = {curve.reached[1]:.3g}). A mode that the specimen does not undergo is a "
+            f"prediction. Shaded: "
+            f"95 %, from the covariance of the parameters, with the smoothness prior (second differences of the values "
+            f"at the knots: std "
+            f"{SMOOTHNESS:g} of the starting C10 over the number of intervals; a tenth of that for I2). Classical "
+            f"forms, fitted to the three modes in "
+            f"that covariance, the nearest first; \"inside\": the loss in chi2 is no more than noise explains (about "
+            f"the number in brackets). {forms}.")
 
 
 def _form(fit: ClassicalFit, unit: str, size: float) -> str:

@@ -113,10 +113,12 @@ def to_picture(figure: Figure, name: str, title: str, caption: str, as_photo: bo
     figure.canvas.draw()  # savefig lays out and draws twice, to the same end
     pixels, sharp, light = figure.canvas.buffer_rgba(), io.BytesIO(), io.BytesIO()  # type: ignore[attr-defined]
     if as_photo:
-        few = Image.fromarray(np.asarray(pixels)[..., :3]).quantize(N_COLOURS, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        few = Image.fromarray(np.asarray(pixels)[..., :3]).quantize(N_COLOURS, Image.Quantize.MEDIANCUT,
+                                                                    dither=Image.Dither.NONE)
         few.save(sharp, "png", dpi=(DPI, DPI), compress_level=PNG_COMPRESSION)
     else:
-        imsave(sharp, pixels, format="png", dpi=DPI, metadata={"Software": None}, pil_kwargs={"compress_level": PNG_COMPRESSION})
+        imsave(sharp, pixels, format="png", dpi=DPI, metadata={"Software": None},
+               pil_kwargs={"compress_level": PNG_COMPRESSION})
     if as_photo:
         imsave(light, pixels, format="jpeg", dpi=DPI,
                pil_kwargs={"quality": JPEG_QUALITY, "subsampling": 0, "optimize": True})

@@ -1,4 +1,5 @@
-"""Temperature dependence of a law: the factors on its parameters over the temperatures of the test, with their bands."""
+"""Temperature dependence of a law: the factors on its parameters over the temperatures of the test, with their
+bands."""
 
 from __future__ import annotations
 
@@ -25,11 +26,12 @@ def temperature_dependence(factors: Sequence[TemperatureFactor]) -> Picture:
         axis.plot(reference, 1.0, "o", color=GREY, ms=4, label="reference temperature")
         axis.set(xlabel="temperature [°C]", ylabel="factor [-]")
         axis.legend()
-        return to_picture(figure, f"temperature_dependence_{name}", f"Temperature dependence: {name}", _caption(factors))
+        return to_picture(figure, f"temperature_dependence_{name}", f"Temperature dependence: {name}",
+                          _caption(factors))
 
 
 def _caption(factors: Sequence[TemperatureFactor]) -> str:
     terms = "; ".join(f"{', '.join(one.targets)}: {one.kind}, " + ", ".join(
         f"{name} = {value:.4g}{UNITS[name]}" for name, value in one.values.items()) for one in factors)
-    return (f"Factors on the parameters over the temperatures of the test, 1 at {factors[0].reference:g} °C; shaded: 95 %, from the "
-            f"covariance of the parameters. {terms}.")
+    return (f"Factors on the parameters over the temperatures of the test, 1 at {factors[0].reference:g} °C; shaded: "
+            f"95 %, from the covariance of the parameters. {terms}.")

@@ -19,8 +19,8 @@ def camera_stacks(given: list[Path]) -> tuple[FileStack, ...]:
     Parameters
     ----------
     given : list of paths
-        One folder per camera; or files of one camera; or one folder or files of a pair whose names end in ``_0`` and ``_1``
-        (``_left`` and ``_right``).
+        One folder per camera; or files of one camera; or one folder or files of a pair whose names end in ``_0`` and
+        ``_1`` (``_left`` and ``_right``).
 
     Raises
     ------
@@ -33,13 +33,15 @@ def camera_stacks(given: list[Path]) -> tuple[FileStack, ...]:
             raise InputError("no such file or folder", file=path, expected="images of the target, or folders of them",
                              found="nothing there", remedy="correct the path; the shell expands patterns (left/*.tif)")
     if len(folders) > 2 or (folders and len(folders) != len(given)):
-        raise InputError("not one camera or two", key="IMAGES", found=f"{len(folders)} folders of {len(given)} arguments",
+        raise InputError("not one camera or two", key="IMAGES",
+                         found=f"{len(folders)} folders of {len(given)} arguments",
                          expected="one folder per camera, or image files", remedy="idic calibrate LEFT RIGHT")
     lists = [_in_folder(folder) for folder in folders] or [sorted(given, key=lambda p: natural_key(str(p)))]
     lists = _split(lists[0]) if len(lists) == 1 else lists
     if len({len(paths) for paths in lists}) > 1:
         raise InputError("the cameras have different numbers of images", key="IMAGES",
-                         expected="as many right as left, of the same instants", found=f"{len(lists[0])} and {len(lists[1])}",
+                         expected="as many right as left, of the same instants",
+                         found=f"{len(lists[0])} and {len(lists[1])}",
                          remedy="remove the images that have no partner")
     return tuple(open_stack(paths, key="IMAGES") for paths in lists)
 
@@ -57,10 +59,12 @@ def _split(paths):
     for ends in _ENDINGS:
         groups = [[p for p in paths if re.search(f"{end}$", p.stem.lower())] for end in ends]
         if groups[1] and len(groups[0]) + len(groups[1]) == len(paths):
-            stems = [[re.sub(f"{end}$", "", p.stem.lower()) for p in group] for group, end in zip(groups, ends, strict=True)]
+            stems = [[re.sub(f"{end}$", "", p.stem.lower()) for p in group]
+                     for group, end in zip(groups, ends, strict=True)]
             alone = sorted(set(stems[0]) ^ set(stems[1]), key=natural_key)
             if alone:
-                raise InputError("images without a partner", key="IMAGES", found=", ".join(alone[:5]), remedy="remove them",
+                raise InputError("images without a partner", key="IMAGES", found=", ".join(alone[:5]),
+                                 remedy="remove them",
                                  expected=f"for every name one with {ends[0]} and one with {ends[1]}")
             return groups
     return [paths]

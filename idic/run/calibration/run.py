@@ -36,7 +36,8 @@ class CalibrationRun:
     without_target: tuple[str, ...]
 
 
-def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str = "auto", grid: tuple[int, int] | None = None,
+def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str = "auto",
+                    grid: tuple[int, int] | None = None,
                     lens: Lens | None = None, target_std_mm: float = 0.0,
                     stage: Callable[[str], None] = lambda text: None,
                     tasks: Callable[[str, int, int], None] = lambda what, done, total: None) -> CalibrationRun:
@@ -61,24 +62,28 @@ def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str =
         The adjustment does not settle.
     """
     if not spacing_mm > 0:
-        raise InputError("not a spacing", key="--spacing", expected="mm between neighbouring points, > 0", found=spacing_mm,
+        raise InputError("not a spacing", key="--spacing", expected="mm between neighbouring points, > 0",
+                         found=spacing_mm,
                          remedy="measure it over the whole target and divide")
     if kind not in ("auto", *KINDS):
         raise InputError("no such target", key="--target", expected="auto, " + ", ".join(KINDS), found=kind,
                          remedy="use one of these words")
     if not out.parent.is_dir():
-        raise InputError("no such folder", file=out.parent, key="--out", expected="an existing folder", found="nothing there",
+        raise InputError("no such folder", file=out.parent, key="--out", expected="an existing folder",
+                         found="nothing there",
                          remedy="make the folder, or choose another path")
     stacks = camera_stacks(given)
     n_images = stacks[0].n_frames
     if n_images < MIN_VIEWS:
-        raise InputError("too few images", key="IMAGES", expected=f"at least {MIN_VIEWS}, better 15 to 30", found=n_images,
+        raise InputError("too few images", key="IMAGES", expected=f"at least {MIN_VIEWS}, better 15 to 30",
+                         found=n_images,
                          remedy="record the target at different tilts and places")
     asked = kind
     if kind == "auto":
         kind = kind_of((stack.frame(k) for k in range(min(PROBES, n_images)) for stack in stacks), grid)
     if kind == "chessboard" and grid is None:
-        raise InputError("a chessboard needs its grid", key="--grid", expected="COLUMNSxROWS of inner corners", found="none",
+        raise InputError("a chessboard needs its grid", key="--grid", expected="COLUMNSxROWS of inner corners",
+                         found="none",
                          remedy="count the corners where four squares meet, e.g. --grid 11x7")
     views, without = [], []
     stage("finding the target in the images")
@@ -90,9 +95,11 @@ def run_calibration(given: list[Path], out: Path, spacing_mm: float, kind: str =
         views.append(row)
     if all(seen is None for row in views for seen in row):
         size = f" with {grid[0]} x {grid[1]} {'inner corners' if kind == 'chessboard' else 'points'}" if grid else ""
-        raise InputError("no target in any image", key="IMAGES", found="none", remedy="check --target and --grid (inner corners, "
+        raise InputError("no target in any image", key="IMAGES", found="none",
+                         remedy="check --target and --grid (inner corners, "
                          "one fewer than squares); without hollow dots the target must be seen whole",
-                         expected={"dots": "a dot grid", "auto": "a chessboard or dot grid"}.get(asked, "a chessboard") + size)
+                         expected={"dots": "a dot grid", "auto": "a chessboard or dot grid"}.get(asked, "a chessboard")
+                         + size)
     stage("bundle adjustment")
     sizes = tuple((stack.shape[1], stack.shape[0]) for stack in stacks)
     result = calibrate(tuple(views), sizes, spacing_mm, lens, target_std_mm)

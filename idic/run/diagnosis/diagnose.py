@@ -62,7 +62,8 @@ def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,
     ----------
     workers : 0 runs everything in this process, otherwise so many Dask processes
     stage, library, resume, quick : as in `diagnose`
-    blocks : fits to parts of the recording judge on the others (`idic.diagnose.blocks`), not one step from the finished fit
+    blocks : fits to parts of the recording judge on the others (`idic.diagnose.blocks`), not one step from the finished
+    fit
 
     Returns
     -------
@@ -87,7 +88,8 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool 
     """
     notes = Notes(diagnosis.notes)
 
-    def write(enriched: Path | None = None, judged: Sequence[BlockJudgement] | None = None, further: Sequence[str] = ()) -> dict:
+    def write(enriched: Path | None = None, judged: Sequence[BlockJudgement] | None = None,
+              further: Sequence[str] = ()) -> dict:
         return write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began,
                                None if judged is None else [block.content() for block in judged], further, notes.told)
 

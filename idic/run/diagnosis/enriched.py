@@ -90,7 +90,8 @@ def _start_corrections(document: dict, free: Mapping[str, float]) -> None:
 def _link_files(original: Path, folder: Path, run: Path) -> None:
     """Every other file of the folder of experiment.toml, by relative links (copies where links are not possible)."""
     for entry in sorted(original.iterdir()):
-        if entry.name == NAME or entry.name.startswith(".") or entry.resolve() in (run.resolve(), *run.resolve().parents):
+        around_run = (run.resolve(), *run.resolve().parents)
+        if entry.name == NAME or entry.name.startswith(".") or entry.resolve() in around_run:
             continue
         target = folder / entry.name
         try:

@@ -53,12 +53,14 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
     content = {
         "schema": SCHEMA, "verdict": verdict.word, "mismatch": mismatch_content(diagnosis),
         "candidates": _candidates(diagnosis), "named": list(verdict.selected),
-        "indistinguishable": [list(group) for group in verdict.indistinguishable], "next_experiment": verdict.next_experiment,
+        "indistinguishable": [list(group) for group in verdict.indistinguishable],
+        "next_experiment": verdict.next_experiment,
         "model": {"parameters_before": _before(run), "parameters_after": _after(diagnosis),
                   "experiment": None if enriched is None else enriched.relative_to(run).as_posix()},
         "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded],
         "cannot_tell": list(verdict.cannot_tell), "probability": diagnosis.probability,
-        "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px, "left": _left(diagnosis),
+        "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px,
+        "left": _left(diagnosis),
         "courses": _courses(diagnosis),
         "rounds": [_round(one) for one in diagnosis.rounds], "margin": margin_content(diagnosis.margin),
         "cost": dict(diagnosis.cost) | {"wall_s": wall_s},
@@ -69,7 +71,8 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
     content["sentence"] = sentence(content, titles)
     content["headline"] = headline(content, titles)
     content["left_over"] = left_over(content)
-    content["not_excluded"] = [entry | {"title": titles.get(entry["name"], entry["name"])} for entry in not_excluded(diagnosis)]
+    content["not_excluded"] = [entry | {"title": titles.get(entry["name"], entry["name"])}
+                               for entry in not_excluded(diagnosis)]
     return content
 
 
@@ -86,8 +89,10 @@ def _left(diagnosis: Diagnosis) -> dict:
     left = diagnosis.left
     before = None if left is None else left.before.excess
     place = None if diagnosis.residual_after is None else left_place(diagnosis.residual_after, diagnosis.grid)
-    return {"motion_px": None if left is None else left.motion_px, "motion_z": None if left is None else left.after.excess_z,
-            "motion_share": left.after.excess / before if left is not None and before and diagnosis.verdict.selected else None,
+    return {"motion_px": None if left is None else left.motion_px,
+            "motion_z": None if left is None else left.after.excess_z,
+            "motion_share": left.after.excess / before if left is not None and before and diagnosis.verdict.selected
+            else None,
             "place_mm": None if place is None else place.tolist(),
             "place": None if place is None else f"around {in_words(place)} {diagnosis.found.experiment.length_unit}",
             "channels": [{"column": one.column, "z": one.z, "share": one.share, "reading_share": one.reading_share,
@@ -100,7 +105,8 @@ def _courses(diagnosis: Diagnosis) -> list[dict]:
         return []
     experiment, final = diagnosis.residual_after.context.experiment, diagnosis.final
     found = [course for one in diagnosis.rounds if one.winner is not None
-             for course in courses_of(one.winner.name, experiment, one.winner.ranked.variant.new, final.values, final.stds)]
+             for course in courses_of(one.winner.name, experiment, one.winner.ranked.variant.new, final.values,
+                                      final.stds)]
     return courses_content(found, experiment.times)
 
 

@@ -22,7 +22,8 @@ def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str
 
     Parameters
     ----------
-    workers, scheduler : a LocalCluster of so many processes (0: none; default one per core), or an existing Dask scheduler
+    workers, scheduler : a LocalCluster of so many processes (0: none; default one per core), or an existing Dask
+    scheduler
     resume : refits that an interrupted diagnosis has finished are not repeated
     blocks : with a judgement on parts of the recording that had no part in the fit
     quick : screening and refit of the most promising candidate alone

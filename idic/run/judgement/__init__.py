@@ -1,1 +1,2 @@
-"""What a finished run is judged by: the camera's floor, the free FE-DIC, local tests, and remedies tried by themselves."""
+"""What a finished run is judged by: the camera's floor, the free FE-DIC, local tests, and remedies tried by
+themselves."""

@@ -1,7 +1,8 @@
-"""The fields of a RUN at its accepted point: measured motion and its noise, stress and state; kept in ``run.zarr/fields``.
+"""The fields of a RUN at its accepted point: measured motion and its noise, stress and state; kept in
+``run.zarr/fields``.
 
-Arrays of the group (docs/fields.md): ``frames``, ``nodes`` (numbers from 0 in the mesh), ``measured`` and ``noise`` (mm),
-``smoothed`` (mm), ``stress`` (MPa), ``state.NAME``. The simulated motion is that of the evaluation.
+Arrays of the group (docs/fields.md): ``frames``, ``nodes`` (numbers from 0 in the mesh), ``measured`` and ``noise``
+(mm), ``smoothed`` (mm), ``stress`` (MPa), ``state.NAME``. The simulated motion is that of the evaluation.
 """
 
 from __future__ import annotations
@@ -98,7 +99,8 @@ def write_measured(job: FieldJob) -> None:
 
 
 def write_states(job: FieldJob) -> None:
-    """Stress and state of the laws, by one more simulation along the stored one (a task); none of an external solver."""
+    """Stress and state of the laws, by one more simulation along the stored one (a task); none of an external
+    solver."""
     context = open_run(job.point.run)
     forward, evaluation = context.forward, job.point.evaluation
     if not isinstance(forward, ForwardModel):

@@ -70,7 +70,8 @@ def read_floor(store: RunStore) -> CameraFloor | None:
 def floor_content(context: RunContext | None, floor: CameraFloor | None) -> dict:
     """The entry ``camera_floor`` of result.json."""
     if floor is None or context is None:
-        return {"px": None, "bound_px": None, "length_px": None, "frames": [], "labels": [], "drift_px": [], "source": ""}
+        return {"px": None, "bound_px": None, "length_px": None, "frames": [], "labels": [], "drift_px": [],
+                "source": ""}
     labels = context.experiment.labels
     return {"px": floor.px, "bound_px": floor.bound_px, "length_px": floor.length_px, "frames": list(floor.frames),
             "labels": [f"still image {k}" if floor.separate else labels[k] for k in floor.frames],

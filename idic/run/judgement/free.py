@@ -1,4 +1,5 @@
-"""A free FE-DIC of the frames that the report shows: measured once after the last iteration, kept in ``run.zarr/free``."""
+"""A free FE-DIC of the frames that the report shows: measured once after the last iteration, kept in
+``run.zarr/free``."""
 
 from __future__ import annotations
 

@@ -74,8 +74,8 @@ class PointResiduals:
 
 
 def residuals_of(context: RunContext, entry: Mapping, camera: int = 0) -> Callable[[int], np.ndarray | None]:
-    """frame -> residual map of the point that an entry of the history of ``result.json`` describes; None where a frame is
-    not later than the reference."""
+    """frame -> residual map of the point that an entry of the history of ``result.json`` describes; None where a frame
+    is not later than the reference."""
     records = load_evaluation(context.store, entry["evaluation"], context.names).system.frames
     brightness = {record.frame: tuple(record.brightness_of(camera).tolist()) for record in records}
     at = PointResiduals(context, entry["evaluation"], entry["values"], brightness, camera)

@@ -60,7 +60,8 @@ def damaged_groups(store: RunStore, names: Iterable[str], images: Iterable[str],
         except Damaged:
             spoilt.add(name)
     spread = runner.sees_files and runner.workers > 1 and stored_bytes(store) > BYTES_FOR_WORKERS
-    found = runner.stream(is_whole, jobs, [f"scan-{job.name}-{job.array}-{job.first}" for job in jobs]) if spread else map(
+    found = runner.stream(is_whole, jobs,
+                          [f"scan-{job.name}-{job.array}-{job.first}" for job in jobs]) if spread else map(
         is_whole, jobs)
     return spoilt | {job.name for job, whole in zip(jobs, found, strict=True) if not whole}
 

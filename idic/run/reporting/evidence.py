@@ -52,7 +52,8 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     frames = [k for k in correlated_frames(experiment, range(experiment.n_frames)) if k != experiment.reference]
     seen = seen_by(experiment, reference) if experiment.noise.std_gv else None
     floor = noise_floor(seen, sensitivities, result, reference)
-    views = frame_views(experiment, frames, lambda frame: at_rest + plane(frame), residuals_of(context, last_accepted(result)))
+    views = frame_views(experiment, frames, lambda frame: at_rest + plane(frame),
+                        residuals_of(context, last_accepted(result)))
     free = None if seen is None else read_free(context.store, point) or free_motions(seen, shown, plane)
     if seen is not None and isinstance(free, FreeMotions):
         free = with_residuals(seen, free)

@@ -69,7 +69,8 @@ def export_fields(run: Path | str, folder: Path | str, file_format: str = "csv",
     there = context.experiment.at_geometry(accepted_parameters(result, context.experiment.parameters))
     series = series_of(run, context, result, there)
     if series is None:
-        raise InputError("the run has no fields", file=run, expected="an accepted simulation of a plane model or a solid",
+        raise InputError("the run has no fields", file=run,
+                         expected="an accepted simulation of a plane model or a solid",
                          found="a cross-section, or no accepted simulation", remedy="see result.json for its status")
     folder.mkdir(parents=True, exist_ok=True)
     content = Exported(series, there.times[list(series.frames)], lambda k: field_columns(series, k, measure, angle_deg))
@@ -130,7 +131,8 @@ def _zarr(content: Exported, folder: Path) -> Path:
 def _vectors(content: Exported, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Displacements as vectors too, by which ParaView warps."""
     unit = content.series.unit
-    pairs = {"displacement": (f"u_x_{unit}", f"u_y_{unit}"), "displacement_measured": (f"u_x_{unit}_measured", f"u_y_{unit}_measured")}
+    pairs = {"displacement": (f"u_x_{unit}", f"u_y_{unit}"),
+             "displacement_measured": (f"u_x_{unit}_measured", f"u_y_{unit}_measured")}
     return {f"{name}_{unit}": three_columns(np.column_stack([columns[x], columns[y]]))
             for name, (x, y) in pairs.items() if x in columns}
 

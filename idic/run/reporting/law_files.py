@@ -1,4 +1,5 @@
-"""Identified laws as files: a table that experiment.toml takes (``from = "sheet.toml"``), and cards of other programs."""
+"""Identified laws as files: a table that experiment.toml takes (``from = "sheet.toml"``), and cards of other
+programs."""
 
 from __future__ import annotations
 
@@ -109,7 +110,8 @@ def _term_table(written: WrittenTerm, units: Mapping[str, str]) -> dict:
         made["knots"], kind = sum(name.startswith("s") for name in written.values) + 1, "free"
     kind, *of = kind.split(TIMES)
     multiplied = {"of": of} if of else {}
-    return {"kind": kind, **made, **multiplied, **{own: _value(value, units[written.names[own]]) for own, value in written.values.items()}}
+    return {"kind": kind, **made, **multiplied,
+            **{own: _value(value, units[written.names[own]]) for own, value in written.values.items()}}
 
 
 def _value(value: float, unit: str) -> float | dict:

@@ -131,11 +131,13 @@ def load_record(run: Path | str) -> RunRecord:
     series = series_of(run, context, result, there)
     record = RunRecord(**(common | main), channels=_channels(context, result), series=series,
                        hardening=hardening_curves(experiment, parameters, result, series),
-                       temperature_factors=temperature_factors(experiment, parameters, result), gauges=gauges_of(context, there),
+                       temperature_factors=temperature_factors(experiment, parameters, result),
+                       gauges=gauges_of(context, there),
                        camera_floor_px=None if floor is None else floor.nodes_px,
                        **evidence(context, result, accepted[-1], parameters, main["sensitivities"]))
     names = [camera.name for camera in there.cameras]
-    further = (replace(record, **seen, channels=(), views=(), free=None, camera_floor_px=None, result=_of_camera(result, name))
+    further = (replace(record, **seen, channels=(), views=(), free=None, camera_floor_px=None,
+                       result=_of_camera(result, name))
                for name, seen in zip(names, others, strict=True))
     return replace(record, cameras=tuple(zip(names, further, strict=True)))
 
@@ -345,7 +347,8 @@ def _columns(context: RunContext, point: int, frame: int, parameters: ParameterS
     u = _read(context, point, BASE, "u", frame)
     columns = []
     for name in context.moving:
-        ident = json.loads((context.store.group(group_name(point, name)) / "zarr.json").read_text(encoding="utf-8"))["attributes"][
+        ident = json.loads((context.store.group(group_name(point, name))
+                            / "zarr.json").read_text(encoding="utf-8"))["attributes"][
             "ident"
         ]
         change = float.fromhex(ident["values"][name]) - parameters[name].value

@@ -1,4 +1,5 @@
-"""Local folders of a worker in place of the folders of the driver: they follow a manifest; large files come when they are read."""
+"""Local folders of a worker in place of the folders of the driver: they follow a manifest; large files come when they
+are read."""
 
 from __future__ import annotations
 
@@ -49,7 +50,8 @@ class Mirror:
         register(str(folder), self, self.moved)
 
     def follow(self, names: tuple[str, ...]) -> None:
-        """Bring the folders to the state of these manifests: what is gone or altered is deleted, small files are written.
+        """Bring the folders to the state of these manifests: what is gone or altered is deleted, small files are
+        written.
 
         names : digests of the manifests, which are objects themselves
         """
@@ -98,7 +100,8 @@ class Mirror:
         new = {self._key(path): self._scanner.entry(path) for path in self._files()}
         changed = {key for key, entry in new.items() if not _same(self._listed.get(key), entry)}
         groups = tuple(key.removesuffix("zarr.json") for key in changed if key.endswith("/zarr.json"))
-        taken = {key: entry for key, entry in new.items() if key in changed or key.startswith(groups)} if changed else {}
+        taken = {key: entry for key, entry in new.items() if key in changed
+                 or key.startswith(groups)} if changed else {}
         batch: list[bytes] = []
         for key, entry in taken.items():
             if entry.size > SMALL_BYTES:

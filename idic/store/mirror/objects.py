@@ -1,4 +1,5 @@
-"""Contents under their digests in an object storage (S3 and whatever else fsspec opens): immutable, checked at every read."""
+"""Contents under their digests in an object storage (S3 and whatever else fsspec opens): immutable, checked at every
+read."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ class StoredObjects:
 
     Parameters
     ----------
-    url : ``s3://bucket/prefix``, ``file:///mnt/...``; credentials come from the settings of fsspec and of its file system
+    url : ``s3://bucket/prefix``, ``file:///mnt/...``; credentials come from the settings of fsspec and of its file
+    system
     place : who reads and writes, for messages ("the driver", a worker's address)
     """
 
@@ -100,8 +102,8 @@ class StoredObjects:
     def _failed(self, what: str, problem: Exception) -> InputError:
         return InputError(f"{self._place} cannot {what} the store", key="--store", expected=f"access to {self.url}",
                           found=f"{type(problem).__name__}: {problem}",
-                          remedy="check address and credentials there (for S3: AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, "
-                                 "AWS_ENDPOINT_URL), then go on with --resume")
+                          remedy="check address and credentials there (for S3: AWS_ACCESS_KEY_ID, "
+                                 "AWS_SECRET_ACCESS_KEY, AWS_ENDPOINT_URL), then go on with --resume")
 
     def _spoilt(self, path: str, found: str) -> InputError:
         return InputError(f"{self._place} finds an object of the store missing or damaged; it is not used", file=path,

@@ -24,7 +24,8 @@ PLAIN = {"sheet.E": "E", "sheet.nu": "ν", "sheet.yield_stress": "σy", "sheet.h
          "sheet.E2": "E2", "sheet.nu12": "ν12", "sheet.G12": "G12"}
 IN_WORDS = {"metal": "right model, metal", "polymer": "right model, polymer", "solid": "three-dimensional truth",
             "coarse": "coarse linear mesh", "hardening": "wrong hardening form", "orthotropy": "orthotropy to 5 %",
-            "rotation": "rotated grip", "lens": "lens distortion", "off_axis": "off-axis composite, other rim of the hole"}
+            "rotation": "rotated grip", "lens": "lens distortion",
+            "off_axis": "off-axis composite, other rim of the hole"}
 MAX_SHOWN_ERROR = 8.0  # standard deviations
 
 
@@ -33,7 +34,8 @@ class Outcome:
     """The converged draws of a world.
 
     names : of n parameters as they are shown
-    noise, both : (draws, n) error over the standard deviation by noise, and over that of noise and model; NaN: not known
+    noise, both : (draws, n) error over the standard deviation by noise, and over that of noise and model; NaN: not
+    known
     significant : share of draws with a significant discrepancy
     """
 
@@ -72,12 +74,14 @@ def outcome_of(world: str, records: Sequence[CaseRecord]) -> Outcome:
     z_noise, z_both, shown = (value - truth) / noise, (value - truth) / std, tuple(PLAIN[name] for name in names)
     if world == "hardening":
         z_noise = np.column_stack([z_noise, np.full(len(done), np.nan)])  # their correlation by noise is not recorded
-        z_both, shown = np.column_stack([z_both, [_flow_stress_error(record) for record in done]]), (*shown, FLOW_STRESS)
+        z_both, shown = np.column_stack([z_both,
+                                         [_flow_stress_error(record) for record in done]]), (*shown, FLOW_STRESS)
     return Outcome(world, len(records), shown, z_noise, z_both, float(np.mean(found)))
 
 
 def _flow_stress_error(record: CaseRecord) -> float:
-    """Error of the identified flow stress over its standard deviation; the number of the truth begins the record's name."""
+    """Error of the identified flow stress over its standard deviation; the number of the truth begins the record's
+    name."""
     i, weights = [record.names.index(name) for name in LINE], np.array([1.0, PLASTIC_STRAIN])
     table = record.facts["correlation"]
     pair = [table["names"].index(name) for name in LINE]
@@ -121,7 +125,8 @@ def _table(found: Sequence[Outcome]) -> Table:
             known = bool(np.isfinite(own.noise[0, i]))
             rows.append((IN_WORDS[own.world], name, f"{100 * alone:.0f} %" if known else "–", f"{100 * held:.0f} %",
                          f"{np.sqrt(np.mean(own.noise[:, i]**2)):.1f}" if known else "–",
-                         f"{np.sqrt(np.mean(own.both[:, i]**2)):.2f}", f"{own.width_ratio[i]:.2f}" if known else "–", f"{100 * own.significant:.0f} %",
+                         f"{np.sqrt(np.mean(own.both[:, i]**2)):.2f}", f"{own.width_ratio[i]:.2f}" if known else "–",
+                         f"{100 * own.significant:.0f} %",
                          f"{len(own.both)} of {own.asked}"))
     return Table("Coverage of the 95 % intervals", (
         "world", "parameter", "noise alone", "noise and model", "rms error / std, noise alone",

@@ -42,7 +42,8 @@ FIBRES_DEG = 30.0
 COMPOSITE_TABLE = {"law": "orthotropic", "kinematics": "finite", "angle": {"value": FIBRES_DEG, "unit": "deg"}} | {
     name.partition(".")[2]: {"value": value, "identify": True} | ({} if name == "sheet.nu12" else {"unit": "MPa"})
     for name, value in COMPOSITE.items()}  # [material.sheet]
-MAX_RIM_CHANGE, RIM_RADIUS = 0.2, 1.4  # of the moduli at the hole's rim; where the rim ends, over the radius of the hole
+# of the moduli at the hole's rim; where the rim ends, over the radius of the hole
+MAX_RIM_CHANGE, RIM_RADIUS = 0.2, 1.4
 MAX_ROTATION = 5e-4  # rad at the end of the test: 0.02 px at the corners of the grip
 MAX_K1 = 2.5e-6  # 1/px²: a point at the edge of the image is seen 1.1 px off
 THICKNESSES_MM, LAYERS, SOLID_MESH = (1.0, 1.5, 2.0, 3.0), 2, (4, 6, 3)

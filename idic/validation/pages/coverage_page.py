@@ -24,7 +24,8 @@ IN_WORDS = {"grips": "metal, logged grip", "polymer": "polymer, logged grip", "m
             "virtual": "polymer, virtual boundaries", "foreign": "metal, logged grip, truth on a finer mesh",
             "foreign_measured": "polymer, measured edges, truth on a finer mesh",
             "foreign_virtual": "polymer, virtual boundaries, truth on a finer mesh"}
-WORLD_IN_WORDS = {"blurred": "noise smoothed over 0.6 px", "jpeg": "JPEG of quality 80", "bayer": "colour filter, demosaiced",
+WORLD_IN_WORDS = {"blurred": "noise smoothed over 0.6 px", "jpeg": "JPEG of quality 80",
+                  "bayer": "colour filter, demosaiced",
                   "grey_level": "noise by grey level", "understated": "noise stated 20 % low",
                   "drifting_force": "force noise correlated 0.9 from frame to frame",
                   "fields": "displacements of a subset DIC in the place of the images"}
@@ -133,7 +134,8 @@ def _table(found: Sequence[Coverage]) -> Table:
                          f"{group.bias[i]:+.2f}",
                          f"{group.scatter[i]:.3f}", f"{group.above_bound[i]:.3f}", f"{100 * group.stated[i]:.3g} %",
                          f"{group.draws} of {group.asked}"))
-    return Table("Coverage per parameter", ("", "parameter", "coverage", "of chance (95 %)", "mean error / std", "scatter / std",
+    return Table("Coverage per parameter",
+                 ("", "parameter", "coverage", "of chance (95 %)", "mean error / std", "scatter / std",
                                             "scatter / bound", "stated std", "converged"), tuple(rows),
                  "1000 draws know a coverage of 95 % to ± 1.4 % (95 % of chance), a scatter to 2.2 %.")
 

@@ -160,7 +160,8 @@ def _table_goals(record: CaseRecord, bits: int) -> list[Goal]:
             f"{rms:.2g} %",
             rms <= 0.1 * paper,
         ),
-        Goal(f"{bits} bit: error over reported standard deviation", "at most 3", f"{worst:.2g}", worst <= MAX_ERROR_STD),
+        Goal(f"{bits} bit: error over reported standard deviation", "at most 3", f"{worst:.2g}",
+             worst <= MAX_ERROR_STD),
         Goal(
             f"{bits} bit: iterations",
             f"at most {MAX_ITERATIONS}",

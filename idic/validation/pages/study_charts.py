@@ -40,8 +40,8 @@ def convergence(record: CaseRecord, symbols: Mapping[str, str], name: str, capti
 
 def errors_over(panels: Sequence[tuple[str, str, np.ndarray, Sequence[CaseRecord]]], symbols: Mapping[str, str],
                 name: str, title: str, caption: str, logarithmic: Sequence[bool]) -> Picture:
-    """Relative error of every parameter over the varied quantity, one panel each; open markers: not converged, or with a
-    residual beyond the noise.
+    """Relative error of every parameter over the varied quantity, one panel each; open markers: not converged, or with
+    a residual beyond the noise.
 
     panels : (heading, label of the abscissa with its unit, abscissa (n,), records); dotted: the reported std
     logarithmic : abscissa of each panel

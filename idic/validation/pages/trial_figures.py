@@ -58,7 +58,8 @@ def place_and_onset(records: Sequence[TrialRecord]) -> Picture | None:
         right.hist(overlap, bins=np.linspace(0.0, 1.0, 11), color=BLUE)
         right.axvline(0.5, color=RED, lw=1.0)
         right.set(xlabel="overlap of place (intersection / union)", ylabel="trials")
-        return to_picture(figure, "onset-place", "Onset and place", "Shaded: within two frames. Line: the target's median.")
+        return to_picture(figure, "onset-place", "Onset and place",
+                          "Shaded: within two frames. Line: the target's median.")
 
 
 def decoy_picture(records: Sequence[TrialRecord]) -> Picture | None:

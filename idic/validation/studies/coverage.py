@@ -42,7 +42,8 @@ IMAGES = {"grips": "metal", "polymer": "polymer", "measured": "polymer", "virtua
 WORLDS: dict[str, dict[str, Any]] = {  # noise that the identification is not told of: what is added to `DISTURBANCE`;
     # fields: what a subset DIC has measured in the images
     "blurred": {"sensor": "blurred"}, "jpeg": {"sensor": "jpeg"}, "bayer": {"sensor": "bayer"},
-    "grey_level": {"sensor": "grey_level"}, "understated": {"stated": 0.8}, "drifting_force": {"channel_correlation": 0.9},
+    "grey_level": {"sensor": "grey_level"}, "understated": {"stated": 0.8},
+    "drifting_force": {"channel_correlation": 0.9},
     "fields": {"subsets": (8, 8)}}
 FOREIGN_GROUPS = {"foreign": ("foreign", "grips"), "foreign_measured": ("polymer_foreign", "measured"),
                   "foreign_virtual": ("polymer_foreign", "virtual")}

@@ -105,9 +105,11 @@ def polycarbonate_study(size: str) -> Study:
 
 
 def scaled(factors: float | Iterable[float]) -> dict[str, Any]:
-    """Start values at `factors` times the truth (one, or one per parameter), as ``--set`` takes them, and the options."""
+    """Start values at `factors` times the truth (one, or one per parameter), as ``--set`` takes them, and the
+    options."""
     factors = np.broadcast_to(np.asarray(factors, float), len(TRUTH))
-    return POINT_SAMPLED | {name: float(f"{factor * value:.6g}") for factor, (name, value) in zip(factors, TRUTH.items(), strict=True)}
+    return POINT_SAMPLED | {name: float(f"{factor * value:.6g}")
+                            for factor, (name, value) in zip(factors, TRUTH.items(), strict=True)}
 
 
 def random_factors() -> np.ndarray:

@@ -28,8 +28,8 @@ class Disturbance:
     sensor : how the camera makes its noise, see `idic.virtual_tests.sensors`
     stated : noise that the experiment states over the noise that there is
     channel_correlation : of the noise of a channel from frame to frame (first-order autoregression)
-    subsets : half width and distance of the subsets of another DIC, px, whose displacements take the place of the images;
-    () : images
+    subsets : half width and distance of the subsets of another DIC, px, whose displacements take the place of the
+    images; () : images
     """
 
     records: bool = False
@@ -78,7 +78,8 @@ def as_measured_fields(experiment: Experiment, half: int, step: int) -> Experime
     centres = subset_grid(whole, half, step)
     frames = range(experiment.reference, experiment.n_frames)
     moved = np.zeros((experiment.n_frames, len(centres), 2))
-    moved[frames.start:] = subset_displacements([stack.frame(k) for k in frames], centres, half)  # type: ignore[union-attr]
+    moved[frames.start:] = subset_displacements([stack.frame(k) for k in frames], centres,
+                                                half)  # type: ignore[union-attr]
     size = experiment.camera.pixel_size
     points = FieldPoints(centres.astype(float), stack.shape, size, 2.0 * half + 1.0)  # type: ignore[union-attr]
     fields = ArrayStack((points.um_per_px * moved).astype(np.float32))

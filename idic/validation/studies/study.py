@@ -113,7 +113,8 @@ class Study:
         return tuple(dict.fromkeys(case.group for case in self.cases))
 
     def select(self, patterns: Sequence[str] | None) -> tuple[Case, ...]:
-        """The cases whose group or key fits one of the patterns (``starts``, ``noise/10*``, the world ``jpeg``); all without any.
+        """The cases whose group or key fits one of the patterns (``starts``, ``noise/10*``, the world ``jpeg``); all
+        without any.
 
         Raises
         ------

@@ -17,7 +17,8 @@ LOW, HIGH = 0.08, 0.92  # grey values of the speckle as a part of the levels
 
 
 def scene_of(mesh: Mesh, surface: str | None) -> Scene:
-    """What is seen of a plane specimen (z = 0, both sides), or of a solid: the set with speckle, other faces without."""
+    """What is seen of a plane specimen (z = 0, both sides), or of a solid: the set with speckle, other faces
+    without."""
     if mesh.n_dim == 2:
         nodes = np.column_stack([mesh.nodes, np.zeros(mesh.n_nodes)])
         return Scene(nodes, surface_cells(mesh), closed=False)

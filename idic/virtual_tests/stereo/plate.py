@@ -83,8 +83,8 @@ noise_std = 10.0
 
 @dataclass(frozen=True)
 class Size:
-    """Pixel size in the middle (mm), image (rows, columns), frames of three stages, mesh densities (around the eighth of
-    the hole, radial, beside, through the thickness), distance of the cameras (mm) and their angles (deg)."""
+    """Pixel size in the middle (mm), image (rows, columns), frames of three stages, mesh densities (around the eighth
+    of the hole, radial, beside, through the thickness), distance of the cameras (mm) and their angles (deg)."""
 
     pixel: float
     shape: tuple[int, int]
@@ -127,14 +127,18 @@ def plate(around: int, radial: int, beside: int, layers: int) -> Mesh:
     n, quads = len(flat.nodes), flat.blocks[0].connectivity
     corners = np.unique(quads[:, :4])
     planes = np.linspace(-THICKNESS, 0.0, 2 * layers + 1)
-    kept = [np.arange(n) if k % 2 == 0 else corners for k in range(len(planes))]  # a brick has no node in the middle of a face
+    # a brick has no node in the middle of a face
+    kept = [np.arange(n) if k % 2 == 0 else corners for k in range(len(planes))]
     first = np.cumsum([0, *(len(nodes) for nodes in kept)])
     number = np.full((len(planes), n), -1)
     for k, own in enumerate(kept):
         number[k, own] = first[k] + np.arange(len(own))
-    nodes = np.concatenate([np.column_stack([flat.nodes[own], np.full(len(own), z)]) for own, z in zip(kept, planes, strict=True)])
-    bricks = np.concatenate([np.hstack([number[2 * k][quads[:, :4]], number[2 * k + 2][quads[:, :4]], number[2 * k][quads[:, 4:]],
-                                        number[2 * k + 2][quads[:, 4:]], number[2 * k + 1][quads[:, :4]]]) for k in range(layers)])
+    nodes = np.concatenate([np.column_stack([flat.nodes[own], np.full(len(own), z)])
+                            for own, z in zip(kept, planes, strict=True)])
+    bricks = np.concatenate([np.hstack([number[2 * k][quads[:, :4]], number[2 * k + 2][quads[:, :4]],
+                                        number[2 * k][quads[:, 4:]],
+                                        number[2 * k + 2][quads[:, 4:]], number[2 * k + 1][quads[:, :4]]])
+                                        for k in range(layers)])
     sets = {name: np.setdiff1d(number[:, own], [-1]) for name, own in flat.node_sets.items()}
     mesh = make_mesh(nodes, [("hex20", bricks)], node_sets=sets, element_sets={"BODY": np.arange(len(bricks))})
     faces = boundary_faces(mesh)
@@ -209,5 +213,6 @@ def _solve(mesh: Mesh, grip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
                   constraints=Constraints(dofs, basis, fine[:, None]), channels=(Reaction(3 * right),))
     values = np.array([TRUTH[f"BODY.{name}"] for name in law.spec.parameter_names])
     frames = range(0, len(fine), INCREMENTS)
-    states = [(state.u.copy(), state.channels[0]) for k, state in enumerate(march(model, {"BODY": values}, times)) if k in frames]
+    states = [(state.u.copy(), state.channels[0]) for k, state in enumerate(march(model, {"BODY": values}, times))
+              if k in frames]
     return np.array([u for u, _ in states]), np.array([force for _, force in states])

@@ -62,7 +62,8 @@ def traced_image(scene: Scene, u: np.ndarray, camera: PinholeCamera, texture: Ca
                 conn = np.ascontiguousarray(block.connectivity, dtype=np.int64)
                 boxes = _boxes(moved_px[conn], first, last, nx, n)
                 face, xi = np.full(len(samples), -1, dtype=np.int64), np.zeros((len(samples), 2))
-                _trace(CODES[block.cell], moved, conn, boxes, origin, directions, nx * n, scene.closed, nearest, face, xi)
+                _trace(CODES[block.cell], moved, conn, boxes, origin, directions, nx * n, scene.closed, nearest, face,
+                       xi)
                 hit = face >= 0
                 if bare:
                     value[hit] = DARK_SHARE * sensor.background

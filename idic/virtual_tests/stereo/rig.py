@@ -54,5 +54,6 @@ def write_calibration(cameras: Sequence[PinholeCamera], shape: tuple[int, int], 
         turn = two.rotation @ one.rotation.T
         entries |= {"R": turn.tolist(), "T": (two.translation_mm - turn @ one.translation_mm).tolist()}
     if deviations:
-        entries["covariance"] = {"names": list(deviations), "matrix": np.diag(np.square([*deviations.values()])).tolist()}
+        entries["covariance"] = {"names": list(deviations),
+                                 "matrix": np.diag(np.square([*deviations.values()])).tolist()}
     path.write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")

@@ -96,7 +96,8 @@ def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
     model = Model(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=THICKNESS_MM,
                   constraints=Constraints(dofs, basis, histories), channels=(Reaction(2 * mesh.node_sets["RIGHT"]),),
                   **({} if warmth is None else {"temperature": warmth}))
-    states = [(s.u.copy(), float(s.channels[0])) for s in march(model, values, scene.times, substeps=SUBSTEPS_PER_FRAME)]
+    states = [(s.u.copy(), float(s.channels[0]))
+              for s in march(model, values, scene.times, substeps=SUBSTEPS_PER_FRAME)]
     return Motion(mesh, np.array([u for u, _ in states]), np.array([f for _, f in states]))
 
 
