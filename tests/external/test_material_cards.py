@@ -94,25 +94,50 @@ def test_one_element_of_calculix_goes_as_the_law_with_the_exported_card(ccx, tmp
     assert np.abs(theirs - ours).max() < 2.0 * KIRCHHOFF * np.abs(ours).max()
 
 
+WARMED = "elastoplastic(voce+linear*E+linear*flow_stress)"
+WARMED_VALUES = dict(zip(get_law(WARMED).parameter_names, (70e3, 0.3, 200.0, 80.0, 20.0, -5e-4, -2e-3, 20.0),
+                         strict=True))
+COURSE = np.concatenate([np.linspace(0.0, 0.01, 11), np.full(10, 0.01), np.linspace(0.01, 0.03, 11)[1:],
+                         np.linspace(0.03, 0.02, 11)[1:]])
+WARM_COURSE = np.interp(np.arange(len(COURSE)), [0, 10, 20, 30, 40], [20.0, 20.0, 170.0, 170.0, 60.0])
+THERMAL = 2e-5  # 1/K
+
+
 def test_a_warmed_element_of_calculix_goes_as_the_law_with_tables_over_the_temperature(ccx, tmp_path):
-    """Pulled, warmed by 150 K under load, pulled on and unloaded while it cools; the tables are linear in between, as
-    the law."""
-    law = "elastoplastic(voce+linear*E+linear*flow_stress)"
-    values = dict(zip(get_law(law).parameter_names, (70e3, 0.3, 200.0, 80.0, 20.0, -5e-4, -2e-3, 20.0), strict=True))
-    strain = np.concatenate([np.linspace(0.0, 0.01, 11), np.full(10, 0.01), np.linspace(0.01, 0.03, 11)[1:],
-                             np.linspace(0.03, 0.02, 11)[1:]])
-    warm = np.interp(np.arange(len(strain)), [0, 10, 20, 30, 40], [20.0, 20.0, 170.0, 170.0, 60.0])
-    card = material_card("M", law, values, "calculix", reached=0.1, temperatures=(20.0, 170.0))
+    """Pulled, warmed by 150 K under load, pulled on and unloaded while it cools; tables are linear in between, as the
+    law."""
+    card = material_card("M", WARMED, WARMED_VALUES, "calculix", reached=0.1, temperatures=(20.0, 170.0))
     assert card.missing == ()
-    theirs = pulled_by_calculix(tmp_path, card.text, strain, warm)
-    compiled, dependence, own = compile(law), get_law(law).temperature, np.array(list(values.values()))
-    F, state, ours = np.ones(2), compiled.initial_state(0)[None], []
-    for k in range(1, len(strain)):
-        F, state, P = free_sides(compiled, strain[k], state, dependence.values(own, warm[k:k + 1]), F)
-        ours.append(P)
-    cold = point.uniaxial(compiled, own, strain).P[1:, 0, 0]
+    theirs = pulled_by_calculix(tmp_path, card.text, COURSE, WARM_COURSE)
+    ours = warmed(np.zeros(len(COURSE)))
+    cold = point.uniaxial(compile(WARMED), list(WARMED_VALUES.values()), COURSE).P[1:, 0, 0]
     assert np.abs(cold - ours).max() > 40.0  # the temperature matters
     assert np.abs(theirs - ours).max() < 2.0 * KIRCHHOFF * np.abs(ours).max()
+
+
+def test_thermal_strain_in_calculix_is_taken_from_the_displacement_gradient(ccx, tmp_path):
+    """With that the law follows; the expanded body of idic is off by e E strain where it is unloaded, by e stress."""
+    card = material_card("M", WARMED, WARMED_VALUES, "calculix", reached=0.1, temperatures=(20.0, 170.0))
+    theirs = pulled_by_calculix(tmp_path, card.text + f"*EXPANSION, ZERO=20\n{THERMAL}\n", COURSE, WARM_COURSE)
+    e = THERMAL * (WARM_COURSE - 20.0)
+    ours, exact = warmed(e), warmed(e, exact=True)
+    assert np.abs(theirs - ours).max() < 2.0 * KIRCHHOFF * np.abs(ours).max()
+    assert np.abs(ours - exact).max() > 2.0 * np.abs(theirs - ours).max()
+
+
+def warmed(e, exact=False):
+    """Nominal stress of the law along the course, e : free thermal strain  # (n - 1,) MPa
+
+    F - e I strains the material, and its second Piola-Kirchhoff stress acts on F, as in CalculiX; exact: F / (1 + e),
+    and the Cauchy stress is the law's (`idic.fe.assembly.expansion`).
+    """
+    law, own, dependence = compile(WARMED), np.array(list(WARMED_VALUES.values())), get_law(WARMED).temperature
+    sides, state, found = np.ones(2), law.initial_state(0)[None], []
+    for strain, T, own_e in zip(COURSE[1:], WARM_COURSE[1:], e[1:], strict=True):
+        strained = (1.0 + strain) / (1.0 + own_e) if exact else 1.0 + strain - own_e
+        sides, state, P = free_sides(law, strained - 1.0, state, dependence.values(own, np.array([T])), sides)
+        found.append(P * (1.0 + own_e) ** 2 if exact else P * (1.0 + strain) / strained)
+    return np.array(found)
 
 
 @pytest.mark.parametrize(("law", "values"), [
