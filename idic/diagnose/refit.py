@@ -17,6 +17,7 @@ from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import Ranked
 from idic.errors import InputError, NotConverged
 from idic.identify.in_memory import Identification, identify
+from idic.identify.result import Analysis
 from idic.identify.weights import noise_weights
 from idic.identify.step.estimator import may_begin_generalised
 from idic.identify.step.state import GENERALISED, ORDINARY, AcceptedPoint, LoopState, Trial
@@ -41,7 +42,8 @@ MAX_PARAMETER_CHANGE = 0.4  # relative change of an identified parameter
 class Refit:
     """A model after its identification on the copy for choosing.
 
-    values : every parameter, internal units; stds : of the free ones, None where open; choice, judgement : its fit on
+    values : every parameter, internal units; stds : of the free ones, None where open, from noise alone in a model that is
+    only compared with others; choice, judgement : its fit on
     the copy that it was fitted to and on the other one; problem : why there is none of this, "" otherwise
     """
 
@@ -122,7 +124,7 @@ class _Progress:
 
 def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], local: np.ndarray, grid: Grid,
           target: float = np.inf, early_stop: EarlyStop | None = None, estimator: str = ORDINARY,
-          unlimited: bool = False) -> Refit:
+          unlimited: bool = False, whole_std: bool = False) -> Refit:
     """Identify a model from the best of a few starts and measure it.
 
     Parameters
@@ -136,6 +138,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     early_stop : ends an identification that will not come near the best rival
     estimator : to begin with; "generalised" from a start that is near
     unlimited : without the limit of evaluations of a model that is compared with others
+    whole_std : the standard deviations also count what the model leaves unexplained: one more pass over the images
     """
     best, runs, problems, watch, lost = None, 0, [], _Progress(early_stop), None
     for start in starts[:MAX_STARTS]:
@@ -170,7 +173,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     if start.label in other:
         there = at_other_copy(found, other[start.label])
         judged = fit(residual_evidence(there, light=False, null=False, responses=path), grid)
-    return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found), found.local,
+    return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found, whole_std), found.local,
                  found.steps, here, judged, runs, phi=phi, estimator=found.state.estimator.kind)
 
 
@@ -228,11 +231,11 @@ def _fitting(local: np.ndarray, experiment: Experiment) -> np.ndarray | None:
     return local if build_forward(experiment).drives.n_local == local.shape[1] else None
 
 
-def _stds(found: Identification) -> dict[str, float | None]:
-    shown = found.result["parameters"]
-    parameters = found.parameters
-    return {name: None if shown[name]["std"] is None else abs(shown[name]["std"] * parameters[name].factor)
-            for name in parameters.free}
+def _stds(found: Identification, whole: bool) -> dict[str, float | None]:
+    """Of the free parameters, internal units, None where the recording leaves one open; whole : not from noise alone."""
+    discrepancy = (found.discrepancy,) if whole else ()
+    analysis = Analysis(found.experiment, found.parameters, found.point, found.weights.image_noise, *discrepancy)
+    return {name: analysis.std(name) for name in found.parameters.free}
 
 
 def at_other_copy(found: Identification, experiment: Experiment) -> Identification:

@@ -50,6 +50,7 @@ class RefitJob:
     swapped : identified on the copy for judging, judged on the copy for choosing
     borrowed : label of the start whose values were fitted to the copy that judges (`Start.borrowed`)
     estimator : of the first evaluation; unlimited : without the limit of evaluations
+    whole_std : standard deviations count what the model leaves unexplained, for the model that is selected at last
     """
 
     name: str
@@ -67,6 +68,7 @@ class RefitJob:
     borrowed: str = ""
     estimator: str = ORDINARY
     unlimited: bool = False
+    whole_std: bool = False
 
 
 Refits = Callable[[Sequence[RefitJob]], list[Refit]]  # runs jobs, side by side or not; answers in their order
@@ -109,7 +111,8 @@ def run_refit(job: RefitJob) -> Refit:
             other[label] = thinned(experiment, CHOICE if job.swapped else JUDGEMENT, job.seed)
             experiment = thinned(experiment, JUDGEMENT if job.swapped else CHOICE, job.seed)
         starts.append(Start(label, experiment, values, label == job.borrowed))
-    return refit(job.name, starts, other, job.local, job.grid, job.target, job.early_stop, job.estimator, job.unlimited)
+    return refit(job.name, starts, other, job.local, job.grid, job.target, job.early_stop, job.estimator, job.unlimited,
+                 job.whole_std)
 
 
 def refit_of_one(source: ExperimentSource, name: str, null: Refit, grid: Grid, seed: int, **further) -> RefitJob:

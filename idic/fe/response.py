@@ -96,15 +96,18 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
 def like(base: System, model: Model) -> System:
     """`discretise` of a model; numbering and shape functions of `base` are used again where they are the same."""
     known = base.model
-    same = (np.array_equal(model.mesh.nodes, known.mesh.nodes) and len(model.sections) == len(known.sections)
-            and np.array_equal(model.constraints.dofs, known.constraints.dofs)
+    alike = (np.array_equal(model.constraints.dofs, known.constraints.dofs) and len(model.sections) == len(known.sections)
+             and all(np.array_equal(a.elements, b.elements)
+                     for a, b in zip(model.sections, known.sections, strict=True))
+             and len(model.mesh.blocks) == len(known.mesh.blocks)
+             and all(np.array_equal(a.connectivity, b.connectivity)
+                     for a, b in zip(model.mesh.blocks, known.mesh.blocks, strict=True)))
+    same = (alike and np.array_equal(model.mesh.nodes, known.mesh.nodes)
             and (model.kind, model.thickness, model.locking) == (known.kind, known.thickness, known.locking)
             and model.quadrature == known.quadrature and not known.variations and not base.pressures
-            and not model.loads.pressure_faces and not any(group.mean_dilatation for group in base.groups)
-            and all(np.array_equal(a.elements, b.elements)
-                    for a, b in zip(model.sections, known.sections, strict=False)))
+            and not model.loads.pressure_faces and not any(group.mean_dilatation for group in base.groups))
     if not same:
-        return discretise(model)
+        return discretise(model, base.pattern if alike else None)
     groups = []
     for group in base.groups:
         factor = assembly.weight_factor(model, group.section, group.cell, group.connectivity, group.weights,

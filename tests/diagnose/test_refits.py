@@ -299,6 +299,19 @@ def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(
     assert refit("a", [replace(starts[0], borrowed=False)], {"a": experiment}, found.local, grid).usable
 
 
+def test_a_model_that_is_compared_has_the_error_by_noise_and_the_selected_one_the_whole(clean):
+    """The discrepancy costs one more pass over the images, and no comparison of models asks for it."""
+    experiment, found = clean
+    wrong = experiment.parameters.with_values({"BODY.nu": 0.1}).with_free(["BODY.E"])
+    at = [Start("a", replace(experiment, parameters=wrong), {})]
+    grid = grid_of(residual_evidence(found))
+    compared, selected = (refit("a", at, {}, found.local, grid, whole_std=whole) for whole in (False, True))
+    own = identify(at[0].experiment, found.local).result["parameters"]["BODY.E"]
+    assert compared.stds["BODY.E"] == pytest.approx(own["std_noise"], rel=0.01)  # the last steps differ
+    assert selected.stds["BODY.E"] == pytest.approx(own["std"], rel=0.01)
+    assert selected.stds["BODY.E"] > 2.0 * compared.stds["BODY.E"]
+
+
 @pytest.mark.parametrize("answers", [True, False])
 def test_the_residual_of_a_fit_that_was_stopped_early_is_measured_at_its_end(answers):
     asked, cut = [], ExcessLeft(leaving(3000.0), leaving(900.0), 1e5)

@@ -6,6 +6,7 @@ import pytest
 from fe_bodies import SHARP, body, grid, held, where
 
 from idic.fe import response
+from idic.fe.assembly import assembly
 from idic.fe.assembly.assembly import discretise
 from idic.fe.assembly.variation import Variation
 from idic.fe.march import march
@@ -88,3 +89,12 @@ def test_a_law_without_an_answer_is_lost_and_the_others_are_not():
         assert np.isnan(pair.du[..., 0]).all() and np.isnan(pair.dchannels[:, 0]).all()
         np.testing.assert_array_equal(pair.du[..., 1], single.du[..., 0])
         np.testing.assert_array_equal(pair.dchannels[:, 1], single.dchannels[:, 0])
+
+
+def test_a_model_beside_one_with_a_spot_is_numbered_as_that_one(monkeypatch):
+    """The numbering is what a discretisation costs, and once a spot is in the null every alternative needs one."""
+    base, plain, made = discretise(plate(variations=SPOT)), discretise(plate()), []
+    monkeypatch.setattr(assembly, "make_pattern", lambda *given: made.append(given))
+    again = like(base, plate())
+    assert not made and again.pattern is base.pattern
+    np.testing.assert_array_equal(again.groups[0].weights, plain.groups[0].weights)

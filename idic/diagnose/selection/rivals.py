@@ -37,16 +37,16 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
     ----------
     refits : runs jobs side by side; how many it can changes nothing in what they are asked (`next_wave`)
     bends : the null has a law that yields, and nothing is in the model yet (`same_family_rivals`)
-    alone : only the most promising candidate is refitted
+    alone : only the most promising candidate is refitted, with the standard deviations of a last model
     """
     waiting, rivals, early_stop, best = alternatives(screening.shortlist), {}, None, 0.0
     reserve = [r for r in alternatives([*screening.shortlist, *screening.reserve]) if r in screening.reserve]
     starts = {r.key: starting_variants(screening, r.candidate, r.variant) for r in [*waiting, *reserve]}
 
     def run(chosen, first: int, last: int, min_drop: float | None = None) -> list[Rival]:
-        answers = refits([_job(source, null, r, starts[r.key][first:last], first == 0 and min_drop is None,
-                               MIN_KEPT_SHARE * r.gain if min_drop is None else min_drop, grid, seed, early_stop)
-                               for r in chosen])
+        jobs = [_job(source, null, r, starts[r.key][first:last], first == 0 and min_drop is None,
+                     MIN_KEPT_SHARE * r.gain if min_drop is None else min_drop, grid, seed, early_stop) for r in chosen]
+        answers = refits([replace(job, whole_std=alone) for job in jobs])
         return [_rival(ranked, answer, null) for ranked, answer in zip(chosen, answers, strict=True)]
 
     if alone:

@@ -78,8 +78,11 @@ class System:
         return tuple(np.tile(g.law.initial_state(mode), (g.n_points, 1)) for g in self.groups)
 
 
-def discretise(model: Model) -> System:
-    """Shape function gradients, numbering and scatter positions of a (validated) model."""
+def discretise(model: Model, pattern: Pattern | None = None) -> System:
+    """Shape function gradients, numbering and scatter positions of a (validated) model.
+
+    pattern : of another model with the same elements and held dofs, where there is one
+    """
     mesh = model.mesh
     parts = []
     for index, section in enumerate(model.sections):
@@ -90,7 +93,8 @@ def discretise(model: Model) -> System:
                 parts.append((index, section, block.cell, chosen, block.connectivity[chosen - block.first]))
     d = mesh.n_dim
     dofs = [_dofs(connectivity, d) for *_, connectivity in parts]
-    pattern = make_pattern(mesh.nodes, dofs, np.asarray(model.constraints.dofs))
+    if pattern is None:
+        pattern = make_pattern(mesh.nodes, dofs, np.asarray(model.constraints.dofs))
     groups = tuple(_group(model, pattern, *part, part_dofs) for part, part_dofs in zip(parts, dofs, strict=True))
     pressures = pressure_faces(model)
     extent = np.ptp(mesh.nodes[np.concatenate([p[-1].ravel() for p in parts])], axis=0)

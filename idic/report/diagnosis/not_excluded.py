@@ -25,12 +25,15 @@ MIN_OTHER_SHARE = 0.5  # the same of one that is no known rival
 MAX_HIDDEN = 5  # invisible effects that are named, the largest shift first
 
 
-def not_excluded(diagnosis: Diagnosis) -> list[dict[str, str]]:
-    """Entries ``name``, ``why``, the nearest first."""
+def not_excluded(diagnosis: Diagnosis, before: Mapping[str, Mapping]) -> list[dict[str, str]]:
+    """Entries ``name``, ``why``, the nearest first.
+
+    before : per free parameter of the identified model its std in the unit of the file, as in result.json
+    """
     won = [one for one in diagnosis.rounds if one.winner is not None]
     near = [*_indistinguishable(won), *_untestable(won), *_near(won, diagnosis), *_passed_over(diagnosis)]
     known = {entry["name"] for entry in near} | set(diagnosis.verdict.selected)
-    return near + [entry for entry in _hidden(diagnosis) if entry["name"] not in known]
+    return near + [entry for entry in _hidden(diagnosis, before) if entry["name"] not in known]
 
 
 def _indistinguishable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
@@ -85,11 +88,10 @@ def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
                "flaw of the description"}
 
 
-def _hidden(diagnosis: Diagnosis) -> list[dict[str, str]]:
+def _hidden(diagnosis: Diagnosis, before: Mapping[str, Mapping]) -> list[dict[str, str]]:
     """Candidates that this test cannot see, whose plausible size would move an identified parameter."""
-    parameters = diagnosis.found.result["parameters"]
     stds = {name: entry["std"] * abs(diagnosis.found.parameters[name].factor)
-            for name, entry in parameters.items() if entry.get("free") and entry["std"]}
+            for name, entry in before.items() if entry["std"]}
     shown = short_names(list(stds))
     found = []
     for ranked in diagnosis.rounds[-1].screening.ranked:

@@ -38,7 +38,7 @@ def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None
     notes : parts beside the verdict that failed
     """
     run = Path(run)
-    content = diagnosis_content(run, diagnosis, enriched, wall_s)
+    content = diagnosis_content(run, diagnosis, enriched, wall_s, _before(run))
     if blocks is not None:
         content["fit"]["blocks"] = finite(blocks)
     content["notes"] = list(notes)
@@ -47,15 +47,16 @@ def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None
     return json.loads((run / DIAGNOSIS_FILE).read_text(encoding="utf-8"))
 
 
-def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wall_s: float) -> dict:
-    """The content of ``RUN/diagnosis.json``."""
+def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wall_s: float,
+                      before: Mapping[str, Mapping]) -> dict:
+    """The content of ``RUN/diagnosis.json``; before : value, std, unit of the identified model's free parameters."""
     verdict = diagnosis.verdict
     content = {
         "schema": SCHEMA, "verdict": verdict.word, "mismatch": mismatch_content(diagnosis),
         "candidates": _candidates(diagnosis), "named": list(verdict.selected),
         "indistinguishable": [list(group) for group in verdict.indistinguishable],
         "next_experiment": verdict.next_experiment,
-        "model": {"parameters_before": _before(run), "parameters_after": _after(diagnosis),
+        "model": {"parameters_before": before, "parameters_after": _after(diagnosis),
                   "experiment": None if enriched is None else enriched.relative_to(run).as_posix()},
         "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded],
         "cannot_tell": list(verdict.cannot_tell), "probability": diagnosis.probability,
@@ -72,7 +73,7 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
     content["headline"] = headline(content, titles)
     content["left_over"] = left_over(content)
     content["not_excluded"] = [entry | {"title": titles.get(entry["name"], entry["name"])}
-                               for entry in not_excluded(diagnosis)]
+                               for entry in not_excluded(diagnosis, before)]
     return content
 
 
@@ -154,7 +155,11 @@ def _expected(ranked: Ranked) -> dict[str, float]:
 
 
 def _before(run: Path) -> dict:
-    result = read_result(run) if (run / RESULT_FILE).exists() else {}
+    return free_parameters(read_result(run) if (run / RESULT_FILE).exists() else {})
+
+
+def free_parameters(result: Mapping) -> dict[str, dict]:
+    """Value, std, unit of the free parameters of a result (result.json)."""
     return {name: {key: entry.get(key) for key in ("value", "std", "unit")}
             for name, entry in result.get("parameters", {}).items() if entry.get("free")}
 

@@ -103,7 +103,7 @@ def job_hash(job: RefitJob) -> str:
              "values": [{name: float(v).hex() for name, v in values.items()} for values in job.values],
              "race": "None" if stop is None else f"Race(null={stop.null!r}, best={stop.best!r})", "copies": job.copies,
              "swapped": job.swapped, "borrowed": job.borrowed, "estimator": job.estimator,
-             "to_its_end": job.unlimited, "seed": job.seed}
+             "to_its_end": job.unlimited, "seed": job.seed} | ({"whole_std": True} if job.whole_std else {})
     text = json.dumps(plain, sort_keys=True, default=repr)
     arrays = (job.local, job.grid.at, job.grid.low, job.grid.extent, job.grid.cells)
     return hashlib.sha256(text.encode() + b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()[:16]

@@ -22,7 +22,7 @@ from idic.experiment_file.toml_file import locate, read_toml, validated, with_ov
 from idic.identify.in_memory import Identification, identify
 from idic.images.stack import ArrayStack, Stack
 from idic.model.experiment import Experiment
-from idic.run.diagnosis.files import diagnosis_content
+from idic.run.diagnosis.files import diagnosis_content, free_parameters
 from idic.run.diagnosis.refits import run_refits
 from idic.run.diagnosis.source import EditedFolder
 from idic.validation.trial.ablations import ablations, omnibus
@@ -90,14 +90,14 @@ def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_abla
 
     diagnosis = diagnose(source, found, partial(run_refits, SerialRunner(), None), library=library, watch=watch)
     READ_FOLDERS.pop(str(folder), None)
-    content = diagnosis_content(folder, diagnosis, None, time.process_time() - began)
+    before = free_parameters(found.result)
+    content = diagnosis_content(folder, diagnosis, None, time.process_time() - began, before)
     content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}
     content["cost"] |= {"identify_cpu_s": round(identified, 2), "cpu_s": round(time.process_time() - began, 2)}
     if with_ablations:
         content["fit"]["blocks"] = [block.content() for block in block_judgements(diagnosis)]
     if ablated:
         content["ablations"] = ablated[0] | {"size": omnibus(content["mismatch"].get("tests", ()))}
-    shown = found.result["parameters"]
     content["identified"] = {"status": found.state.status, "parameters": {
-        name: {"value": shown[name]["value"], "std": shown[name]["std"]} for name in found.parameters.free}}
+        name: {"value": entry["value"], "std": entry["std"]} for name, entry in before.items()}}
     return ToolRun(content, found, diagnosis)
