@@ -200,7 +200,8 @@ def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round],
                   else "fit of the enriched model to the whole recording")
     with setting.clock.step("final_s"):
         (final,) = [null] if setting.quick else setting.refits([refit_of_one(
-            source, "enriched", null, setting.grid, setting.seed, copies=False, estimator=null.estimator, whole_std=True)])
+            source, "enriched", null, setting.grid, setting.seed, copies=False, estimator=null.estimator,
+            whole_std=True)])
         if not final.usable:
             return final, None, None
         after, active = refit_residual(source.load(), final), None

@@ -42,8 +42,8 @@ MAX_PARAMETER_CHANGE = 0.4  # relative change of an identified parameter
 class Refit:
     """A model after its identification on the copy for choosing.
 
-    values : every parameter, internal units; stds : of the free ones, None where open, from noise alone in a model that is
-    only compared with others; choice, judgement : its fit on
+    values : every parameter, internal units; stds : of the free ones, None where open, from noise alone in a model
+    that is only compared with others; choice, judgement : its fit on
     the copy that it was fitted to and on the other one; problem : why there is none of this, "" otherwise
     """
 
@@ -173,8 +173,8 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     if start.label in other:
         there = at_other_copy(found, other[start.label])
         judged = fit(residual_evidence(there, light=False, null=False, responses=path), grid)
-    return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found, whole_std), found.local,
-                 found.steps, here, judged, runs, phi=phi, estimator=found.state.estimator.kind)
+    return Refit(name, start.label, found.state.status, found.parameters.as_values(), _stds(found, whole_std),
+                 found.local, found.steps, here, judged, runs, phi=phi, estimator=found.state.estimator.kind)
 
 
 def _identified(experiment: Experiment, local: np.ndarray | None, watch: _Progress, estimator: str) -> Identification:
@@ -232,7 +232,7 @@ def _fitting(local: np.ndarray, experiment: Experiment) -> np.ndarray | None:
 
 
 def _stds(found: Identification, whole: bool) -> dict[str, float | None]:
-    """Of the free parameters, internal units, None where the recording leaves one open; whole : not from noise alone."""
+    """Of the free parameters, internal units, None where the recording leaves one open; whole : not noise alone."""
     discrepancy = (found.discrepancy,) if whole else ()
     analysis = Analysis(found.experiment, found.parameters, found.point, found.weights.image_noise, *discrepancy)
     return {name: analysis.std(name) for name in found.parameters.free}

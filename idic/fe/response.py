@@ -96,12 +96,7 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
 def like(base: System, model: Model) -> System:
     """`discretise` of a model; numbering and shape functions of `base` are used again where they are the same."""
     known = base.model
-    alike = (np.array_equal(model.constraints.dofs, known.constraints.dofs) and len(model.sections) == len(known.sections)
-             and all(np.array_equal(a.elements, b.elements)
-                     for a, b in zip(model.sections, known.sections, strict=True))
-             and len(model.mesh.blocks) == len(known.mesh.blocks)
-             and all(np.array_equal(a.connectivity, b.connectivity)
-                     for a, b in zip(model.mesh.blocks, known.mesh.blocks, strict=True)))
+    alike = _numbered_alike(model, known)
     same = (alike and np.array_equal(model.mesh.nodes, known.mesh.nodes)
             and (model.kind, model.thickness, model.locking) == (known.kind, known.thickness, known.locking)
             and model.quadrature == known.quadrature and not known.variations and not base.pressures
@@ -115,6 +110,16 @@ def like(base: System, model: Model) -> System:
         weights = group.weights if factor is None else group.weights * factor
         groups.append(replace(group, law=model.sections[group.section].law, weights=weights))
     return replace(base, model=model, groups=tuple(groups))
+
+
+def _numbered_alike(one: Model, other: Model) -> bool:
+    """Whether elements, sections and held dofs of two models are the same."""
+    return (np.array_equal(one.constraints.dofs, other.constraints.dofs)
+            and len(one.sections) == len(other.sections) and len(one.mesh.blocks) == len(other.mesh.blocks)
+            and all(np.array_equal(a.elements, b.elements)
+                    for a, b in zip(one.sections, other.sections, strict=True))
+            and all(np.array_equal(a.connectivity, b.connectivity)
+                    for a, b in zip(one.mesh.blocks, other.mesh.blocks, strict=True)))
 
 
 class ModelPoints:
