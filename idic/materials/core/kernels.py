@@ -168,6 +168,14 @@ def embed(F, F33, out):
 
 
 @inner
+def is_body(finite, F):
+    """Whether a body can have F: det F > 0. Small strain has no such limit."""
+    return not finite or (F[0, 0] * (F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1])
+                          + F[0, 1] * (F[1, 2] * F[2, 0] - F[1, 0] * F[2, 2])
+                          + F[0, 2] * (F[1, 0] * F[2, 1] - F[1, 1] * F[2, 0])) > 0.0
+
+
+@inner
 def put(matrix, out):
     """The leading block of a (3, 3) matrix into ``out`` (2, 2) or (3, 3)."""
     for i in range(out.shape[0]):
@@ -190,7 +198,8 @@ def clear(out):
             out[i, j] = 0.0
 
 
-def stress_loop(update, by_hand, linearise, update_complex, mode, F, guess, state, params, dt, P, P33, state_new):
+def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
+                state_new):
     """Stress and new state of every point; returns True where all converged."""
     n = F.shape[0]
     n_law = state.shape[1] - (1 if mode == 2 else 0)
@@ -205,7 +214,9 @@ def stress_loop(update, by_hand, linearise, update_complex, mode, F, guess, stat
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
         copy(state[i], old)
         p = params[i * per_point]
-        if mode == 2:
+        if not is_body(finite, point):
+            status = 1
+        elif mode == 2:
             status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
                                        dF, none, False, stress, new, dP, dstate, dP, work)
             state_new[i, n_law] = f33
@@ -225,7 +236,7 @@ def stress_loop(update, by_hand, linearise, update_complex, mode, F, guess, stat
     return ok
 
 
-def tangent_loop(by_hand, linearise, update_complex, mode, F, guess, state, params, dt, P, state_new, A):
+def tangent_loop(by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, state_new, A):
     """Stress, new state and consistent tangent of every point; returns True where all converged."""
     n, d = F.shape[0], F.shape[1]
     n_law = state.shape[1] - (1 if mode == 2 else 0)
@@ -247,7 +258,9 @@ def tangent_loop(by_hand, linearise, update_complex, mode, F, guess, state, para
         embed(F[i], guess[i] if mode == 2 else 1.0, point)
         copy(state[i], old)
         p = params[i * per_point]
-        if mode == 2:
+        if not is_body(finite, point):
+            status = 1
+        elif mode == 2:
             status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
                                        first, none, False, stress, new, dP, dstate,
                                        one_dP, work)
@@ -270,8 +283,8 @@ def tangent_loop(by_hand, linearise, update_complex, mode, F, guess, state, para
     return ok
 
 
-def directional_loop(by_hand, linearise, update_complex, mode, F, guess, close, state, params, dt, dF_in, dstate_in,
-                     dparams, dP_out, dstate_out):
+def directional_loop(by_hand, linearise, update_complex, finite, mode, F, guess, close, state, params, dt, dF_in,
+                     dstate_in, dparams, dP_out, dstate_out):
     """Derivative of stress and new state along ``nd`` directions for every point; True where all converged."""
     n, nd = dF_in.shape[0], dF_in.shape[1]
     extra = 1 if mode == 2 else 0
@@ -302,7 +315,9 @@ def directional_loop(by_hand, linearise, update_complex, mode, F, guess, close, 
             if own_changes:
                 copy(dparams[i, k], dp[extra + k])
         p = params[i * per_point]
-        if mode == 2:
+        if not is_body(finite, point):
+            status = 1
+        elif mode == 2:
             status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, dold, dp,
                                        first, none, close, stress, new, dP, dnew,
                                        one_dP, work)
@@ -326,6 +341,7 @@ def directional_loop(by_hand, linearise, update_complex, mode, F, guess, close, 
 _f8, _i8, _b1 = types.float64, types.int64, types.boolean
 _F1, _F2, _F3, _F4 = (c_array(types.float64, ndim) for ndim in (1, 2, 3, 4))
 _update, _linearise, _complex = (types.FunctionType(s) for s in (UPDATE, LINEARISE, UPDATE_COMPLEX))
-STRESS_LOOP = _b1(_update, _b1, _linearise, _complex, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F1, _F2)
-TANGENT_LOOP = _b1(_b1, _linearise, _complex, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F2, _F3)
-DIRECTIONAL_LOOP = _b1(_b1, _linearise, _complex, _i8, _F3, _F1, _b1, _F2, _F2, _f8, _F4, _F3, _F3, _F4, _F3)
+STRESS_LOOP = _b1(_update, _b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F1, _F2)
+TANGENT_LOOP = _b1(_b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F2, _F3)
+DIRECTIONAL_LOOP = _b1(_b1, _linearise, _complex, _b1, _i8, _F3, _F1, _b1, _F2, _F2, _f8, _F4, _F3, _F3, _F4,
+                       _F3)

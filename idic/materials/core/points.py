@@ -1,7 +1,8 @@
 """A law at many points: stress, consistent tangent, directional derivative.
 
 ``mode``: 0 three-dimensional, 1 plane strain, 2 plane stress. ``F`` (n, d, d) with d = 3, 2, 2; stresses in MPa.
-A point that does not converge gets zero stress and its old state, and ``ok`` is False: there is never a NaN.
+A point that does not converge gets zero stress and its old state, and ``ok`` is False: there is never a NaN. At finite
+strain that holds for det F <= 0 too, whatever the law.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ _pointer = lru_cache(maxsize=None)(_Pointer)
 
 
 def _functions(law: CompiledLaw) -> tuple:
-    """What the loops take of a law: by_hand, linearise, update_complex."""
-    return law.by_hand, _pointer(law.linearise), _pointer(law.update_complex)
+    """What the loops take of a law: by_hand, linearise, update_complex, whether its strain is finite."""
+    return law.by_hand, _pointer(law.linearise), _pointer(law.update_complex), not law.small
 
 
 def _array(values) -> np.ndarray:
