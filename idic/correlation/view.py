@@ -2,6 +2,7 @@
 
     grey      column, row                  camera(X + u) - camera(X)                      px
     (a measured field likewise: its px is the distance of neighbouring points)
+    space     column, row, out of plane    the same, and  s u_z / distance of neighbours: a field of three components  px, px, px
     height    column, row, height          the same, and  n u_z / height_unit             px, px, unit of the images
     section   column, row, height          camera at (x, 0); the height is  n u_y / height_unit
 
@@ -27,7 +28,7 @@ from idic.images.camera import Camera, fixed_pixel_sensitivity
 from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.model.experiment import Experiment
 
-GREY, HEIGHT, SECTION = "grey", "height", "section"
+GREY, HEIGHT, SECTION, SPACE = "grey", "height", "section", "space"
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +37,13 @@ class View:
 
     Attributes
     ----------
-    kind : "grey" | "height" | "section"
+    kind : "grey" | "height" | "section" | "space"
     camera : Camera
     axis : int
         Component of the displacement that is the height (2 for a solid, 1 for a cross-section); -1 for grey images.
     rise : float
-        Height in the images' unit per mm of that component: its sign times 1/height_unit; 0 for grey images.
+        Height in the images' unit per mm of that component: its sign times 1/height_unit; 0 for grey images; of a
+        field, its sign along the normal of the points over their distance.
     later : Camera, optional
         The camera of the deformed frame, where it moves: see `at`.
     """
@@ -127,6 +129,8 @@ def view_of(experiment: Experiment, camera: AnyCamera) -> View | PinholeView:
     """
     if isinstance(camera, PlacedCamera):
         return PinholeView(camera, experiment.mesh, experiment.surface)
+    if experiment.points is not None and experiment.points.depth is not None:
+        return View(SPACE, camera, 2, normal_sign(camera) / experiment.points.pitch_mm)
     if experiment.quantity in ("grey", "displacement"):
         return View(GREY, camera)
     if experiment.n_dim == 3:
@@ -137,6 +141,14 @@ def view_of(experiment: Experiment, camera: AnyCamera) -> View | PinholeView:
                          "edge set in `surface`", found=f"kind = {experiment.kind!r} without a surface",
                          remedy="name the set that is seen, or model the specimen as a solid")
     return View(SECTION, camera, 1, surface_sign(experiment.mesh, experiment.surface) / experiment.height_unit)
+
+
+def normal_sign(camera: Camera) -> float:
+    """+1 where the third axis of the mesh points along the normal of measured points, -1 against it.
+
+    Both systems are right-handed; rows count downwards.
+    """
+    return -float(np.sign(np.linalg.det(camera.jacobian(np.zeros((1, 2)))[0])))
 
 
 def is_section(experiment: Experiment) -> bool:

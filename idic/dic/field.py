@@ -2,7 +2,8 @@
 
     (H + w D^T D) u = q,      H = s² Σ NᵀN,   q = s Σ Nᵀ v          docs/method.md, equation 15.5
 
-Linear: one solution per frame, with one factorisation for all frames that show the same points.
+Linear: one solution per frame, with one factorisation for all frames that show the same points. Of motion along the normal
+of a solid's surface there is no free motion here: `FieldReference.in_plane`.
 """
 
 from __future__ import annotations
@@ -78,7 +79,7 @@ def smoother_of(experiment: Experiment, reference: FieldReference, regularisatio
 def field_motion(experiment: Experiment, regularisation: Regularisation,
                  progress: Callable[[int, int], None] | None = None) -> dict:
     """The free motion of all frames: the entries of `idic.dic.stack.DicStack`."""
-    reference = build_field_reference(experiment, experiment.camera)
+    reference = build_field_reference(experiment, experiment.camera).in_plane
     smoother = smoother_of(experiment, reference, regularisation)
     n, nodes = experiment.n_frames, experiment.mesh.n_nodes
     u = np.full((n, nodes, 2), np.nan)

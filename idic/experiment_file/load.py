@@ -12,7 +12,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.laws.composed_law import course_notes
 from idic.experiment_file.laws.free_curves import smoothness_priors
-from idic.experiment_file.tables.measured_fields import field_camera, laid_on_outline, noise_of_fields
+from idic.experiment_file.tables.measured_fields import field_camera, laid_on_outline, noise_of_fields, with_depth
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
                                                check_visible)
 from idic.experiment_file.recording import Frames, RecordedFolder
@@ -38,7 +38,7 @@ from idic.images.camera import Camera
 from idic.images.placed_camera import AnyCamera
 from idic.images.quality.lowpass import mirrored_rim_px
 from idic.images.stack import Stack
-from idic.model.experiment import Column, Experiment, FurtherCamera, Material, Noise, Options, Prescribed, Stage
+from idic.model.experiment import Column, Experiment, FieldPoints, FurtherCamera, Material, Noise, Options, Prescribed, Stage
 from idic.parameters import Parameter, ParameterSet
 from idic.readers.fields.series import FieldStack
 from idic.readers.meshes import read_mesh_file
@@ -130,7 +130,7 @@ class ExperimentFolder(RecordedFolder):
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
         body = Body(mesh, table.kind, table.surface, scale, frames.shape, tuple(motion.prescribed), times)
         warmth, warm_notes = temperatures(self.config, body, context, self.folder, parameters)
-        noise, noise_notes = self.noise(frames, mesh, scale)
+        noise, points, noise_notes = self.noise(frames, mesh, scale)
         identity, earlier = self.identities(frames)
         return with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
@@ -150,7 +150,7 @@ class ExperimentFolder(RecordedFolder):
                    *notes, *law_notes, *motion.notes, *order_notes,
                    *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
                    *self.force_notes(parameters, motion), *course_notes(materials, parameters, _courses(motion))),
-            extras=self._extras(frames, scale, log, known_times), averaged=frames.averaged, points=frames.points,
+            extras=self._extras(frames, scale, log, known_times), averaged=frames.averaged, points=points,
             gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file)))
 
     def _moving(self, camera: AnyCamera, cameras: tuple[FurtherCamera, ...], lens: Lenses, frames: Frames,
@@ -176,15 +176,20 @@ class ExperimentFolder(RecordedFolder):
         camera, note = laid_on_outline(self.config, frames.stack.points, mesh, scale.camera, self.file)
         return replace(scale, camera=camera, notes=(*scale.notes, note))
 
-    def noise(self, frames: Frames, mesh: Mesh, scale: Lengths) -> tuple[Noise, tuple[str, ...]]:
-        """Noise of the main camera, or of the measured fields, and notes."""
+    def noise(self, frames: Frames, mesh: Mesh, scale: Lengths) -> tuple[Noise, FieldPoints | None, tuple[str, ...]]:
+        """Noise of the main camera, or of the measured fields; their points, weighed by it; and notes."""
         if not isinstance(frames.stack, FieldStack) or frames.points is None:
-            return camera_noise(self.config, frames, mesh, scale.camera, self.file)
+            noise, notes = camera_noise(self.config, frames, mesh, scale.camera, self.file)
+            return noise, None, notes
         stack, n_references = frames.stack, max(len(frames.averaged), 1)
         counted = tuple(k for k in range(frames.reference, stack.n_frames) if k not in frames.excluded)
         if frames.recorded is not None:  # stages next to each other show the noise best
             stack, counted = frames.recorded.stack, frames.recorded.counted
-        return noise_of_fields(self.config, stack, frames.points, counted, counted[0], n_references, self.file), ()
+        noise = noise_of_fields(self.config, stack, frames.points, counted, counted[0], n_references, self.file)
+        if frames.points.depth is None:
+            return noise, frames.points, ()
+        points, note = with_depth(frames.points, noise, stack, counted, counted[0], n_references)
+        return noise, points, (note,)
 
     def _scale(self, frames: Frames, lens: Lenses) -> Lengths:
         table = self.config.experiment

@@ -12,7 +12,13 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.tables.measured_fields import (
-    field_notes, grid_of, kept_stages, open_series, rigid_is_free, stack_of,
+    depth_of,
+    field_notes,
+    grid_of,
+    kept_stages,
+    open_series,
+    rigid_is_free,
+    stack_of,
 )
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.tables.further_cameras import camera_files, camera_images
@@ -148,15 +154,16 @@ class RecordedFolder:
             raise InputError("no stage follows the reference", file=file, key="experiment.fields",
                              expected="two stages or more, the reference before the others", found=f"{len(labels)}",
                              remedy="check the pattern, reference and exclude_frames")
-        stack, recorded = stack_of(series, averaged), None
+        stack, recorded = stack_of(series, averaged, table.kind), None
         if table.stages is not None:
             kept, note = kept_stages(table.stages, stack, averaged, excluded)
             recorded = Recorded(stack, (reference, *later), kept)
-            stack, labels = FieldStack(series.only(kept), stack.points), tuple(labels[k] for k in kept)
+            stack, labels = FieldStack(series.only(kept), stack.points, stack.n_components), tuple(labels[k] for k in kept)
             reference, averaged = kept.index(reference), tuple(kept.index(k) for k in averaged)
             later, excluded = [len(kept) - 1], ()
             notes.append(note)
-        grid = grid_of(stack.points, table.fields_subset_mm or 0.0, rigid_is_free(self.config, file))
+        free = rigid_is_free(self.config, file)
+        grid = grid_of(stack.points, table.fields_subset_mm or 0.0, free, depth_of(self.config, stack.points, free))
         notes += field_notes(stack, grid, later[-1], table.thickness_mm)
         return Frames(stack, labels, frame_numbers(labels), reference, excluded, (), None, None, tuple(notes),
                       averaged if len(averaged) > 1 else (), grid, recorded)

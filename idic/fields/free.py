@@ -40,7 +40,7 @@ class Seen:
 def seen_by(experiment: Experiment, reference) -> Seen | None:
     """None where there is none of this kind: height images (sections have their own), meshes too large for a report."""
     if isinstance(reference, FieldReference):
-        return Seen(experiment, reference, smoother_of(experiment, reference, Regularisation()))
+        return Seen(experiment, reference.in_plane, smoother_of(experiment, reference, Regularisation()))
     if experiment.quantity != "grey" or is_section(experiment) or experiment.mesh.n_nodes > MAX_FREE_DIC_NODES:
         return None
     cells = surface_cells(experiment.mesh, experiment.surface)

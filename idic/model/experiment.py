@@ -244,6 +244,21 @@ class Noise:
         return self.std_gv if self.correlated is None else self.correlated.recorded_gv
 
 
+@dataclass(frozen=True)
+class Depth:
+    """How the displacement along the normal of the points is compared, on the surface of a solid.
+
+    weight : of its rows: noise of a component in the plane over its own, as sums over many points have it; noise_gain :
+    variance of a weighted row over that of a row in the plane; std_um : noise of a point; free : an offset and two tilts
+    of every frame are unknown
+    """
+
+    weight: float = 1.0
+    noise_gain: float = 1.0
+    std_um: float = 0.0
+    free: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class FieldPoints:
     """The points of a measured field, on a grid whose unit is the distance of neighbours.
@@ -251,7 +266,8 @@ class FieldPoints:
     positions_px : (n, 2) columns and rows of the points; shape : (ny, nx) of the grid; pitch_mm : distance of
     neighbours;
     subset_px : width of the square over which the other system averaged the motion of a point, 0 where it is not known;
-    free_rigid : a rigid motion of all points is an unknown of every frame
+    free_rigid : a rigid motion of all points is an unknown of every frame; depth : None where motion in the plane alone
+    is compared
     """
 
     positions_px: np.ndarray
@@ -259,6 +275,12 @@ class FieldPoints:
     pitch_mm: float
     subset_px: float = 0.0
     free_rigid: bool = False
+    depth: Depth | None = None
+
+    @property
+    def n_components(self) -> int:
+        """Of the displacement of a point that is compared: 2, or 3 with the one along the normal."""
+        return 2 if self.depth is None else 3
 
     @property
     def um_per_px(self) -> float:

@@ -118,9 +118,11 @@ class PointMaps:
     frames : tuple of int
     positions_mm : (n, 2) float, mm
         In the axes of the mesh.
-    measured, residual : (n_selected, n, 2) float, µm, along x and y; NaN where not measured
+    measured, residual : (n_selected, n, 2 | 3) float, µm, along x, y and z; NaN where not measured
     pitch_mm : float
         Distance of neighbours.
+    depth_noise_um : float
+        Noise along z; 0 where it is not compared.
     """
 
     frames: tuple[int, ...]
@@ -128,6 +130,7 @@ class PointMaps:
     measured: np.ndarray
     residual: np.ndarray
     pitch_mm: float
+    depth_noise_um: float = 0.0
 
 
 @dataclass(frozen=True)

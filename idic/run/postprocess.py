@@ -16,7 +16,7 @@ import numpy as np
 
 from idic.correlation.channels import channel_values, measured_values
 from idic.correlation.frame_equations import correlated_frames
-from idic.correlation.view import GREY
+from idic.correlation.view import GREY, SPACE
 from idic.identify.frame_fit import FrameFit, camera_entries, frame_entries, residual_summary
 from idic.identify.judgement.local_residual import ElementSums, element_sums
 from idic.identify.result import build_result
@@ -73,7 +73,7 @@ def fit_frames(job: FitJob) -> tuple[list[FrameFit], ElementSums | None]:
         fits.append(FrameFit.of(frame, found, sigma, job.fitted.get(frame, 0.0)))
         if maps is not None and frame in job.shown:
             maps.write(job.shown.index(frame), at.as_image(found)[None])
-        if kind == GREY and frame in correlated and sigma and fits[-1].n_pixels:
+        if kind in (GREY, SPACE) and frame in correlated and sigma and fits[-1].n_pixels:
             own = element_sums(at.reference.pixel_map, found, sigma)
             sums = own if sums is None else sums + own
     return fits, sums

@@ -1,13 +1,13 @@
 """Which measured point lies where in which element: the pixel map of a field.
 
-Every point makes two rows, its two components; the rows of an element are its columns' components first, then its
-rows'.
+Every point makes a row per component: along the columns, along the rows and, on the surface of a solid, along the normal.
+The rows of an element are those of the first component, then those of the next.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -28,7 +28,7 @@ class PointMap(PixelMap):
     positions : array (n_points, 2)
         (column, row) of all points of the field, in distances of neighbours.
     point, component : arrays (n_pixels,)
-        Point of each row, and 0 (along the columns) or 1 (along the rows).
+        Point of each row, and 0 (along the columns), 1 (along the rows) or 2 (along the normal).
     """
 
     positions: np.ndarray = None  # type: ignore[assignment]
@@ -38,6 +38,15 @@ class PointMap(PixelMap):
     def points(self) -> np.ndarray:
         """(column, row) of the points of the rows  # (n_pixels, 2)"""
         return self.positions[self.point]
+
+    def in_plane(self) -> PointMap:
+        """The rows of the motion in the plane alone."""
+        n = int(self.component.max()) + 1
+        if n == 2:
+            return self
+        kept = self.component < 2
+        rows = {name: getattr(self, name)[kept] for name in ("ix", "iy", "a", "b", "point", "component")}
+        return replace(self, start=2 * self.start // n, n_unowned=2 * self.n_unowned // n, **rows)
 
     def to_image(self, values: np.ndarray, fill: float = np.nan) -> np.ndarray:
         """Root mean square of the components on the grid of the points, `fill` where there is none  # (ny, nx)"""
@@ -52,7 +61,7 @@ class PointMap(PixelMap):
 
 
 def build_point_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, positions: np.ndarray,
-                    shape: tuple[int, int], mask: np.ndarray | None = None) -> PointMap:
+                    shape: tuple[int, int], mask: np.ndarray | None = None, n_components: int = 2) -> PointMap:
     """Find the element and the place in it of every point. Points beside the mesh are left out.
 
     Parameters
@@ -61,6 +70,7 @@ def build_point_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, p
     camera : to the grid of the points, in distances of neighbours
     positions : array (n_points, 2)
     shape : (ny, nx) of that grid; mask : (ny, nx) bool, True: points here are compared, None: everywhere
+    n_components : rows of a point, 2 or 3
 
     Raises
     ------
@@ -86,9 +96,11 @@ def build_point_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, p
                          f"{nodes_px[:, 1].min():.0f} to {nodes_px[:, 1].max():.0f}",
                          remedy="check the place of the mesh; `idic check` draws it on the points")
     visible, number = np.unique(owner[inside], return_inverse=True)
-    order = np.lexsort((np.tile(inside, 2), np.repeat([0, 1], len(inside)), np.tile(number, 2)))
-    point, component = np.tile(inside, 2)[order], np.repeat([0, 1], len(inside))[order]
-    counts = np.bincount(np.tile(number, 2), minlength=len(visible))
+    point, component, element_of = (np.tile(inside, n_components), np.repeat(np.arange(n_components), len(inside)),
+                                    np.tile(number, n_components))
+    order = np.lexsort((point, component, element_of))
+    point, component = point[order], component[order]
+    counts = np.bincount(element_of, minlength=len(visible))
     start = np.concatenate([[0], np.cumsum(counts)])
     a, b = a[point], b[point]
     centre = np.column_stack([np.add.reduceat(a, start[:-1]), np.add.reduceat(b, start[:-1])]) / counts[:, None]
@@ -96,7 +108,7 @@ def build_point_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, p
     place = cell[point]
     return PointMap(shape, nodes_px, element[visible], conn[visible], kind[visible], start, place[:, 0].copy(),
                     place[:, 1].copy(), a.astype(np.float32), b.astype(np.float32), centre, np.linalg.inv(jacobian),
-                    2 * (len(positions) - len(inside)), positions, point, component)
+                    n_components * (len(positions) - len(inside)), positions, point, component)
 
 
 @njit(cache=True, nogil=True)

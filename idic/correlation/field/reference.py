@@ -2,16 +2,17 @@
 
     r = v - s u(x),     L phi = s phi          at every point x and for each component   docs/method.md, equation 15.1
 
-v is measured (µm), u simulated (distances of neighbours), s the scale between them. Where the whole specimen moves with
-the machine or against the cameras, a rigid motion B beta of every frame is an unknown of it, in the place of the
-brightness of images: r = v - s u - B beta. Points are material: the field of a
-frame belongs to the reference stage, so F stays out, and the noise of a frame counts once (kappa = 1).
+v is measured (µm), u simulated (distances of neighbours), s the scale between them. On the surface of a solid the
+displacement along the normal makes a third row, whose weight is in v and s (equation 15.7). Where the whole specimen moves with the
+machine or against the cameras, a rigid motion B beta of every frame is an unknown of it, in the place of the brightness of
+images: r = v - s u - B beta. Points are material: the field of a frame belongs to the reference stage, so F stays out,
+and the noise of a frame counts once (kappa = 1).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +24,7 @@ from idic.correlation.field.point_map import PointMap, build_point_map
 from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
 from idic.fe.mesh.mesh import surface_cells
 from idic.images.camera import Camera
-from idic.model.experiment import Experiment
+from idic.model.experiment import Depth, Experiment
 
 
 GAUSS_POINTS = 3  # along each side of a subset
@@ -43,6 +44,8 @@ class FieldReference(NodalBasis):
         Shape functions averaged over the subset of each row; None: those at its point.
     free_rigid : bool
         Every frame has a rigid motion of its own.
+    depth : Depth or None
+        How rows along the normal are compared.
     """
 
     pixel_map: PointMap
@@ -50,10 +53,27 @@ class FieldReference(NodalBasis):
     n_images: int = 1
     averaged: sparse.csr_array | None = None
     free_rigid: bool = False
-    n_components = 2
+    depth: Depth | None = None
     lowpass_px = 0.0
     degree = 3
     gradient_noise = 0.0
+
+    @property
+    def n_components(self) -> int:  # type: ignore[override]
+        return 2 if self.depth is None else 3
+
+    @cached_property
+    def row_weight(self) -> np.ndarray:
+        """1 in the plane, the weight of the depth along the normal  # (n_pixels,)"""
+        return np.where(self.pixel_map.component < 2, 1.0, self.depth.weight if self.depth else 1.0)
+
+    @cached_property
+    def in_plane(self) -> FieldReference:
+        """The rows of the motion in the plane alone."""
+        if self.depth is None:
+            return self
+        averaged = None if self.averaged is None else sparse.csr_array(self.averaged[self.pixel_map.component < 2])
+        return replace(self, pixel_map=self.pixel_map.in_plane(), averaged=averaged, depth=None)
 
     @property
     def f(self) -> np.ndarray:
@@ -72,14 +92,15 @@ class FieldReference(NodalBasis):
 
     @cached_property
     def matrix(self) -> sparse.csr_array:
-        """s N: from nodal motion to the rows; N is averaged over the subset  # (n_pixels, 2 n_nodes)"""
-        N = sparse.coo_array(self.pixel_map.shape_matrix() if self.averaged is None else self.averaged)
-        columns = 2 * N.col + self.pixel_map.component[N.row]
-        return sparse.csr_array((self.scale * N.data, (N.row, columns)), shape=(N.shape[0], 2 * N.shape[1]))
+        """s N: from nodal motion to the rows; N is averaged over the subset  # (n_pixels, c n_nodes)"""
+        N, c = sparse.coo_array(self.pixel_map.shape_matrix() if self.averaged is None else self.averaged), self.n_components
+        columns = c * N.col + self.pixel_map.component[N.row]
+        data = self.scale * N.data * self.row_weight[N.row]
+        return sparse.csr_array((data, (N.row, columns)), shape=(N.shape[0], c * N.shape[1]))
 
     @cached_property
     def hessian(self) -> sparse.csr_array:
-        """H where all points are measured  # (2 n_nodes, 2 n_nodes)"""
+        """H where all points are measured  # (c n_nodes, c n_nodes)"""
         return sparse.csr_array(self.matrix.T @ self.matrix)
 
     @cached_property
@@ -89,22 +110,26 @@ class FieldReference(NodalBasis):
 
     @cached_property
     def rigid(self) -> np.ndarray:
-        """B: rows of a shift along the columns, along the rows, and a turn of the same size  # (n_pixels, 3 | 0) µm"""
-        pm = self.pixel_map
-        if not self.free_rigid:
-            return np.zeros((pm.n_pixels, 0))
+        """B: rows of a shift along the columns, along the rows, and a turn of about the same size; of an offset along the
+        normal and two tilts where they are free  # (n_pixels, 0 | 3 | 6) µm"""
+        pm, columns = self.pixel_map, []
         x, y = (pm.points() - pm.points().mean(axis=0)).T
-        first = pm.component == 0
-        turn = np.where(first, -y, x) / max(float(np.hypot(x, y).max()), 1.0)
-        return self.scale * np.column_stack([first, ~first, turn])
+        size = max(float(np.hypot(x, y).max()), 1.0)
+        x, y = x / size, y / size
+        first, second, third = (pm.component == k for k in range(3))
+        if self.free_rigid:
+            columns += [first, second, np.where(first, -y, np.where(second, x, 0.0))]
+        if self.depth is not None and self.depth.free:
+            columns += [third, np.where(third, x, 0.0), np.where(third, y, 0.0)]
+        return self.scale * self.row_weight[:, None] * np.array(columns, dtype=float).reshape(len(columns), pm.n_pixels).T
 
     def measured(self, experiment: Experiment, frame: int) -> np.ndarray:
-        """The measured displacement of every row, NaN where there is none  # (n_pixels,) µm"""
+        """The measured displacement of every row with its weight, NaN where there is none  # (n_pixels,) µm"""
         values = np.asarray(experiment.stack.frame(frame), dtype=float)  # type: ignore[union-attr]
-        return values[self.pixel_map.point, self.pixel_map.component]
+        return self.row_weight * values[self.pixel_map.point, self.pixel_map.component]
 
     def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> FieldEquations:
-        """Nodal equations of one frame; motion : (n_nodes, 2) in distances of neighbours."""
+        """Nodal equations of one frame; motion : (n_nodes, c) in distances of neighbours."""
         return self.equations(self.measured(experiment, frame), motion)
 
     def equations(self, measured: np.ndarray, motion: np.ndarray) -> FieldEquations:
@@ -126,34 +151,38 @@ class FieldReference(NodalBasis):
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
         """Residual of every row (µm); `coefficients` are those of the rigid motion."""
-        measured = self.measured(experiment, frame)
+        measured, pm = self.measured(experiment, frame), self.pixel_map
         valid = np.isfinite(measured)
         rigid = self.rigid @ coefficients if len(coefficients) else 0.0
         r = np.where(valid, measured - self.matrix @ motion.ravel() - rigid, 0.0).astype(np.float32)
-        return ResidualMap(r, valid, np.ones(len(r), dtype=np.float32), 1.0, self.n_images)
+        if self.depth is None:
+            return ResidualMap(r, valid, np.ones(len(r), dtype=np.float32), 1.0, self.n_images)
+        g = self.depth.noise_gain
+        gain = np.where(pm.component < 2, 1.0, g + (g - 1.0) / self.n_images)  # with 1/n_images: g (1 + 1/n_images)
+        return ResidualMap(r, valid, gain.astype(np.float32), 1.0, self.n_images)
 
     def noise_terms(self, equations: NodalEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
                     projected: FrameGram) -> NoiseTerms:
         """The columns alone: ordinary least squares. Points come and go, and their noise is correlated, which
         generalised least squares of independent pixels do not know."""
         nb, seen = equations.n_brightness, equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
-        around = np.concatenate([np.repeat(self.visible_share(equations), 2), np.full(nb, seen)])
+        around = np.concatenate([np.repeat(self.visible_share(equations), self.n_components), np.full(nb, seen)])
         return NoiseTerms(around[:, None] * self.shared_columns(motion, columns, nb))
 
     def pull_back(self, motion: np.ndarray) -> np.ndarray:
-        """Nothing: points are material  # (n_nodes, 2, 2)"""
-        return np.tile(np.eye(2), (self.pixel_map.n_nodes, 1, 1))
+        """Nothing: points are material  # (n_nodes, c, c)"""
+        return np.tile(np.eye(self.n_components), (self.pixel_map.n_nodes, 1, 1))
 
     def shared_columns(self, motion: np.ndarray, columns: np.ndarray, n_brightness: int) -> np.ndarray:
-        """The columns as they are, then the rigid motion  # (2 n_nodes + nb, m + nb)"""
+        """The columns as they are, then the rigid motion  # (c n_nodes + nb, m + nb)"""
         return np.block([[columns, np.zeros((len(columns), n_brightness))],
                          [np.zeros((n_brightness, columns.shape[1])), np.eye(n_brightness)]])
 
     def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, Reference]:
-        """A frame with the residual r (n_pixels,) at rest  # (n_points, 2) µm, and this reference"""
+        """A frame with the residual r (n_pixels,) at rest  # (n_points, c) µm, and this reference"""
         pm = self.pixel_map
-        frame = np.full((len(pm.positions), 2), np.nan, dtype=np.float32)
-        frame[pm.point, pm.component] = r
+        frame = np.full((len(pm.positions), self.n_components), np.nan, dtype=np.float32)
+        frame[pm.point, pm.component] = r / self.row_weight
         return frame, self  # type: ignore[return-value]
 
     def pattern_maps(self) -> Mapping[str, tuple[np.ndarray, ...]]:
@@ -172,12 +201,13 @@ def build_field_reference(experiment: Experiment, camera: Camera) -> FieldRefere
     points = experiment.points
     assert points is not None
     cells = surface_cells(experiment.mesh, experiment.surface)
-    point_map = build_point_map(experiment.mesh.nodes, cells, camera, points.positions_px, points.shape,
-                                experiment.mask)
+    point_map = build_point_map(experiment.mesh.nodes, cells, camera, points.positions_px, points.shape, experiment.mask,
+                                points.n_components)
     averaged = None
     if points.subset_px > 0.0:
         averaged = _over_subsets(experiment, camera, point_map, points.subset_px)
-    return FieldReference(point_map, points.um_per_px, experiment.n_references, averaged, points.free_rigid)
+    return FieldReference(point_map, points.um_per_px, experiment.n_references, averaged, points.free_rigid,
+                          points.depth)
 
 
 def _over_subsets(experiment: Experiment, camera: Camera, point_map: PointMap, width: float) -> sparse.csr_array:

@@ -39,13 +39,15 @@ class ThinnedStack(StackView):
     points: FieldPoints | None = None
 
     def frame(self, k: int) -> np.ndarray:
-        """Frame `k` with its share of noise  # (ny, nx) float32, of a measured field (n_points, 2)"""
+        """Frame `k` with its share of noise  # (ny, nx) float32, of a measured field (n_points, c)"""
         rng = np.random.default_rng([self.seed, self.camera, k])
         if self.points is None:
             noise = self._drawn(rng, self.shape)
         else:  # of its grid, where the points are
             column, row = np.rint(self.points.positions_px).astype(int).T
-            noise = np.column_stack([self._drawn(rng, self.points.shape)[row, column] for _ in range(2)])
+            noise = np.column_stack([self._drawn(rng, self.points.shape)[row, column] for _ in range(self.points.n_components)])
+            if self.points.depth is not None:
+                noise[:, 2] /= self.points.depth.weight
         return self.stack.frame(k).astype(np.float32) + np.float32(self.sign * self.noise.recorded_gv) * noise
 
 

@@ -7,7 +7,7 @@ columns run along x and rows against y. [camera] places a mesh that has axes of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,17 +19,14 @@ from idic.experiment_file.schema_experiment import StagesTable
 from idic.fe.mesh.mesh import Mesh, surface_cells
 from idic.images.camera import Camera
 from idic.images.quality.field_noise import FieldNoise, field_noise
-from idic.model.experiment import CorrelatedNoise, FieldPoints, Noise
+from idic.model.experiment import CorrelatedNoise, Depth, FieldPoints, Noise
 from idic.readers.fields.chosen_stages import StageRule, chosen_stages
-from idic.readers.fields.outline import MIN_HOLE, loops_of, outline_of, sides
+from idic.readers.fields.outline import MIN_HOLE, loops_of
 from idic.readers.fields.placement import Edges, Placement, fitted_placement
 from idic.readers.fields.plane import out_of_plane
 from idic.readers.fields.series import FieldSeries, FieldStack, MeasuredPoints, measured_points, open_fields
-from idic.readers.outline_mesh import Drawing
 from idic.readers.paths import matching_files
-from idic.readers.roi_mesh import roi_mesh
 
-NEIGHBOURS_PER_ELEMENT = 3.0  # side of an element of a mesh around the points, where none is given
 MIN_TOLD_CURVATURE_STRAIN = 2e-5  # of a surface by bending, half a thickness away from the middle
 
 
@@ -41,9 +38,10 @@ def open_series(config: ExperimentFile, folder: Path, file: Path) -> FieldSeries
     return open_fields(paths, table.fields_format, table.fields_unit, pixel_size)
 
 
-def stack_of(series: FieldSeries, references: Sequence[int]) -> FieldStack:
-    """The displacements since the mean of the reference stages."""
-    return FieldStack(series, measured_points(series, references))
+def stack_of(series: FieldSeries, references: Sequence[int], kind: str) -> FieldStack:
+    """The displacements since the mean of the reference stages; of a solid also the one along the normal of its points."""
+    points = measured_points(series, references)
+    return FieldStack(series, points, 3 if kind == "solid" and points.plane is not None else 2)
 
 
 def kept_stages(table: StagesTable, stack: FieldStack, references: Sequence[int],
@@ -56,11 +54,11 @@ def kept_stages(table: StagesTable, stack: FieldStack, references: Sequence[int]
                   "last stage are among them (stages in [experiment])")
 
 
-def grid_of(points: MeasuredPoints, subset_mm: float = 0.0, free_rigid: bool = False) -> FieldPoints:
+def grid_of(points: MeasuredPoints, subset_mm: float = 0.0, free_rigid: bool = False, depth: Depth | None = None) -> FieldPoints:
     """The points on their grid: the first column at the smallest x, the first row at the largest y."""
     px = (points.positions - _corner(points)) / points.pitch * [1.0, -1.0]
     nx, ny = (np.ceil(px.max(axis=0)).astype(int) + 1).tolist()
-    return FieldPoints(px, (ny, nx), points.pitch, subset_mm / points.pitch, free_rigid)
+    return FieldPoints(px, (ny, nx), points.pitch, subset_mm / points.pitch, free_rigid, depth)
 
 
 def _corner(points: MeasuredPoints) -> np.ndarray:
@@ -139,19 +137,17 @@ def _field_axes(config: ExperimentFile) -> list[str]:
     return [names.get(axis, axis) for axis in (config.camera and config.camera.axes) or ("+x", "+y")]
 
 
-def mesh_around(config: ExperimentFile, points: MeasuredPoints, camera: Camera, file: Path) -> Mesh:
-    """A mesh of the rectangle around the points, in the axes of the mesh: ``mesh = { around_points_mm = 1.0 }``.
+def depth_of(config: ExperimentFile, points: MeasuredPoints, free_rigid: bool) -> Depth | None:
+    """How the displacement out of the plane is compared: on a solid that was measured in three coordinates.
 
-    Points never reach the edge of a specimen: the margin is what the system leaves out there, or two numbers, along x
-    and along y.
+    Sides that move as the fields show do not hold the specimen out of its plane: then, and with ``motion = "free"``, every
+    stage has an offset and two tilts of its own.
     """
-    table = config.experiment.mesh
-    margin = np.broadcast_to(np.atleast_1d(table.around_points_mm), 2)
-    at = camera.inverse(grid_of(points).positions_px)
-    low, high = at.min(axis=0) - margin, at.max(axis=0) + margin
-    size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
-    down = bool((camera.jacobian(np.zeros((1, 2)))[0] @ (0.0, 1.0))[1] > 0)
-    return roi_mesh((*low, *high), size, table.holes_mm, down=down, file=file, key="experiment.mesh")
+    if config.experiment.kind != "solid" or points.plane is None:
+        return None
+    measured = any(drive is not None and drive.measured is not None for table in config.boundary
+                   for drive in (table.u, table.ux, table.uy))
+    return Depth(free=free_rigid or measured)
 
 
 def rigid_is_free(config: ExperimentFile, file: Path) -> bool:
@@ -175,24 +171,6 @@ def rigid_is_free(config: ExperimentFile, file: Path) -> bool:
     return True
 
 
-def mesh_of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera, file: Path) -> Mesh:
-    """A mesh of the outline of the points, with its holes, wider by a margin: ``mesh = { outline_points_mm = 0.7 }``.
-
-    The ends along x and y are the sets LEFT, RIGHT, BOTTOM, TOP.
-    """
-    table = config.experiment.mesh
-    at = camera.inverse(grid_of(points).positions_px)
-    try:
-        found = outline_of(at, points.pitch, float(table.outline_points_mm or 0.0))
-    except InputError as error:
-        raise InputError(error.what, file=file, key="experiment.mesh", expected=error.expected, found=error.found,
-                         remedy=error.remedy) from None
-    size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
-    drawing = Drawing(found.outline.tolist(), [hole.tolist() for hole in found.holes], size, table.elements == "quads",
-                      sides(found.outline), table.mesher)
-    return drawing.mesh(file)
-
-
 def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoints, frames: Sequence[int],
                     reference: int, n_references: int, file: Path) -> Noise:
     """The noise of a point and its correlation: from the stages (`idic.images.quality.field_noise`), the size as given.
@@ -203,10 +181,7 @@ def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoin
         The noise is neither given nor visible in the stages.
     """
     given = config.experiment.fields_noise_um
-    files = tuple((entry.path, entry.number, entry.path.stat().st_mtime_ns) for entry in stack.entries)
-    found = _seen_noise(_Recording((files, stack.series.mm_per_unit, tuple(frames), reference, n_references,
-                                    len(stack.points)),
-                                   stack, points.positions_px))
+    found = _noise_seen(stack, points, frames, reference, n_references, (0, 1))
     if found is None:
         if given is None:
             raise InputError("the noise of the fields is not known", file=file, key="experiment.fields_noise_um",
@@ -219,19 +194,56 @@ def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoin
                  correlated=CorrelatedNoise(std, std * found.sum_std / found.std, rows, std))
 
 
+def with_depth(points: FieldPoints, noise: Noise, stack: FieldStack, frames: Sequence[int], reference: int,
+               n_references: int) -> tuple[FieldPoints, str]:
+    """The points with the weight of the rows along the normal by their own noise, and a note.
+
+    The rows are weighed so that sums over many points scatter as those in the plane do; the correlation of neighbours is
+    taken to be that in the plane. Where the stages do not show the noise, it is that in the plane.
+    """
+    assert points.depth is not None
+    plane, own = noise.correlated, _noise_seen(stack, points, frames, reference, n_references, (2,))
+    said = "" if not points.depth.free else "; an offset and two tilts of every stage are its own"
+    if own is None or plane is None:
+        return replace(points, depth=replace(points.depth, std_um=noise.std_gv)), (
+            "the displacement out of the plane is compared too, with the noise of the others" + said)
+    weight = plane.sum_std_gv / own.sum_std
+    gain = (weight * own.std / plane.recorded_gv) ** 2
+    return replace(points, depth=replace(points.depth, weight=weight, noise_gain=gain, std_um=own.std)), (
+        f"the displacement out of the plane is compared too; its noise is {own.std:.3g} µm per point{said}")
+
+
+def _noise_seen(stack: FieldStack, points: FieldPoints, frames: Sequence[int], reference: int, n_references: int,
+                components: tuple[int, ...]) -> FieldNoise | None:
+    files = tuple((entry.path, entry.number, entry.path.stat().st_mtime_ns) for entry in stack.entries)
+    key = (files, stack.series.mm_per_unit, tuple(frames), reference, n_references, len(stack.points), components)
+    return _seen_noise(_Recording(key, stack, points.positions_px))
+
+
+@dataclass(frozen=True)
+class _Components:
+    """Some components of the displacement, as a stack of their own."""
+
+    stack: FieldStack
+    components: tuple[int, ...]
+
+    def frame(self, k: int) -> np.ndarray:
+        return self.stack.frame(k)[:, list(self.components)]
+
+
 @dataclass(frozen=True)
 class _Recording:
-    """Stages, and all that tells them from others: files, their age, unit, frames, references."""
+    """Stages, and all that tells them from others: files, their age, unit, frames, references, components."""
 
     key: tuple
     stack: FieldStack = field(compare=False)
     positions_px: np.ndarray = field(compare=False)
 
 
-@lru_cache(maxsize=2)  # one command opens an experiment several times
+@lru_cache(maxsize=4)  # one command opens an experiment several times
 def _seen_noise(recording: _Recording) -> FieldNoise | None:
-    _, _, frames, reference, n_references, _ = recording.key
-    return field_noise(recording.stack, recording.positions_px, frames, reference, n_references)
+    _, _, frames, reference, n_references, _, components = recording.key
+    return field_noise(_Components(recording.stack, components), recording.positions_px, frames, reference, n_references)
 
 
 def field_notes(stack: FieldStack, grid: FieldPoints, last: int,
@@ -250,6 +262,9 @@ def field_notes(stack: FieldStack, grid: FieldPoints, last: int,
         return notes
     text = (f"out of the plane, at {series.labels[last]}: {found.rms_mm:.2g} mm rms, tilt "
             f"{np.degrees(np.hypot(*found.tilt)):.2g}°, curvature {1e3 * found.curvature:.2g} 1/m")
+    if grid.depth is not None:
+        return [*notes, text]
+    text += "; it is not compared, as a plane model has no motion there (kind = \"solid\" compares it)"
     bending = 0.5 * found.curvature * (thickness or 0.0)
     if bending > MIN_TOLD_CURVATURE_STRAIN:
         text += (f"; this bends the surface by a strain of {bending:.1e}, which a plane model does not have: "

@@ -10,14 +10,17 @@ from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_experiment import MeshTable
 from idic.experiment_file.tables.lengths import Lengths
-from idic.experiment_file.tables.measured_fields import mesh_around, mesh_of_outline
+from idic.experiment_file.tables.measured_fields import grid_of
 from idic.fe.mesh.mesh import Mesh
+from idic.images.camera import Camera
 from idic.images.stack import Stack
-from idic.readers.fields.series import FieldStack
+from idic.readers.fields.outline import outline_of, sides
+from idic.readers.fields.series import FieldStack, MeasuredPoints
 from idic.readers.outline_mesh import Drawing, from_image
 from idic.readers.roi_mesh import roi_mesh
 
 KEY = "experiment.mesh"
+NEIGHBOURS_PER_ELEMENT = 3.0  # side of an element of a mesh around the points, where none is given
 
 
 def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Path) -> Mesh:
@@ -29,23 +32,56 @@ def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Pa
         The table does not suit the kind of the model, the frames or the scale, or the drawing cannot be meshed.
     """
     table, fields = config.experiment.mesh, isinstance(stack, FieldStack)
-    if table.around_points_mm is not None and isinstance(stack, FieldStack):
-        return mesh_around(config, stack.points, scale.camera, file)
-    if table.outline_points_mm is not None and isinstance(stack, FieldStack):
-        return mesh_of_outline(config, stack.points, scale.camera, file)
     if fields and table.in_px:
         raise InputError("a mesh in px on measured fields", file=file, key=KEY,
                          expected="around_points_mm, outline_points_mm, roi_mm, outline_mm or a mesh file",
                          found="roi_px" if table.outline_px is None else "outline_px",
                          remedy="write mesh = { around_points_mm = 1.0, element_mm = 4 }")
     if config.experiment.kind == "solid":
-        raise InputError("a mesh made on the image is plane", file=file, key="experiment.kind",
+        raise InputError(f"a mesh made on the {'points' if fields else 'image'} is plane", file=file, key="experiment.kind",
                          expected="plane_stress or plane_strain", found="solid", remedy="give a mesh file")
+    if table.around_points_mm is not None and isinstance(stack, FieldStack):
+        return _around_points(config, stack.points, scale.camera, file)
+    if table.outline_points_mm is not None and isinstance(stack, FieldStack):
+        return _of_outline(config, stack.points, scale.camera, file)
     if not table.in_px:
         return _mesh_in_mm(table, scale, file)
     mesh = (drawing_of(table).mesh(file, KEY) if table.outline_px is not None
             else roi_mesh(table.roi_px, table.element_px, table.holes_px, down=True, file=file, key=KEY))
     return from_image(mesh, scale.camera)
+
+
+def _around_points(config: ExperimentFile, points: MeasuredPoints, camera: Camera, file: Path) -> Mesh:
+    """A mesh of the rectangle around the points, in the axes of the mesh: ``mesh = { around_points_mm = 1.0 }``.
+
+    Points never reach the edge of a specimen: the margin is what the system leaves out there, or two numbers, along x
+    and along y.
+    """
+    table = config.experiment.mesh
+    margin = np.broadcast_to(np.atleast_1d(table.around_points_mm), 2)
+    at = camera.inverse(grid_of(points).positions_px)
+    low, high = at.min(axis=0) - margin, at.max(axis=0) + margin
+    size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
+    down = bool((camera.jacobian(np.zeros((1, 2)))[0] @ (0.0, 1.0))[1] > 0)
+    return roi_mesh((*low, *high), size, table.holes_mm, down=down, file=file, key=KEY)
+
+
+def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera, file: Path) -> Mesh:
+    """A mesh of the outline of the points, with its holes, wider by a margin: ``mesh = { outline_points_mm = 0.7 }``.
+
+    The ends along x and y are the sets LEFT, RIGHT, BOTTOM, TOP.
+    """
+    table = config.experiment.mesh
+    at = camera.inverse(grid_of(points).positions_px)
+    try:
+        found = outline_of(at, points.pitch, float(table.outline_points_mm or 0.0))
+    except InputError as error:
+        raise InputError(error.what, file=file, key=KEY, expected=error.expected, found=error.found,
+                         remedy=error.remedy) from None
+    size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
+    drawing = Drawing(found.outline.tolist(), [hole.tolist() for hole in found.holes], size, table.elements == "quads",
+                      sides(found.outline), table.mesher)
+    return drawing.mesh(file)
 
 
 def _mesh_in_mm(table: MeshTable, scale: Lengths, file: Path) -> Mesh:

@@ -53,7 +53,7 @@ def field_noise(stack: Stack, positions: np.ndarray, frames: Sequence[int], refe
 
     Parameters
     ----------
-    stack : frames of (n_points, 2), NaN where not measured
+    stack : frames of (n_points, c), NaN where not measured
     positions : (n_points, 2) in distances of neighbours
     frames : stages that count, in order, the reference among them
     reference : the stage that displacements count from; n_references : stages averaged to it
@@ -82,8 +82,8 @@ def field_noise(stack: Stack, positions: np.ndarray, frames: Sequence[int], refe
 class _Stage:
     """What the fit of a stage leaves.
 
-    noise : (n_points, 2), as large as the stage's own noise, 0 where it is not known; known : (n_points,) bool;
-    fitted : (n_points, 2, k) orthonormal columns of the fit, all components of all points together
+    noise : (n_points, c), as large as the stage's own noise, 0 where it is not known; known : (n_points,) bool;
+    fitted : (n_points, c, k) orthonormal columns of the fit, all components of all points together
     """
 
     noise: np.ndarray
@@ -100,26 +100,27 @@ def _smooth(positions: np.ndarray) -> np.ndarray:
 def _left(stack: Stack, positions, before: int, now: int, after: int, reference: int,
           n_references: int) -> _Stage | None:
     """What the neighbours in time and a polynomial leave of a stage."""
-    fields = [np.zeros((len(positions), 2)) if k == reference else np.asarray(stack.frame(k), float)
+    shown = np.asarray(stack.frame(now), float)
+    c = shown.shape[1]
+    fields = [shown if k == now else np.zeros_like(shown) if k == reference else np.asarray(stack.frame(k), float)
               for k in (before, now, after)]
     known = np.isfinite(np.hstack(fields)).all(axis=1)
     n = int(known.sum())
     if n < MIN_POINTS:
         return None
     smooth = _smooth(positions[known])
-    zero = np.zeros_like(smooth)
     previous, value, following = (field[known].T.ravel() for field in fields)  # columns first, then rows
     neighbours = [column for column in (previous, following) if column.any()]
-    columns = np.column_stack([np.vstack([smooth, zero]), np.vstack([zero, smooth]), *neighbours])
+    columns = np.column_stack([np.kron(np.eye(c), smooth), *neighbours])
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     factors = np.linalg.lstsq(columns, value, rcond=1e-10)[0]
-    shares = factors[2 * smooth.shape[1]:] / [max(float(np.linalg.norm(one)), 1e-300) for one in neighbours]
+    shares = factors[c * smooth.shape[1]:] / [max(float(np.linalg.norm(one)), 1e-300) for one in neighbours]
     gain = 1.0 + float(shares @ shares) + (1.0 - float(shares.sum())) ** 2 / n_references
     basis, size, _ = np.linalg.svd(columns, full_matrices=False)
     basis = basis[:, size > 1e-10 * size[0]]
-    noise, fitted = np.zeros((len(positions), 2)), np.zeros((len(positions), 2, basis.shape[1]))
-    noise[known] = (value - columns @ factors).reshape(2, n).T / np.sqrt(gain)
-    fitted[known] = basis.reshape(2, n, -1).transpose(1, 0, 2)
+    noise, fitted = np.zeros((len(positions), c)), np.zeros((len(positions), c, basis.shape[1]))
+    noise[known] = (value - columns @ factors).reshape(c, n).T / np.sqrt(gain)
+    fitted[known] = basis.reshape(c, n, -1).transpose(1, 0, 2)
     return _Stage(noise, known, fitted)
 
 
@@ -144,11 +145,11 @@ def _covariance(positions: np.ndarray, stages: Sequence[_Stage]) -> np.ndarray:
             return (whole @ fields).reshape(n_lags, n, -1) * known[:, None]
 
         seen += np.einsum("ic,dic->d", stage.noise, across(stage.noise))
-        matrix[np.diag_indices(n_lags)] += 2.0 * across(stage.known[:, None].astype(float)).sum(axis=(1, 2))
+        matrix[np.diag_indices(n_lags)] += stage.noise.shape[1] * across(stage.known[:, None].astype(float)).sum(axis=(1, 2))
         inner = np.zeros((n_lags, *[stage.fitted.shape[2]] * 2))
         for k, column in enumerate(np.moveaxis(stage.fitted, 2, 0)):  # one by one: all of them would be large
             moved = across(column).reshape(n_lags, -1)
-            inner[:, :, k] = moved @ stage.fitted.reshape(2 * n, -1)
+            inner[:, :, k] = moved @ stage.fitted.reshape(stage.noise.size, -1)
             matrix -= 2.0 * moved @ moved.T
         inner = inner.reshape(n_lags, -1)
         matrix += inner @ inner.T

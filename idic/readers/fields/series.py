@@ -35,6 +35,7 @@ MIN_SHARED_PART = 0.1  # of the reference's points in every stage; fewer are tho
 MIN_POINTS = 12
 _MAX_MATCH_DISTANCE = 0.05  # of the distance of neighbours: the same point in two stages without names
 UM_PER_MM = 1e3
+_ROWS_DOWN = np.array([1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -302,12 +303,12 @@ def measured_points(series: FieldSeries, references: Sequence[int]) -> MeasuredP
 class FieldStack:
     """The displacements of a test, frame by frame, as rows of an image: follows the `Stack` protocol.
 
-    `frame` gives (n_points, 2) in µm, along the columns and the rows of the points' grid (rows count downwards,
-    against y); NaN where a point was not measured.
+    `frame` gives (n_points, 2 or 3) in µm, along the columns and the rows of the points' grid (rows count downwards,
+    against y) and along the normal of three coordinates; NaN where a point was not measured.
     """
 
-    def __init__(self, series: FieldSeries, points: MeasuredPoints):
-        self.series, self.points = series, points
+    def __init__(self, series: FieldSeries, points: MeasuredPoints, n_components: int = 2):
+        self.series, self.points, self.n_components = series, points, n_components
 
     @property
     def entries(self) -> tuple[FieldEntry, ...]:
@@ -323,10 +324,10 @@ class FieldStack:
 
     @property
     def shape(self) -> tuple[int, int]:
-        return len(self.points), 2
+        return len(self.points), self.n_components
 
     def frame(self, k: int) -> np.ndarray:
-        """Displacements of a frame  # (n_points, 2) float32, µm
+        """Displacements of a frame  # (n_points, n_components) float32, µm
 
         Raises
         ------
@@ -347,4 +348,4 @@ class FieldStack:
                              expected=f"displacements below the length of the specimen, {size:.3g} mm",
                              found=f"{np.abs(np.median(moved[known], axis=0)).max():.3g} mm",
                              remedy="remove stages of other specimens from the pattern")
-        return np.ascontiguousarray(UM_PER_MM * moved[:, :2] * [1.0, -1.0], dtype=np.float32)
+        return np.ascontiguousarray(UM_PER_MM * moved[:, :self.n_components] * _ROWS_DOWN[:self.n_components], dtype=np.float32)

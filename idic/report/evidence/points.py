@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from idic.correlation.field.reference import FieldReference
+from idic.correlation.view import normal_sign
 from idic.images.camera import Camera
 from idic.model.experiment import Experiment
 from idic.report.record import PointMaps
@@ -16,16 +17,22 @@ def point_maps_of(experiment: Experiment, camera: Camera, reference: FieldRefere
                   motion: Callable[[int], np.ndarray]) -> PointMaps:
     """Displacement and residual of the points on the mesh, along the axes of the mesh.
 
-    camera : at the identified parameters; motion : frame -> simulated displacement of the nodes (n_nodes, 2) px
+    camera : at the identified parameters; motion : frame -> simulated displacement of the nodes (n_nodes, c) px
     """
     pm = reference.pixel_map
     at, row = np.unique(pm.point, return_inverse=True)
     axes = camera.jacobian(np.zeros((1, 2)))[0] * camera.pixel_size  # columns of the mesh axes, rotated and mirrored
 
+    c = reference.n_components
+    turn = np.eye(c)
+    turn[:2, :2] = axes
+    if c == 3:
+        turn[2, 2] = normal_sign(camera)
+
     def along_mesh(values: np.ndarray) -> np.ndarray:
-        points = np.full((len(at), 2), np.nan)
-        points[row, pm.component] = values
-        return points @ axes
+        points = np.full((len(at), c), np.nan)
+        points[row, pm.component] = values / reference.row_weight
+        return points @ turn
 
     measured, residual = [], []
     for frame in frames:
@@ -34,4 +41,4 @@ def point_maps_of(experiment: Experiment, camera: Camera, reference: FieldRefere
         measured.append(along_mesh(seen))
         residual.append(along_mesh(np.where(left.valid, left.r, np.nan)))
     return PointMaps(tuple(frames), camera.inverse(pm.positions[at]), np.array(measured), np.array(residual),
-                     experiment.points.pitch_mm)  # type: ignore[union-attr]
+                     experiment.points.pitch_mm, 0.0 if reference.depth is None else reference.depth.std_um)

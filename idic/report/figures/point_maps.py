@@ -9,42 +9,42 @@ from idic.report.figures.maps import RESIDUAL_RANGE, entitle, grid
 from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, look, to_picture
 from idic.report.record import PointMaps, RunRecord
 
-COMPONENTS = ("x", "y")
+COMPONENTS = ("x", "y", "z")
 MARKER = 1.35  # side of a marker in distances of neighbours: no seams between them
 
 
 def point_maps(record: RunRecord) -> Picture | None:
-    """Displacement (mean taken off) and residual along x and y at every point of some frames; None of images."""
+    """Displacement (mean taken off) and residual along x, y and, of a solid, z at every point of some frames; None of images."""
     data, sigma = record.points, record.noise_gv
     if data is None or not sigma or not len(data.frames):
         return None
     low, high = data.positions_mm.min(axis=0) - data.pitch_mm, data.positions_mm.max(axis=0) + data.pitch_mm
     with look():
-        figure, axes = grid(4, len(data.frames), (low[0], high[0], low[1], high[1]))
+        names = COMPONENTS[:data.measured.shape[2]]
+        n = len(names)
+        figure, axes = grid(2 * n, len(data.frames), (low[0], high[0], low[1], high[1]))
         size = _marker_points(axes[0, 0], data, high - low)
-        for component, name in enumerate(COMPONENTS):
+        for component, name in enumerate(names):
+            own = sigma if component < 2 else data.depth_noise_um
             moved = data.measured[:, :, component] - np.nanmean(data.measured[:, :, component], axis=1)[:, None]
             drawn = _row(axes[component], data, moved, _norm(moved), size,
                          lambda m: (f"{_short(np.nanmax(m) - np.nanmin(m))} µm",))
             figure.colorbar(drawn, ax=axes[component], label=f"u{name} − mean [µm]", shrink=0.85, aspect=15, pad=0.01)
             left = data.residual[:, :, component]
-            drawn = _row(axes[2 + component], data, left, Normalize(-RESIDUAL_RANGE * sigma, RESIDUAL_RANGE * sigma),
-                         size,
-                         lambda m: (f"{_short(rms(m))} µm, ", f"{_short(rms(m) / sigma)} σ"))
-            figure.colorbar(drawn, ax=axes[2 + component], label=f"residual {name} [µm]", shrink=0.85,
+            drawn = _row(axes[n + component], data, left, Normalize(-RESIDUAL_RANGE * own, RESIDUAL_RANGE * own), size,
+                         lambda m, own=own: (f"{_short(rms(m))} µm, ", f"{_short(rms(m) / own)} σ"))
+            figure.colorbar(drawn, ax=axes[n + component], label=f"residual {name} [µm]", shrink=0.85,
                             aspect=15, pad=0.01, extend="both")
-        for row, name in enumerate((*(f"u{c}" for c in COMPONENTS), *(f"residual {c}" for c in COMPONENTS))):
+        for row, name in enumerate((*(f"u{c}" for c in names), *(f"residual {c}" for c in names))):
             axes[row, 0].set_ylabel(name)
         for axis in axes.ravel():
             axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], yticks=[])
             axis.grid(False)
-        caption = ("Displacement that was measured, less its mean (above each map: smallest to largest), and measured "
-                   "less "
-                   f"simulated displacement with the identified values (above: rms). σ = {sigma:.3g} µm is the noise "
-                   f"of a "
-                   f"component of a point, the colours of the residual end at {RESIDUAL_RANGE:g} σ. A map of noise "
-                   f"alone has 1.0 "
-                   "to 1.4 σ, as the reference stage has noise too. x and y are those of the mesh.")
+        along_z = f" ({data.depth_noise_um:.3g} µm along z)" if n == 3 else ""
+        caption = ("Displacement that was measured, less its mean (above each map: smallest to largest), and measured less "
+                   f"simulated displacement with the identified values (above: rms). σ = {sigma:.3g} µm is the noise of a "
+                   f"component of a point{along_z}, the colours of the residual end at {RESIDUAL_RANGE:g} σ. A map of noise alone has 1.0 "
+                   f"to 1.4 σ, as the reference stage has noise too. {'x and y' if n == 2 else 'x, y and z'} are those of the mesh.")
         return to_picture(figure, "point_maps", "Measured points", caption, as_photo=True)
 
 

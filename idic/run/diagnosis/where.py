@@ -46,7 +46,7 @@ def where_record(residual: ResidualEvidence, mismatch: Mismatch, selected: Selec
              "when": _when(begin, interval, mismatch.visible_frame), "course": mismatch.course.words}
     shares = {name: nested_tests.share(name) for name in nested_tests.levels if name not in ("force", "brightness")}
     return WhereRecord(
-        reference=experiment.picture(experiment.reference) if evidence.n_components == 2 else None,
+        reference=experiment.picture(experiment.reference) if evidence.n_components == 2 or experiment.points else None,
         outlines=_outlines(experiment, residual), statistic=source_map.statistic,
         p=np.where(source_map.same_sign, source_map.p, 1.0), source_elements=source_elements,
         since=source_map.first_frames(evidence.frames, begin), blind=_blind(experiment, residual),

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.view import GREY, view_of
+from idic.correlation.field.reference import FieldReference
+from idic.correlation.view import GREY, SPACE, view_of
 from idic.dic.camera_floor import CameraFloor, camera_floor
 from idic.dic.still import find_still_frames
 from idic.parameters import ParameterSet
@@ -82,14 +83,16 @@ def _floor(context: RunContext, evaluation: int, parameters: ParameterSet) -> Ca
     shared = correlation_context(context, parameters)
     experiment = shared.experiment
     view = view_of(experiment, shared.camera)
-    if view.kind != GREY or experiment.noise.std_gv is None:
+    if view.kind not in (GREY, SPACE) or experiment.noise.std_gv is None:
         return None
     motion = simulated_motion(context, evaluation, parameters)
-    nodes = shared.reference.image.pixel_map.visible_nodes
+    image = shared.reference.image
+    image = image.in_plane if isinstance(image, FieldReference) else image
+    nodes = image.pixel_map.visible_nodes
     nodes = nodes[np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), MAX_FINDER_NODES)).astype(int))]
     sampled = np.array([motion(frame)[nodes] for frame in range(experiment.n_frames)])
     still = find_still_frames(experiment, sampled, nodes)
-    return camera_floor(experiment, shared.reference.image, still, motion)
+    return camera_floor(experiment, image, still, motion)
 
 
 def simulated_motion(context: RunContext, evaluation: int, parameters: ParameterSet) -> Callable[[int], np.ndarray]:

@@ -66,7 +66,7 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
                for source in context.settings.get("channel_noise_source", ())]
     points, motions = None, np.array([simulated(k) for k in shown])
     if isinstance(reference, FieldReference):
-        points = point_maps_of(experiment, shared.camera, reference, shown, plane)
+        points = point_maps_of(experiment, shared.camera, reference, shown, motion)
     return dict(
         points=points,
         free=free,

@@ -11,7 +11,7 @@ import numpy as np
 
 from idic.correlation.experiment_reference import camera_at
 from idic.correlation.frame_equations import at_fixed_pixels
-from idic.correlation.view import is_section, view_of
+from idic.correlation.view import SPACE, is_section, view_of
 from idic.errors import InputError
 from idic.fe.mesh.mesh import surface_cells
 from idic.identify.result import at_bound
@@ -313,7 +313,8 @@ def _fields(context: RunContext, point: int, experiment: Experiment, parameters:
                   for frame in frames])
     if not frames:
         return None
-    rise = {f"rise [{experiment.value_unit}]": u[:, :, 2]} if view.n_components == 3 else {}
+    unit = 1.0 if experiment.points is None else experiment.points.um_per_px
+    rise = {f"rise [{experiment.value_unit}]": unit * u[:, :, 2]} if view.n_components == 3 else {}
     return FieldFrames(frames, u[:, :, :2], rise)
 
 
@@ -331,7 +332,7 @@ def _sensitivities(context: RunContext, point: int, experiment: Experiment,
     du = at_fixed_pixels(experiment, u, columns, names)
     view, nodes = view_of(experiment, camera_at(experiment, parameters)).at(frame), experiment.mesh.nodes
     columns = view.columns(nodes, u, du).reshape(len(nodes), view.n_components, len(names))
-    if view.n_components == 3:
+    if view.n_components == 3 and view.kind != SPACE:
         columns[:, 2] *= experiment.height_unit / view.camera.pixel_size
     steps = [shown_step(parameters[name]) for name in names]
     phi = np.stack([columns[:, :, i] * size for i, (size, _) in enumerate(steps)])
