@@ -2,7 +2,7 @@
 
     grey      column, row                  camera(X + u) - camera(X)                      px
     (a measured field likewise: its px is the distance of neighbouring points)
-    space     column, row, out of plane    the same, and  s u_z / distance of neighbours: a field of three components  px, px, px
+    space     column, row, normal          a field of three components: the same, and  n u_z        px, px, px
     height    column, row, height          the same, and  n u_z / height_unit             px, px, unit of the images
     section   column, row, height          camera at (x, 0); the height is  n u_y / height_unit
 

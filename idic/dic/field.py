@@ -2,8 +2,8 @@
 
     (H + w D^T D) u = q,      H = s² Σ NᵀN,   q = s Σ Nᵀ v          docs/method.md, equation 15.5
 
-Linear: one solution per frame, with one factorisation for all frames that show the same points. Of motion along the normal
-of a solid's surface there is no free motion here: `FieldReference.in_plane`.
+Linear: one solution per frame, with one factorisation for all frames that show the same points. Motion along the normal
+of a solid's surface is left out (`FieldReference.in_plane`).
 """
 
 from __future__ import annotations

@@ -38,7 +38,9 @@ from idic.images.camera import Camera
 from idic.images.placed_camera import AnyCamera
 from idic.images.quality.lowpass import mirrored_rim_px
 from idic.images.stack import Stack
-from idic.model.experiment import Column, Experiment, FieldPoints, FurtherCamera, Material, Noise, Options, Prescribed, Stage
+from idic.model.experiment import (
+    Column, Experiment, FieldPoints, FurtherCamera, Material, Noise, Options, Prescribed, Stage,
+)
 from idic.parameters import Parameter, ParameterSet
 from idic.readers.fields.series import FieldStack
 from idic.readers.meshes import read_mesh_file

@@ -12,13 +12,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.tables.measured_fields import (
-    depth_of,
-    field_notes,
-    grid_of,
-    kept_stages,
-    open_series,
-    rigid_is_free,
-    stack_of,
+    depth_of, field_notes, grid_of, kept_stages, open_series, rigid_is_free, stack_of,
 )
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.tables.further_cameras import camera_files, camera_images
@@ -158,7 +152,8 @@ class RecordedFolder:
         if table.stages is not None:
             kept, note = kept_stages(table.stages, stack, averaged, excluded)
             recorded = Recorded(stack, (reference, *later), kept)
-            stack, labels = FieldStack(series.only(kept), stack.points, stack.n_components), tuple(labels[k] for k in kept)
+            stack = FieldStack(series.only(kept), stack.points, stack.n_components)
+            labels = tuple(labels[k] for k in kept)
             reference, averaged = kept.index(reference), tuple(kept.index(k) for k in averaged)
             later, excluded = [len(kept) - 1], ()
             notes.append(note)

@@ -248,9 +248,9 @@ class Noise:
 class Depth:
     """How the displacement along the normal of the points is compared, on the surface of a solid.
 
-    weight : of its rows: noise of a component in the plane over its own, as sums over many points have it; noise_gain :
-    variance of a weighted row over that of a row in the plane; std_um : noise of a point; free : an offset and two tilts
-    of every frame are unknown
+    weight : of its rows: noise of a component in the plane over its own, as sums over many points have it;
+    noise_gain : variance of a weighted row over that of a row in the plane; std_um : noise of a point;
+    free : an offset and two tilts of every frame are unknown
     """
 
     weight: float = 1.0

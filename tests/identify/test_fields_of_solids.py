@@ -66,9 +66,10 @@ def write_plate(file: Path, n: tuple[int, int, int]) -> None:
     """A plate of bricks, its front the face set FRONT at +z."""
     nx, ny, nz = n
     number = np.arange((nx + 1) * (ny + 1) * (nz + 1)).reshape(nx + 1, ny + 1, nz + 1) + 1
-    at = np.stack(np.meshgrid(*(np.linspace(0.0, size, k + 1) for size, k in zip((LENGTH, WIDTH, THICKNESS), n, strict=True)),
-                              indexing="ij"), axis=-1).reshape(-1, 3)
-    lines = ["*Node", *(f"{i}, {x:.9g}, {y:.9g}, {z:.9g}" for i, (x, y, z) in enumerate(at, 1)), "*Element, type=C3D8, elset=PLATE"]
+    sides = [np.linspace(0.0, size, k + 1) for size, k in zip((LENGTH, WIDTH, THICKNESS), n, strict=True)]
+    at = np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3)
+    lines = ["*Node", *(f"{i}, {x:.9g}, {y:.9g}, {z:.9g}" for i, (x, y, z) in enumerate(at, 1)),
+             "*Element, type=C3D8, elset=PLATE"]
     front = []
     for e, (i, j, k) in enumerate(np.ndindex(nx, ny, nz), 1):
         corners = [number[i + a, j + b, k + c] for c in (0, 1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
@@ -92,13 +93,15 @@ def write_stages(folder: Path, fields: list[np.ndarray]) -> None:
     (folder / "stages").mkdir(parents=True)
     for k, u in enumerate(fields):
         rows = [",".join(f"{value:.7f}" for value in row) + ",0.01" for row in np.hstack([at, u @ turn.T])]
-        (folder / "stages" / f"stage_{k:02d}.csv").write_text('"X","Y","Z","U","V","W","sigma"\n' + "\n".join(rows) + "\n")
+        text = "\n".join(['"X","Y","Z","U","V","W","sigma"', *rows, ""])
+        (folder / "stages" / f"stage_{k:02d}.csv").write_text(text)
 
 
 def write_experiment(folder: Path, mesh: tuple[int, int, int], loads: list[tuple[float, float]], E: float, nu: float,
                      more: str = "", kind: str = "solid") -> None:
     write_plate(folder / "plate.inp", mesh)
-    (folder / "loads.csv").write_text("frame,grip_mm,force_N\n" + "\n".join(f"{k},{g},{f}" for k, (g, f) in enumerate(loads)) + "\n")
+    rows = [f"{k},{grip},{force}" for k, (grip, force) in enumerate(loads)]
+    (folder / "loads.csv").write_text("\n".join(["frame,grip_mm,force_N", *rows, ""]))
     (folder / "experiment.toml").write_text(EXPERIMENT.format(kind=kind, more=more, E=E, nu=nu))
 
 
@@ -123,7 +126,8 @@ def write_test(folder: Path, motion: tuple[np.ndarray, float], sway: np.ndarray)
     u, force = motion
     rng, shares = np.random.default_rng(5), np.linspace(0.0, 1.0, N_STAGES)
     noise = rng.normal(0.0, 1e-3, (N_STAGES, len(u), 3)) * [PLANE_UM, PLANE_UM, DEPTH_UM]
-    write_stages(folder, [share * u + np.sin(9.0 * share) * sway + own for share, own in zip(shares, noise, strict=True)])
+    moved = shares[:, None, None] * u + np.sin(9.0 * shares)[:, None, None] * sway
+    write_stages(folder, list(moved + noise))
     forces = shares * force + rng.normal(0.0, FORCE_N, N_STAGES)
     write_experiment(folder, (10, 6, 1), list(zip(shares * DEFLECTION, forces, strict=True)), 60e3, 0.25)
 

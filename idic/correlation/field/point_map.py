@@ -1,7 +1,7 @@
 """Which measured point lies where in which element: the pixel map of a field.
 
-Every point makes a row per component: along the columns, along the rows and, on the surface of a solid, along the normal.
-The rows of an element are those of the first component, then those of the next.
+Every point makes a row per component: along the columns, along the rows and, on the surface of a solid, along the
+normal. The rows of an element are those of the first component, then those of the next.
 """
 
 from __future__ import annotations

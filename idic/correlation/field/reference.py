@@ -3,10 +3,10 @@
     r = v - s u(x),     L phi = s phi          at every point x and for each component   docs/method.md, equation 15.1
 
 v is measured (µm), u simulated (distances of neighbours), s the scale between them. On the surface of a solid the
-displacement along the normal makes a third row, whose weight is in v and s (equation 15.7). Where the whole specimen moves with the
-machine or against the cameras, a rigid motion B beta of every frame is an unknown of it, in the place of the brightness of
-images: r = v - s u - B beta. Points are material: the field of a frame belongs to the reference stage, so F stays out,
-and the noise of a frame counts once (kappa = 1).
+displacement along the normal makes a third row, whose weight is in v and s (equation 15.8). Where the whole specimen
+moves with the machine or against the cameras, a rigid motion B beta of every frame is an unknown of it, in the place of
+the brightness of images: r = v - s u - B beta. Points are material: the field of a frame belongs to the reference
+stage, so F stays out, and the noise of a frame counts once (kappa = 1).
 """
 
 from __future__ import annotations
@@ -93,7 +93,8 @@ class FieldReference(NodalBasis):
     @cached_property
     def matrix(self) -> sparse.csr_array:
         """s N: from nodal motion to the rows; N is averaged over the subset  # (n_pixels, c n_nodes)"""
-        N, c = sparse.coo_array(self.pixel_map.shape_matrix() if self.averaged is None else self.averaged), self.n_components
+        N = sparse.coo_array(self.pixel_map.shape_matrix() if self.averaged is None else self.averaged)
+        c = self.n_components
         columns = c * N.col + self.pixel_map.component[N.row]
         data = self.scale * N.data * self.row_weight[N.row]
         return sparse.csr_array((data, (N.row, columns)), shape=(N.shape[0], c * N.shape[1]))
@@ -110,7 +111,7 @@ class FieldReference(NodalBasis):
 
     @cached_property
     def rigid(self) -> np.ndarray:
-        """B: rows of a shift along the columns, along the rows, and a turn of about the same size; of an offset along the
+        """B: rows of a shift along the columns, along the rows, and a turn of the same size; of an offset along the
         normal and two tilts where they are free  # (n_pixels, 0 | 3 | 6) µm"""
         pm, columns = self.pixel_map, []
         x, y = (pm.points() - pm.points().mean(axis=0)).T
@@ -121,7 +122,8 @@ class FieldReference(NodalBasis):
             columns += [first, second, np.where(first, -y, np.where(second, x, 0.0))]
         if self.depth is not None and self.depth.free:
             columns += [third, np.where(third, x, 0.0), np.where(third, y, 0.0)]
-        return self.scale * self.row_weight[:, None] * np.array(columns, dtype=float).reshape(len(columns), pm.n_pixels).T
+        rows = np.array(columns, dtype=float).reshape(len(columns), pm.n_pixels).T
+        return self.scale * self.row_weight[:, None] * rows
 
     def measured(self, experiment: Experiment, frame: int) -> np.ndarray:
         """The measured displacement of every row with its weight, NaN where there is none  # (n_pixels,) µm"""
@@ -201,8 +203,8 @@ def build_field_reference(experiment: Experiment, camera: Camera) -> FieldRefere
     points = experiment.points
     assert points is not None
     cells = surface_cells(experiment.mesh, experiment.surface)
-    point_map = build_point_map(experiment.mesh.nodes, cells, camera, points.positions_px, points.shape, experiment.mask,
-                                points.n_components)
+    point_map = build_point_map(experiment.mesh.nodes, cells, camera, points.positions_px, points.shape,
+                                experiment.mask, points.n_components)
     averaged = None
     if points.subset_px > 0.0:
         averaged = _over_subsets(experiment, camera, point_map, points.subset_px)

@@ -45,7 +45,8 @@ class ThinnedStack(StackView):
             noise = self._drawn(rng, self.shape)
         else:  # of its grid, where the points are
             column, row = np.rint(self.points.positions_px).astype(int).T
-            noise = np.column_stack([self._drawn(rng, self.points.shape)[row, column] for _ in range(self.points.n_components)])
+            drawn = [self._drawn(rng, self.points.shape)[row, column] for _ in range(self.points.n_components)]
+            noise = np.column_stack(drawn)
             if self.points.depth is not None:
                 noise[:, 2] /= self.points.depth.weight
         return self.stack.frame(k).astype(np.float32) + np.float32(self.sign * self.noise.recorded_gv) * noise

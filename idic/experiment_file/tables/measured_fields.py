@@ -39,7 +39,7 @@ def open_series(config: ExperimentFile, folder: Path, file: Path) -> FieldSeries
 
 
 def stack_of(series: FieldSeries, references: Sequence[int], kind: str) -> FieldStack:
-    """The displacements since the mean of the reference stages; of a solid also the one along the normal of its points."""
+    """The displacements since the mean of the reference stages; of a solid also that along the normal of its points."""
     points = measured_points(series, references)
     return FieldStack(series, points, 3 if kind == "solid" and points.plane is not None else 2)
 
@@ -54,7 +54,8 @@ def kept_stages(table: StagesTable, stack: FieldStack, references: Sequence[int]
                   "last stage are among them (stages in [experiment])")
 
 
-def grid_of(points: MeasuredPoints, subset_mm: float = 0.0, free_rigid: bool = False, depth: Depth | None = None) -> FieldPoints:
+def grid_of(points: MeasuredPoints, subset_mm: float = 0.0, free_rigid: bool = False,
+            depth: Depth | None = None) -> FieldPoints:
     """The points on their grid: the first column at the smallest x, the first row at the largest y."""
     px = (points.positions - _corner(points)) / points.pitch * [1.0, -1.0]
     nx, ny = (np.ceil(px.max(axis=0)).astype(int) + 1).tolist()
@@ -140,8 +141,8 @@ def _field_axes(config: ExperimentFile) -> list[str]:
 def depth_of(config: ExperimentFile, points: MeasuredPoints, free_rigid: bool) -> Depth | None:
     """How the displacement out of the plane is compared: on a solid that was measured in three coordinates.
 
-    Sides that move as the fields show do not hold the specimen out of its plane: then, and with ``motion = "free"``, every
-    stage has an offset and two tilts of its own.
+    Sides that move as the fields show do not hold the specimen out of its plane: then, and with ``motion = "free"``,
+    every stage has an offset and two tilts of its own.
     """
     if config.experiment.kind != "solid" or points.plane is None:
         return None
@@ -198,8 +199,8 @@ def with_depth(points: FieldPoints, noise: Noise, stack: FieldStack, frames: Seq
                n_references: int) -> tuple[FieldPoints, str]:
     """The points with the weight of the rows along the normal by their own noise, and a note.
 
-    The rows are weighed so that sums over many points scatter as those in the plane do; the correlation of neighbours is
-    taken to be that in the plane. Where the stages do not show the noise, it is that in the plane.
+    The rows are weighed so that sums over many points scatter as those in the plane do; the correlation of neighbours
+    is taken to be that in the plane. Where the stages do not show the noise, it is that in the plane.
     """
     assert points.depth is not None
     plane, own = noise.correlated, _noise_seen(stack, points, frames, reference, n_references, (2,))
@@ -243,7 +244,8 @@ class _Recording:
 @lru_cache(maxsize=4)  # one command opens an experiment several times
 def _seen_noise(recording: _Recording) -> FieldNoise | None:
     _, _, frames, reference, n_references, _, components = recording.key
-    return field_noise(_Components(recording.stack, components), recording.positions_px, frames, reference, n_references)
+    stack = _Components(recording.stack, components)
+    return field_noise(stack, recording.positions_px, frames, reference, n_references)
 
 
 def field_notes(stack: FieldStack, grid: FieldPoints, last: int,

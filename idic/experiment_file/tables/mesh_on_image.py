@@ -38,8 +38,9 @@ def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Pa
                          found="roi_px" if table.outline_px is None else "outline_px",
                          remedy="write mesh = { around_points_mm = 1.0, element_mm = 4 }")
     if config.experiment.kind == "solid":
-        raise InputError(f"a mesh made on the {'points' if fields else 'image'} is plane", file=file, key="experiment.kind",
-                         expected="plane_stress or plane_strain", found="solid", remedy="give a mesh file")
+        raise InputError(f"a mesh made on the {'points' if fields else 'image'} is plane", file=file,
+                         key="experiment.kind", expected="plane_stress or plane_strain", found="solid",
+                         remedy="give a mesh file")
     if table.around_points_mm is not None and isinstance(stack, FieldStack):
         return _around_points(config, stack.points, scale.camera, file)
     if table.outline_points_mm is not None and isinstance(stack, FieldStack):

@@ -145,7 +145,8 @@ def _covariance(positions: np.ndarray, stages: Sequence[_Stage]) -> np.ndarray:
             return (whole @ fields).reshape(n_lags, n, -1) * known[:, None]
 
         seen += np.einsum("ic,dic->d", stage.noise, across(stage.noise))
-        matrix[np.diag_indices(n_lags)] += stage.noise.shape[1] * across(stage.known[:, None].astype(float)).sum(axis=(1, 2))
+        near = across(stage.known[:, None].astype(float)).sum(axis=(1, 2))
+        matrix[np.diag_indices(n_lags)] += stage.noise.shape[1] * near
         inner = np.zeros((n_lags, *[stage.fitted.shape[2]] * 2))
         for k, column in enumerate(np.moveaxis(stage.fitted, 2, 0)):  # one by one: all of them would be large
             moved = across(column).reshape(n_lags, -1)

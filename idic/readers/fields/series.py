@@ -348,4 +348,5 @@ class FieldStack:
                              expected=f"displacements below the length of the specimen, {size:.3g} mm",
                              found=f"{np.abs(np.median(moved[known], axis=0)).max():.3g} mm",
                              remedy="remove stages of other specimens from the pattern")
-        return np.ascontiguousarray(UM_PER_MM * moved[:, :self.n_components] * _ROWS_DOWN[:self.n_components], dtype=np.float32)
+        c = self.n_components
+        return np.ascontiguousarray(UM_PER_MM * moved[:, :c] * _ROWS_DOWN[:c], dtype=np.float32)

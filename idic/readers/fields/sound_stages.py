@@ -38,7 +38,7 @@ def check_stages(stack: FieldStack, frames: Sequence[int]) -> None:
     middles = _Middles.of(stack.points.positions, stack.points.pitch)
     missing_before = 0
     for number, k in enumerate(frames):
-        torn = middles.torn_part(stack.frame(k))
+        torn = middles.torn_part(stack.frame(k)[:, :2])
         if torn > MAX_TORN_PART:
             raise InputError("a stage of another specimen, or of a broken one", file=stack.entries[k].path, key=KEY,
                              expected="points between their neighbours of the reference stage",

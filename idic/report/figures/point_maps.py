@@ -14,7 +14,7 @@ MARKER = 1.35  # side of a marker in distances of neighbours: no seams between t
 
 
 def point_maps(record: RunRecord) -> Picture | None:
-    """Displacement (mean taken off) and residual along x, y and, of a solid, z at every point of some frames; None of images."""
+    """Displacement (mean taken off) and residual of the points along x, y and, of a solid, z; None of images."""
     data, sigma = record.points, record.noise_gv
     if data is None or not sigma or not len(data.frames):
         return None
@@ -31,7 +31,8 @@ def point_maps(record: RunRecord) -> Picture | None:
                          lambda m: (f"{_short(np.nanmax(m) - np.nanmin(m))} µm",))
             figure.colorbar(drawn, ax=axes[component], label=f"u{name} − mean [µm]", shrink=0.85, aspect=15, pad=0.01)
             left = data.residual[:, :, component]
-            drawn = _row(axes[n + component], data, left, Normalize(-RESIDUAL_RANGE * own, RESIDUAL_RANGE * own), size,
+            norm = Normalize(-RESIDUAL_RANGE * own, RESIDUAL_RANGE * own)
+            drawn = _row(axes[n + component], data, left, norm, size,
                          lambda m, own=own: (f"{_short(rms(m))} µm, ", f"{_short(rms(m) / own)} σ"))
             figure.colorbar(drawn, ax=axes[n + component], label=f"residual {name} [µm]", shrink=0.85,
                             aspect=15, pad=0.01, extend="both")
@@ -40,11 +41,12 @@ def point_maps(record: RunRecord) -> Picture | None:
         for axis in axes.ravel():
             axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], yticks=[])
             axis.grid(False)
-        along_z = f" ({data.depth_noise_um:.3g} µm along z)" if n == 3 else ""
-        caption = ("Displacement that was measured, less its mean (above each map: smallest to largest), and measured less "
-                   f"simulated displacement with the identified values (above: rms). σ = {sigma:.3g} µm is the noise of a "
-                   f"component of a point{along_z}, the colours of the residual end at {RESIDUAL_RANGE:g} σ. A map of noise alone has 1.0 "
-                   f"to 1.4 σ, as the reference stage has noise too. {'x and y' if n == 2 else 'x, y and z'} are those of the mesh.")
+        along_z, axes_shown = (f" ({data.depth_noise_um:.3g} µm along z)", "x, y and z") if n == 3 else ("", "x and y")
+        caption = ("Displacement that was measured, less its mean (above each map: smallest to largest), and measured "
+                   "less simulated displacement with the identified values (above: rms). σ = "
+                   f"{sigma:.3g} µm is the noise of a component of a point{along_z}, the colours of the residual end "
+                   f"at {RESIDUAL_RANGE:g} σ. A map of noise alone has 1.0 to 1.4 σ, as the reference stage has noise "
+                   f"too. {axes_shown} are those of the mesh.")
         return to_picture(figure, "point_maps", "Measured points", caption, as_photo=True)
 
 
