@@ -43,6 +43,7 @@ from idic.workers.peak_memory import peak_memory_mb
 
 MAPS = "final"
 KEPT_OF_THE_START = ("u", "channels", "steps")
+KEPT_OF_THE_END = (*KEPT_OF_THE_START, "du", "dchannels")  # not the influence of frame-local unknowns, the largest record
 
 
 @dataclass(frozen=True)
@@ -108,14 +109,20 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
     result["sensitivity"] = session.sensitivity
     result["history"] = [dict(entry) for entry in state.history]
     write_result(session.run, result)
-    if state.status != "interrupted" and state.accepted is not None and state.accepted.number != 0 and (
-            state.history[0]["phi"] is not None):
-        _thin_start(context)
+    if state.status != "interrupted" and state.accepted is not None:
+        _thin(context, state)
     return result
 
 
-def _thin_start(context: RunContext) -> None:
-    """Remove the sensitivities of the first point: the iterations are over, and the report reads its motion alone."""
+def _thin(context: RunContext, state: LoopState) -> None:
+    """Remove what only further steps would read: the iterations are over.
+
+    The report reads the motion of the first point, and motion and sensitivities of the accepted one.
+    """
+    number = state.accepted.number
+    context.store.thin(group_name(number, BASE), KEPT_OF_THE_END)
+    if number == 0 or state.history[0]["phi"] is None:
+        return
     for folder in sorted(context.store.path.joinpath(group_name(0, BASE)).parent.glob("*/")):
         if folder.name in (START, SYSTEM) or folder.name.startswith("."):
             continue

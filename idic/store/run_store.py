@@ -116,12 +116,15 @@ class RunStore:
         return self.path / name
 
     def thin(self, name: str, kept: Sequence[str]) -> Path:
-        """Replace a finished group by one with some of its arrays."""
+        """Replace a finished group by one with some of its arrays; one that has no other stays."""
         source = self.group(name)
+        arrays = _arrays_in(source)
+        if set(arrays) <= set(kept):
+            return source
         with self.building(name, self.ident(source)) as folder:
-            for array in _arrays_in(source):
+            for array in arrays:
                 if array in kept:
-                    shutil.copytree(source / array, folder / array)
+                    shutil.copytree(source / array, folder / array, copy_function=_link_or_copy)
         return self.path / name
 
     def ident(self, folder: Path) -> dict:
@@ -328,6 +331,14 @@ def _seal(folder: Path) -> None:
 def _descriptions(folder: Path) -> dict[str, str]:
     files = sorted(folder.glob("*/zarr.json"))
     return {file.parent.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+
+
+def _link_or_copy(source: str, target: str) -> None:
+    """A second name of a file that is not changed any more; a copy where the disk has no links."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
 
 
 def _arrays_in(folder: Path) -> list[str]:

@@ -279,3 +279,9 @@ def test_a_folder_that_may_not_be_written_is_said(small, tmp_path):
     code, said = finish(command_line("identify", small.experiment, "--out", "/proc/idic-run", "--no-prefect"))
     assert code == 2 and "/proc/idic-run" in said and "Traceback" not in said and "--resume" not in said, said
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_finished_run_keeps_no_influence_of_a_measured_edge(kinds):
+    """It is larger than the images, and only further steps read it; the sensitivities stay for the report."""
+    stored = {description.parent.name for description in (kinds("measured edges").run / "run.zarr").rglob("zarr.json")}
+    assert "du" in stored and "local_du" not in stored

@@ -47,7 +47,7 @@ def test_the_page_is_one_self_contained_well_formed_file(record):
     checker = Checker()
     checker.feed(page)
     assert not checker.open
-    assert all(r.startswith(("data:image/png;base64,", "data:image/jpeg;base64,", "#")) for r in checker.references)
+    assert all(r.startswith(("data:image/webp;base64,", "#")) for r in checker.references)
     assert not re.search(r"https?://|@import|url\(", page)
     slides = [picture for section in sections for slide in section.slides for picture in slide.pictures]
     assert len(slides) == 6 and all(picture.png.startswith(b"\xff\xd8") for picture in slides)

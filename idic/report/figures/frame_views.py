@@ -13,7 +13,7 @@ from matplotlib.image import AxesImage, imsave
 from idic.report import words
 from idic.report.figures.maps import RESIDUAL_RANGE, residual_window
 from idic.report.figures.profiles import height_profile, is_profile
-from idic.report.figures.style import DIVERGING, ORANGE, JPEG_QUALITY, Picture, look, new_figure
+from idic.report.figures.style import DIVERGING, ORANGE, JPEG_QUALITY, Picture, look, new_figure, webp
 from idic.report.record import FrameView, RunRecord
 
 VIEW_WIDTH_INCH = 5.0  # inch; two stand side by side on a wide screen
@@ -146,7 +146,7 @@ def _jpeg(figure, name: str, title: str) -> Picture:
     buffer = io.BytesIO()
     figure.set_dpi(DPI)
     figure.canvas.draw()  # savefig lays out and draws twice, to the same end
-    imsave(buffer, figure.canvas.buffer_rgba(), format="jpeg", dpi=DPI,
-           pil_kwargs={"quality": JPEG_QUALITY, "optimize": True})
+    pixels = figure.canvas.buffer_rgba()
+    imsave(buffer, pixels, format="jpeg", dpi=DPI, pil_kwargs={"quality": JPEG_QUALITY, "optimize": True})
     figure.set_layout_engine("none")  # it is laid out
-    return Picture(name, title, "", buffer.getvalue(), "jpeg")
+    return Picture(name, title, "", buffer.getvalue(), "jpeg", light=webp(pixels, exact=False))

@@ -9,7 +9,8 @@ from idic.identify.step.stages import resolve_stages
 from idic.identify.step.state import Evaluation, LoopState
 from idic.run.session import Session
 from idic.run.tasks import CorrelationJob, sum_discrepancy
-from idic.store.discrepancy_store import load_discrepancy
+from idic.store.discrepancy_store import LABEL, load_discrepancy
+from idic.store.layout import group_name
 
 
 def discrepancy_of(session: Session, state: LoopState, point: Evaluation | None) -> DiscrepancySystem | str:
@@ -19,6 +20,8 @@ def discrepancy_of(session: Session, state: LoopState, point: Evaluation | None)
     reason = reason_against(context.at_stage(stage).experiment, point)
     if reason:
         return reason
+    if context.store.finished(group_name(state.accepted.number, LABEL)) is not None:
+        return load_discrepancy(context.store, state.accepted.number)
     changes = perturbations(session.experiment, session.sensitivity, state.accepted.values, context.moving)
     weights = generalised_weights(context.weights) if point.system.generalised else None
     job = CorrelationJob(session.run, state.accepted.number, 0, session.experiment.n_frames, state.accepted.values,

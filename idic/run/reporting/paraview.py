@@ -20,6 +20,7 @@ from idic.store.layout import BASE, group_name
 VTK_NAMES = {"tri3": "triangle", "tri6": "triangle6", "quad4": "quad", "quad8": "quad8", "tet4": "tetra",
              "tet10": "tetra10", "hex8": "hexahedron", "hex20": "hexahedron20"}
 COLLECTION = "fields.pvd"
+N_DIGITS = 17  # binary ones of a strain or stress in a file to look at
 
 
 def write_paraview(context: RunContext, experiment: Experiment, record: RunRecord, folder: Path) -> None:
@@ -51,7 +52,7 @@ def write_collection(folder: Path, mesh: Mesh, frames: Iterable[tuple[float, Map
     """
     folder.mkdir(parents=True, exist_ok=True)
     points = three_columns(mesh.nodes)
-    cells = [(VTK_NAMES[block.cell], np.asarray(block.connectivity)) for block in mesh.blocks]
+    cells = [(VTK_NAMES[block.cell], np.asarray(block.connectivity, dtype=np.int32)) for block in mesh.blocks]
     entries = []
     for k, (time, fields) in enumerate(frames):
         name = f"frame_{k:04d}.vtu"
@@ -72,15 +73,21 @@ def three_columns(values: np.ndarray) -> np.ndarray:
     """(n, 2) with a third column of zeros; anything else as it is."""
     values = np.asarray(values)
     if values.ndim == 2 and values.shape[1] == 2:
-        return np.hstack([values, np.zeros((len(values), 1))])
+        return np.hstack([values, np.zeros((len(values), 1), dtype=values.dtype)])
     return values
+
+
+def _shortened(values: np.ndarray) -> np.ndarray:
+    """Strain, stress or state with 17 binary digits, 4e-6 of a value: a quarter less; ``run.zarr`` has all digits."""
+    scale, exponent = np.frexp(values)
+    return np.ldexp(np.round(np.ldexp(scale, N_DIGITS)), exponent - N_DIGITS).astype(np.float32)
 
 
 def _frames(experiment: Experiment, u: FrameArrays,
             record: RunRecord) -> Iterator[tuple[float, Mapping[str, np.ndarray]]]:
     data, start = record.sensitivities, experiment.reference
     for k in range(u.n_frames):
-        fields = {"displacement_mm": u.read(k, k + 1)[0]}
+        fields = {"displacement_mm": u.read(k, k + 1)[0].astype(np.float32)}
         if data is not None and data.frame == start + k:
             fields |= {f"sensitivity_px_per_{step.replace(' ', '')}_{name}": data.phi_px[i]
                        for i, (name, step) in enumerate(zip(data.names, data.steps, strict=True))}
@@ -99,9 +106,9 @@ def _measured_and_derived(record: RunRecord, frame: int, n_nodes: int) -> dict[s
         if name.startswith("u_") or name.split("_")[1:2] in (["1"], ["2"]):
             continue
         found[name] = np.full(n_nodes, np.nan, dtype=np.float32)
-        found[name][series.surface.index] = values
+        found[name][series.surface.index] = _shortened(values)
     if series.measured is not None:
-        motion = np.full((n_nodes, 2), np.nan)
+        motion = np.full((n_nodes, 2), np.nan, dtype=np.float32)
         motion[series.surface.index] = series.measured[series.frames.index(frame)]
         found[f"displacement_measured_{series.unit}"] = motion
     return found
