@@ -43,7 +43,7 @@ from idic.workers.peak_memory import peak_memory_mb
 
 MAPS = "final"
 KEPT_OF_THE_START = ("u", "channels", "steps")
-KEPT_OF_THE_END = (*KEPT_OF_THE_START, "du", "dchannels")  # not the influence of frame-local unknowns, the largest record
+KEPT_OF_THE_END = (*KEPT_OF_THE_START, "du", "dchannels")  # not the influence of frame-local unknowns
 
 
 @dataclass(frozen=True)
