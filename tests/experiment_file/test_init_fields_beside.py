@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from idic.errors import InputError
 from idic.experiment_file.init import write_initial_experiment
 from idic.experiment_file.load import load_experiment
 
@@ -59,3 +61,32 @@ def test_a_mesh_beside_the_stages_is_laid_onto_them(tmp_path):
     there = load_experiment(tmp_path, {"experiment.thickness_mm": 2.0, "experiment.fields_noise_um": 0.5})
     corner = there.camera.inverse(there.points.positions_px).min(axis=0)
     np.testing.assert_allclose(corner, [100.5, 0.5], atol=0.5)
+
+
+@pytest.mark.parametrize("stages, columns", [(2, 12), (4, 2)])
+def test_too_few_stages_or_points_for_the_noise_ask_for_it(tmp_path, stages, columns):
+    for k in range(stages):
+        rows = [f"{x},{y},0.0,{1e-3 * k * y}" for x in range(columns) for y in range(18)]
+        (tmp_path / f"stage_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
+    assert "fields_noise_um = 1.0            # FILL IN" in write_initial_experiment(tmp_path).read_text()
+    assert load_experiment(tmp_path).noise.std_gv == 1.0
+
+
+def test_a_field_of_three_columns_shows_its_noise(tmp_path):
+    """Distances of neighbours that do not occur have no part in the covariance."""
+    rng = np.random.default_rng(3)
+    for k in range(5):
+        noise = rng.normal(0.0, 5e-4, (90, 2))
+        rows = [f"{x},{y},{noise[3 * y + x, 0]:.7f},{1e-3 * k * y + noise[3 * y + x, 1]:.7f}"
+                for y in range(30) for x in range(3)]
+        (tmp_path / f"stage_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
+    write_initial_experiment(tmp_path)
+    assert load_experiment(tmp_path).noise.std_gv == pytest.approx(0.5, rel=0.2)  # 540 numbers, some taken by the fit
+
+
+def test_points_on_one_line_are_no_field(tmp_path):
+    for k in range(4):
+        rows = [f"3.0,{y},0.0,{1e-3 * k * y}" for y in range(18)]
+        (tmp_path / f"stage_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
+    with pytest.raises(InputError, match="on one line"):
+        write_initial_experiment(tmp_path)

@@ -372,6 +372,69 @@ def test_a_bad_stage_is_refused_with_its_name(tmp_path, spoil, message):
     assert "0001" in str(refused.value.file)
 
 
+def _last_half_written(folder):
+    """At the end of a row."""
+    path = folder / "stage_9.csv"
+    path.write_text("\n".join(path.read_text().splitlines()[:40]) + "\n")
+
+
+def _last_stretched(folder):
+    """Another specimen with the numbers of the same grid, 1.3 times as large."""
+    path = folder / "stage_9.csv"
+    head, *rows = path.read_text().splitlines()
+    scaled = np.array([row.split(",") for row in rows], dtype=float) * [1.0, 1.3, 1.3, 1.3, 1.3]
+    path.write_text("\n".join([head, *(",".join(f"{value:.7g}" for value in row) for row in scaled)]))
+
+
+def _of_another_grid(folder):
+    """Without ids: points at places of their own."""
+    for path in folder.glob("*.csv"):
+        head, *rows = path.read_text().splitlines()
+        path.write_text("\n".join([head.removeprefix("id,"), *(row.split(",", 1)[1] for row in rows)]))
+    path = folder / "stage_9.csv"
+    head, *rows = path.read_text().splitlines()
+    moved = np.array([row.split(",") for row in rows], dtype=float) * [1.2, 1.0, 1.0, 1.0]  # every fifth column remains
+    path.write_text("\n".join([head, *(",".join(f"{value:.7g}" for value in row) for row in moved)]))
+
+
+@pytest.mark.parametrize("spoil, message", [
+    (_last_half_written, "ends before its last points"), (_last_stretched, "of another specimen"),
+    (_of_another_grid, "of another specimen|other points than the reference")])
+def test_a_bad_last_stage_is_refused_with_its_name(tmp_path, spoil, message):
+    for k in range(10):
+        rows = [f"{i},{x:.6f},{y:.6f},{u:.7f},{v:.7f}" for i, ((x, y), (u, v))
+                in enumerate(zip(GRID, displaced(k), strict=True))]
+        (tmp_path / f"stage_{k}.csv").write_text("\n".join(["id,x_mm,y_mm,ux_mm,uy_mm", *rows]))
+    check_stages(opened(tmp_path), range(10))
+    spoil(tmp_path)
+    with pytest.raises(InputError, match=message) as refused:
+        check_stages(opened(tmp_path), range(10))
+    assert refused.value.file.name == "stage_9.csv"
+
+
+def test_another_specimen_of_the_same_grid_is_seen_by_its_strain(tmp_path):
+    """ARAMIS files hold positions alone: a specimen 1.3 times as large is a strain of 0.3 in one stage."""
+    for k in range(10):
+        aramis(tmp_path, k)
+    path = tmp_path / "Flächenkomponente 1_0006.csv"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    first = lines.index("id;x;y;z") + 1
+    larger = [";".join([i, str(1.3 * float(x)), str(1.3 * float(y)), z])
+              for i, x, y, z in (line.split(";") for line in lines[first:])]
+    path.write_text("\n".join([*lines[:first], *larger]), encoding="utf-8")
+    with pytest.raises(InputError, match="off by 0.4") as refused:  # sqrt 2 of 0.3
+        check_stages(opened(tmp_path), range(10))
+    assert "0006" in str(refused.value.file)
+
+
+def test_a_test_that_is_loaded_in_few_stages_is_no_fault(tmp_path):
+    for k, share in enumerate([0, 0, 0, 80, 0]):  # 0.3 of strain and back
+        rows = [f"{i},{x:.6f},{y:.6f},{u:.7f},{v:.7f}" for i, ((x, y), (u, v))
+                in enumerate(zip(GRID, displaced(share), strict=True))]
+        (tmp_path / f"stage_{k}.csv").write_text("\n".join(["id,x_mm,y_mm,ux_mm,uy_mm", *rows]))
+    check_stages(opened(tmp_path), range(5))
+
+
 def test_points_that_leave_the_view_and_a_specimen_that_stretches_by_half_are_no_fault(tmp_path):
     aramis(tmp_path, 0)
     aramis(tmp_path, 1, ids=np.arange(40))  # the last rows leave the view, and stay away

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.images.quality.field_noise import MIN_POINTS, MIN_STAGES
 from idic.readers.fields.chosen_stages import StageRule, mean_strain, strain_path
 from idic.readers.fields.outline import outline_of
 from idic.readers.fields.series import SUFFIXES, FieldSeries, MeasuredPoints, detected, measured_points, open_fields
@@ -120,7 +121,8 @@ def _line(text: str, comment: str) -> str:
 def _experiment(folder: Path, pattern: str, series: FieldSeries, points: MeasuredPoints, mesh: str | None) -> str:
     extent = np.ptp(points.positions, axis=0)
     margin = 0.5 * points.pitch
-    size = max(min(extent) / _ELEMENTS_ACROSS, 3.0 * points.pitch)
+    widest = 0.97 * (min(extent) + 2.0 * margin)  # both numbers are written with few digits
+    size = min(max(min(extent) / _ELEMENTS_ACROSS, 3.0 * points.pitch), widest)
     lines = [f"# An idic experiment, written by idic init for {len(series.entries)} stages of {len(points)} points "
              f"({series.format}).", "# Fill in the values marked FILL IN, then run  idic check .", "", "[experiment]",
              f"title = {json.dumps(folder.resolve().name)}",
@@ -131,6 +133,9 @@ def _experiment(folder: Path, pattern: str, series: FieldSeries, points: Measure
                else [_line(f"mesh = {json.dumps(mesh)}", "and mesh_unit, if not mm")]),
              _line('kind = "plane_stress"', "plane_stress | plane_strain | solid (with surface)"),
              _line("# thickness_mm = 1.0", "FILL IN if a force is compared")]
+    if len(series.entries) < MIN_STAGES or len(points) < MIN_POINTS:
+        few = f"{len(series.entries)} stages" if len(series.entries) < MIN_STAGES else f"{len(points)} points"
+        lines.append(_line("fields_noise_um = 1.0", f"FILL IN: noise of a point, which {few} do not show"))
     return "\n".join([*lines, *_stages(series, points)])
 
 

@@ -30,7 +30,7 @@ SUBSET_LENGTHS = 3.0  # of these: width of a subset whose noise is correlated ab
 MAX_LENGTH_PART = 0.25  # of the shorter side of the field: longer waves are those of the fit
 MIN_CORRELATION = 0.05  # of next neighbours: below, noise is independent from point to point
 MIN_GAIN = 9.0  # chi-square by a further term
-MIN_POINTS = 40
+MIN_POINTS, MIN_STAGES = 40, 3
 MAX_VARIANCE_RATIO = 2.0  # of what is left of a stage to the median of the stages: more is motion
 
 
@@ -59,7 +59,7 @@ def field_noise(stack: Stack, positions: np.ndarray, frames: Sequence[int], refe
     reference : the stage that displacements count from; n_references : stages averaged to it
     """
     frames = list(frames)
-    if len(frames) < 3 or len(positions) < MIN_POINTS:
+    if len(frames) < MIN_STAGES or len(positions) < MIN_POINTS:
         return None
     middle = [k for k in range(1, len(frames) - 1) if frames[k] != reference]
     chosen = [middle[k] for k in np.unique(np.linspace(0, len(middle) - 1, min(MAX_STAGES, len(middle))).astype(int))]
@@ -136,7 +136,7 @@ def _covariance(positions: np.ndarray, stages: Sequence[_Stage]) -> np.ndarray:
     summed over the stages.
     """
     pairs, place = _pairs(positions)
-    n, n_lags = len(positions), int(place.max()) + 1
+    n, n_lags = len(positions), int(_lags().max()) + 1
     whole = sparse.csr_array((np.ones(len(pairs)), (place * n + pairs[:, 0], pairs[:, 1])), shape=(n_lags * n, n))
     matrix, seen = np.zeros((n_lags, n_lags)), np.zeros(n_lags)
     for stage in stages:

@@ -34,6 +34,7 @@ SUFFIXES = (".csv", ".txt", ".dat", *_BY_SUFFIX)
 MIN_SHARED_PART = 0.1  # of the reference's points in every stage; fewer are those of another specimen
 MIN_POINTS = 12
 _MAX_MATCH_DISTANCE = 0.05  # of the distance of neighbours: the same point in two stages without names
+_MIN_WIDTH = 0.1  # of the distance of neighbours, rms, across the points
 UM_PER_MM = 1e3
 _ROWS_DOWN = np.array([1.0, -1.0, 1.0])
 
@@ -295,6 +296,11 @@ def measured_points(series: FieldSeries, references: Sequence[int]) -> MeasuredP
                          found=f"{int(known.sum())} of {n} points in all of them", remedy="name fewer reference stages")
     points, start = first.points[known], start[known]
     positions = start if first.displacement is None else points + start
+    spread = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False) / np.sqrt(len(points))
+    if spread[1] < _MIN_WIDTH * pitch:
+        raise InputError("the points of the reference stage lie on one line", file=series.entries[references[-1]].path,
+                         key=KEY, expected="points over a surface", found=f"{len(points)} points on a line",
+                         remedy="export the points of the whole surface")
     plane = mean_plane(positions) if positions.shape[1] == 3 else None
     flat = positions if plane is None else positions @ plane.axes.T
     return MeasuredPoints(flat[:, :2], pitch, None if first.ids is None else first.ids[known], points, plane, start)

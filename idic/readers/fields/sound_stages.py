@@ -1,9 +1,10 @@
 """Whether all stages are those of one test: none of another specimen with the same numbers, none that was cut off.
 
 Systems number the points of every project from 1 on, so that another specimen has the same ids. Its points lie
-elsewhere:
-neighbours of the reference stage are no neighbours there. A file that ends too early at the end of a row looks like a
-stage that has lost points; the next stage has them again.
+elsewhere: neighbours of the reference stage are no neighbours there, one stage alone is stretched by far, or the file
+states other places in the system's reference. A file that ends too early at the end of a row looks like a stage that
+has lost points: the next stage has them again, or, of the last stage, they end within a line of the grid and the rows
+above are as complete as before.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from idic.errors import InputError
-from idic.readers.fields.series import FieldStack
+from idic.readers.fields.chosen_stages import mean_strain
+from idic.readers.fields.series import UM_PER_MM, FieldStack
 from idic.readers.fields.stage import KEY
 
 MAX_TORN_PART = 0.05  # of the points that were between their neighbours; a crack through the specimen tears 2 % or so
@@ -23,6 +25,12 @@ MIN_TORN_PITCH = 0.5  # distance from the middle of the four neighbours, in dist
 # of a distance of neighbours, in the reference stage: the point is in the middle of its four nearest
 MAX_OFF_MIDDLE = 0.1
 MIN_CUT_PART = 0.05  # of the points, at the end of a file
+MAX_NEIGHBOUR = 1.5  # distances of neighbours
+MAX_LOST_PART = 0.01  # of the points, lost elsewhere in a file that was cut off
+MAX_OTHER_PART = 0.5  # of the points of a stage that are at other places of the system's reference
+MIN_JUMP_STRAIN = 0.05  # of one stage against its neighbours
+MAX_OTHER_STEP = 0.05  # any other step of the mean strain over the jump
+MIN_OTHER_STEPS = 6  # fewer stages may be one cycle of a test
 
 
 def check_stages(stack: FieldStack, frames: Sequence[int]) -> None:
@@ -36,29 +44,101 @@ def check_stages(stack: FieldStack, frames: Sequence[int]) -> None:
         A stage cannot be read, is one of another specimen, or ends before its last points.
     """
     middles = _Middles.of(stack.points.positions, stack.points.pitch)
-    missing_before = 0
-    for number, k in enumerate(frames):
-        torn = middles.torn_part(stack.frame(k)[:, :2])
+    strains, ends = [], []
+    for k in frames:
+        moved = stack.frame(k)[:, :2]
+        torn = middles.torn_part(moved)
         if torn > MAX_TORN_PART:
-            raise InputError("a stage of another specimen, or of a broken one", file=stack.entries[k].path, key=KEY,
-                             expected="points between their neighbours of the reference stage",
-                             found=f"{100 * torn:.0f} % of them elsewhere",
-                             remedy="remove stages of other specimens, and those after the break, from the pattern")
-        missing = _missing_at_end(stack, k)
-        if number and missing_before - missing > MIN_CUT_PART * len(stack.points):
-            raise InputError("a stage ends before its last points", file=stack.entries[frames[number - 1]].path,
-                             key=KEY,
-                             expected="the points of the reference stage, as in the next stage",
-                             found=f"the last {missing_before} of {len(stack.points)} are not there",
-                             remedy="the file may be half written: export the stage again, or remove it from the "
-                                    "pattern")
-        missing_before = missing
+            raise _other_specimen(stack, k, "points between their neighbours of the reference stage",
+                                  f"{100 * torn:.0f} % of them elsewhere")
+        _check_places(stack, k)
+        strains.append(mean_strain(stack.points.positions, moved / UM_PER_MM * [1.0, -1.0]))
+        ends.append(_End.of(stack, k))
+        if len(ends) > 1 and ends[-2].missing - ends[-1].missing > MIN_CUT_PART * len(stack.points):
+            raise _cut_off(stack, frames[len(ends) - 2], ends[-2].missing, "as in the next stage")
+    if len(ends) > 1 and ends[-1].is_cut_after(ends[-2]):
+        raise _cut_off(stack, frames[-1], ends[-1].missing, "as in the stage before")
+    jump = _jump(np.array(strains))
+    if jump is not None:
+        k, size = jump
+        raise _other_specimen(stack, frames[k], "a mean strain near that of the stages before and after it",
+                              f"one that is off by {size:.2g} in this stage alone")
 
 
-def _missing_at_end(stack: FieldStack, k: int) -> int:
-    """How many points, from the last one of the reference stage backwards, have no row in a stage."""
-    there = np.flatnonzero(stack.points.found_in(stack.series.stage(k)) >= 0)
-    return len(stack.points) - 1 - int(there[-1]) if len(there) else len(stack.points)
+def _other_specimen(stack: FieldStack, k: int, expected: str, found: str) -> InputError:
+    return InputError("a stage of another specimen, or of a broken one", file=stack.entries[k].path, key=KEY,
+                      expected=expected, found=found,
+                      remedy="remove stages of other specimens, and those after the break, from the pattern")
+
+
+def _cut_off(stack: FieldStack, k: int, missing: int, of: str) -> InputError:
+    return InputError("a stage ends before its last points", file=stack.entries[k].path, key=KEY,
+                      expected=f"the points of the reference stage, {of}",
+                      found=f"the last {missing} of {len(stack.points)} are not there",
+                      remedy="the file may be half written: export the stage again; or remove it from the pattern")
+
+
+def _check_places(stack: FieldStack, k: int) -> None:
+    """Refuse a stage whose points have other places in the system's own reference than those of the reference stage."""
+    stage, points = stack.series.stage(k), stack.points
+    if stage.displacement is None:
+        return
+    at = points.found_in(stage)
+    there = at >= 0
+    beside = np.linalg.norm(stage.points[at[there]] - points.keys[there], axis=1) > MAX_OFF_MIDDLE * points.pitch
+    other = float(beside.mean()) if there.any() else 1.0
+    if points.ids is None:
+        other = 1.0 - there.sum() / len(stage.points)
+    if other > MAX_OTHER_PART:
+        raise _other_specimen(stack, k, "points at the reference coordinates of the reference stage",
+                              f"{100 * other:.0f} % of them at others")
+
+
+def _jump(strains: np.ndarray) -> tuple[int, float] | None:
+    """The stage whose mean strain is off by far, and by how much; None where there is none  # strains (n, 2, 2)
+
+    The steps to it and away from it are far larger than all others of the test, and those are many.
+    """
+    steps = np.linalg.norm(np.diff(strains, axis=0), axis=(1, 2))
+    if len(steps) < MIN_OTHER_STEPS + 1:
+        return None
+    sizes = np.append(np.minimum(steps[:-1], steps[1:]), steps[-1])  # of the stages after the first
+    k = int(np.argmax(sizes)) + 1
+    size, last = float(sizes[k - 1]), k == len(steps)
+    others = np.delete(steps, [k - 1] if last else [k - 1, k])
+    if size < MIN_JUMP_STRAIN or len(others) < MIN_OTHER_STEPS or others.max() > MAX_OTHER_STEP * size:
+        return None
+    returns = last or np.linalg.norm(strains[k + 1] - strains[k - 1]) < MAX_OTHER_STEP * size
+    return (k, size) if returns else None
+
+
+@dataclass(frozen=True)
+class _End:
+    """The end of the rows of a stage.
+
+    missing : points, from the last one of the reference stage backwards, without a row; lost : how many of the others
+    are not measured; n : all; in_line : the last one there and the next one are neighbours. Whole lines of a grid leave
+    the view, a file is cut off anywhere.
+    """
+
+    missing: int
+    lost: int
+    n: int
+    in_line: bool
+
+    @classmethod
+    def of(cls, stack: FieldStack, k: int) -> _End:
+        here = stack.points.found_in(stack.series.stage(k)) >= 0
+        there = np.flatnonzero(here)
+        missing = len(here) - 1 - int(there[-1]) if len(there) else len(here)
+        ends = stack.points.positions[[-1 - missing, -missing]] if 0 < missing < len(here) else np.zeros((2, 0))
+        in_line = bool(ends.size) and float(np.linalg.norm(ends[1] - ends[0])) < MAX_NEIGHBOUR * stack.points.pitch
+        return cls(missing, int((~here).sum()) - missing, len(here), in_line)
+
+    def is_cut_after(self, before: _End) -> bool:
+        """Whether the rows end within a line, where those above are as complete as in the stage before."""
+        return (self.in_line and self.missing - before.missing > MIN_CUT_PART * self.n
+                and self.lost <= before.lost + MAX_LOST_PART * self.n)
 
 
 @dataclass(frozen=True, eq=False)
