@@ -54,7 +54,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
         If anything in the input is not what was expected; nothing has been written then.
     """
     began, console = time.perf_counter(), console or Console()
-    planned = plan_run(paths, out, dict(overrides or {}))
+    planned = plan_run(paths, out, dict(overrides or {}), console.stage)
     planned.check(sensitivity)
     check_pause(planned, pause_after)
     limit = checked_memory_limit(memory_limit, workers, scheduler)

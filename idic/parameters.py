@@ -110,11 +110,12 @@ class JointPrior:
 class SmoothnessPrior:
     """A normal prior of combinations of parameters, each of mean zero and unit variance: the bends of a curve.
 
-    names : (n,); bends : (m, n) per internal unit
+    names : (n,); bends : (m, n) per internal unit; rising : whether a value below the one before it counts as that one
     """
 
     names: tuple[str, ...]
     bends: tuple[tuple[float, ...], ...]
+    rising: bool = False
 
     def normal_equations(self, parameters: Mapping[str, Parameter], names: Sequence[str],
                          slopes: np.ndarray) -> tuple[list[int], np.ndarray, np.ndarray]:

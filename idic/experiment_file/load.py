@@ -11,7 +11,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.laws.composed_law import course_notes
-from idic.experiment_file.laws.free_curves import smoothness_priors
+from idic.experiment_file.laws.free_curves import free_curves, knot_notes, smoothness_priors
 from idic.experiment_file.tables.measured_fields import field_camera, laid_on_outline, noise_of_fields, with_depth
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
                                                check_visible)
@@ -101,6 +101,7 @@ class ExperimentFolder(RecordedFolder):
         materials, parameters, mesh, law_notes = self.materials(mesh)
         solver = external_solver(self.config, self.folder, self.file)
         log = self.log(frames)
+        curves = free_curves(materials, self.config.material, parameters)
         known_times = self.frame_times(frames) if log is None else log.times
         check_times(materials, known_times, self.file)
         context = boundary_tables.Context(log, frames.reference, frames.stack.n_frames, scale.unit, self.file)
@@ -138,7 +139,7 @@ class ExperimentFolder(RecordedFolder):
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
             thickness=thickness, materials=materials,
             parameters=ParameterSet(parameters,
-                                    (*joint_priors(lens, parameters), *smoothness_priors(materials, parameters))),
+                                    (*joint_priors(lens, parameters), *smoothness_priors(curves, parameters))),
             prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels),
             camera=camera, stack=frames.stack, labels=frames.labels, times=times,
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
@@ -151,8 +152,10 @@ class ExperimentFolder(RecordedFolder):
             notes=(*scale.notes, *lens.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()),
                    *notes, *law_notes, *motion.notes, *order_notes,
                    *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
-                   *self.force_notes(parameters, motion), *course_notes(materials, parameters, _courses(motion))),
-            extras=self._extras(frames, scale, log, known_times), averaged=frames.averaged, points=points,
+                   *self.force_notes(parameters, motion), *knot_notes(self.config.material),
+                   *course_notes(materials, parameters, _courses(motion))),
+            extras=self._extras(frames, scale, log, known_times) | {"free_curves": curves},
+            averaged=frames.averaged, points=points,
             gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file)))
 
     def _moving(self, camera: AnyCamera, cameras: tuple[FurtherCamera, ...], lens: Lenses, frames: Frames,

@@ -45,13 +45,24 @@ class ParameterTable(Strict):
         return self
 
 
+class SmoothnessTable(Strict):
+    """The stated smoothness of a free curve; evidence: ln Z per number of knots, where they were chosen by it."""
+
+    strength: Positive = 1.0
+    over: Literal["strain", "root"] | None = None  # None: as the curve has it
+    size: Positive | None = None  # MPa; None: of the starting curve
+    by_evidence: bool = False  # knots and strength are still to be chosen
+    evidence: dict[str, float] = {}
+
+
 class MaterialTable(BaseModel):
-    """``law``, ``kinematics``; every other key is a parameter of the law."""
+    """``law``, ``kinematics``, ``smoothness`` of free curves; every other key is a parameter of the law."""
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False)
     __pydantic_extra__: dict[str, Annotated[ParameterTable, BeforeValidator(as_value_table)]] = Field(init=False)
     law: str
     kinematics: Literal["small", "finite"] | None = None
+    smoothness: dict[str, SmoothnessTable] = {}
 
     @property
     def parameters(self) -> dict[str, ParameterTable]:

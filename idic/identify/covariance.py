@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.correlation.system import CorrelationSystem
-from idic.parameters import ParameterSet
+from idic.parameters import ParameterSet, SmoothnessPrior
 
 MAX_DETERMINED_STD = 1.0  # scaled, ln(parameter): a factor e; no step goes along a direction of a larger one
+MIN_STATED_SHARE = 0.9  # of the eigenvalue of a direction that the smoothness of free curves alone determines
 MAX_UNDETERMINED_SHARE = 0.05  # of a parameter in undetermined directions; above, it has no value, std and bias
 
 
@@ -27,6 +28,7 @@ class Scaled:
     b: np.ndarray  # (n,)
     noise: np.ndarray  # (n, n) covariance of b
     slopes: np.ndarray  # (n,) d natural / d scaled
+    smooth: np.ndarray | None = None  # (n, n) the part of M that the smoothness of free curves makes
 
 
 @dataclass(frozen=True)
@@ -62,12 +64,16 @@ def scaled_system(system: CorrelationSystem, parameters: ParameterSet, reference
             M[i, i] += precision
             b[i] += precision * (p.prior_mean - p.value) / slopes[i]
             noise[i, i] += precision
+    smooth = None
     for prior in parameters.joint:
         at, own, pull = prior.normal_equations(parameters, system.names, slopes)
         M[np.ix_(at, at)] += own
         noise[np.ix_(at, at)] += own
         b[at] += pull
-    return Scaled(system.names, M, b, noise, slopes)
+        if isinstance(prior, SmoothnessPrior):
+            smooth = np.zeros_like(M) if smooth is None else smooth
+            smooth[np.ix_(at, at)] += own
+    return Scaled(system.names, M, b, noise, slopes, smooth)
 
 
 def spectrum(scaled: Scaled) -> Spectrum:
@@ -83,7 +89,11 @@ def spectrum(scaled: Scaled) -> Spectrum:
     # a direction whose noise is itself lost in rounding is judged by M alone
     stds = np.sqrt(np.maximum(quadratic, values.clip(min=0.0))) / safe
     stds = np.where(values <= floor, np.inf, stds)
-    return Spectrum(values, vectors, stds, stds < MAX_DETERMINED_STD)
+    determined = stds < MAX_DETERMINED_STD
+    if scaled.smooth is not None:  # what no data reach follows its neighbours
+        stated = np.einsum("ij,ik,kj->j", vectors, scaled.smooth, vectors)
+        determined |= (stated > MIN_STATED_SHARE * values) & (values > floor)
+    return Spectrum(values, vectors, stds, determined)
 
 
 def covariance(scaled: Scaled, found: Spectrum) -> np.ndarray:

@@ -14,14 +14,16 @@ from threadpoolctl import threadpool_limits
 
 from idic.correlation.frame_equations import correlated_frames
 from idic.errors import InputError
+from idic.experiment_file.toml_file import with_overrides
 from idic.identify.driver import log_progress
 from idic.identify.frame_fit import FrameFit, camera_entries, frame_entries, residual_summary
 from idic.identify.in_memory import Identification, identify as identify_record
 from idic.identify.result import build_result
 from idic.notebook.experiment import Experiment
 from idic.notebook.fields import FieldsInMemory, FieldsOfRun
-from idic.notebook.preparation import Prepared, prepare
 from idic.notebook.result import Result
+from idic.run.in_memory.knots import by_evidence, chosen_tables
+from idic.run.in_memory.preparation import Prepared, prepare
 from idic.run.plain import identify_on
 from idic.run.postprocess import has_force
 from idic.store.layout import FROM_PYTHON
@@ -85,6 +87,8 @@ def load_result(run: str | os.PathLike) -> Result:
 def _in_memory(given: Experiment, say: Callable[[str], None]) -> Result:
     began, cpu = time.perf_counter(), time.process_time()
     with threadpool_limits(1, user_api="blas"):
+        if by_evidence(given.record):
+            given = given.changed(chosen_tables(given.record, with_overrides(given.tables, None), say))
         prepared = prepare(given.record, say)
         found = identify_record(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
                                 searched=prepared.begin is not None)

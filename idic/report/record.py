@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from idic.materials.composed.free_curve import ClassicalFit
+from idic.materials.composed.smoothness import Smoothness
 from idic.fields.series import FieldSeries
 from idic.model.gauges import Gauge
 
@@ -223,6 +224,7 @@ class HardeningCurve:
         Plastic strain that 99 % of the seen nodes stay within; the last knot where no state is known.
     fits : tuple of ClassicalFit
         The classical forms, the nearest first.
+    smoothness : as stated, or as the evidence has it
     """
 
     name: str
@@ -232,6 +234,7 @@ class HardeningCurve:
     knots: np.ndarray
     reached: float
     fits: tuple[ClassicalFit, ...]
+    smoothness: Smoothness = field(default_factory=Smoothness)
 
 
 @dataclass(frozen=True)
@@ -270,6 +273,7 @@ class RubberCurve:
         I1 - 3 and I2 - 3 that 99 % of the nodes stay within.
     fits : tuple of ClassicalFit
         The classical forms, the nearest first.
+    strengths : of the smoothness priors of dW/dI1 and dW/dI2
     """
 
     name: str
@@ -277,6 +281,7 @@ class RubberCurve:
     slopes: tuple[RubberSlope, ...]
     reached: tuple[float, float]
     fits: tuple[ClassicalFit, ...]
+    strengths: tuple[float, ...] = (1.0, 1.0)
 
 
 @dataclass(frozen=True)

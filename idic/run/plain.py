@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits
 from idic.errors import InputError
 from idic.identify.driver import log_progress, run_loop
 from idic.identify.step.state import LoopState
+from idic.run.in_memory.knots import refuse_evidence, with_chosen_knots
 from idic.run.joint_run import JointRun
 from idic.run.runs import Points, Run, SingleRun, check_pause
 from idic.run.session import Timing
@@ -134,7 +135,7 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
         If anything in the input is not what was expected; nothing has been written then.
     """
     began, console = time.perf_counter(), console or Console()
-    planned = plan_run(paths, out, dict(overrides or {}))
+    planned = plan_run(paths, out, dict(overrides or {}), console.stage)
     planned.check(sensitivity)
     check_pause(planned, pause_after)
     if workers is None and scheduler is None and memory_limit is None and not planned.worth_workers:
@@ -206,8 +207,11 @@ def identify_on(runner: TaskRunner, path: str | Path, out: str | Path, *, resume
     return _identify(lambda: nullcontext(runner), path, out, resume, sensitivity, dict(overrides or {}), say, tasks)
 
 
-def plan_run(paths: Sequence[str | Path], out: str | Path, overrides: Mapping[str, Any]) -> Run:
+def plan_run(paths: Sequence[str | Path], out: str | Path, overrides: Mapping[str, Any],
+             say: Callable[[str], None] = lambda text: None) -> Run:
     """The run of one experiment, or of several with shared materials; everything is read, nothing written.
+
+    say : called with the progress of what comes first: the choice of knots of free curves
 
     Raises
     ------
@@ -219,15 +223,17 @@ def plan_run(paths: Sequence[str | Path], out: str | Path, overrides: Mapping[st
         raise InputError("no experiment", expected="an experiment folder, or several", found="none",
                          remedy="name the folder that holds experiment.toml")
     if len(paths) == 1:
-        return SingleRun(RunStore(out), paths[0], dict(overrides))
-    return JointRun.planned(paths, out, dict(overrides))  # type: ignore[return-value]
+        return with_chosen_knots(SingleRun(RunStore(out), paths[0], dict(overrides)), say)
+    joint = JointRun.planned(paths, out, dict(overrides))
+    refuse_evidence(part.experiment for part in joint.parts.values())
+    return joint  # type: ignore[return-value]
 
 
 def _identify(open_runner, path, out, resume, sensitivity, overrides, say=lambda text: None, tasks=None) -> dict:
     """Both functions above: the lines of the console go to `say`."""
     began = time.perf_counter()
     console = Console(say, tasks or Console.tasks, log_progress(say), said=say)
-    planned = plan_run([path] if isinstance(path, (str, Path)) else list(path), out, overrides)
+    planned = plan_run([path] if isinstance(path, (str, Path)) else list(path), out, overrides, say)
     planned.check(sensitivity)
     with threadpool_limits(1, user_api="blas"), planned.claim(resume), open_runner() as runner:
         done = earlier_result(planned, console, runner) if resume else None

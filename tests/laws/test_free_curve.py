@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from idic.materials import compile, get_law, point
-from idic.materials.composed.free_curve import basis, bends, classical_fits, knots, knots_of, level_names
+from idic.materials.composed.free_curve import basis, classical_fits, knots, knots_of, level_names
+from idic.materials.composed.smoothness import ROOT, Smoothness, bends, rise
 from idic.materials.composed.written_terms import flow_stress
 from idic.parameters import Parameter, SmoothnessPrior
 
@@ -50,7 +51,7 @@ def test_the_form_of_a_curve_with_noise_is_the_nearest_one_and_lies_in_the_band(
 def test_the_smoothness_prior_pulls_a_bend_straight_and_leaves_a_line_alone():
     names = tuple("abcd")
     at = knots(LAST, 4)
-    rows = bends(LAST, 200.0 + 1000.0 * at)
+    rows = bends(at, rise(200.0 + 1000.0 * at), Smoothness())
     prior = SmoothnessPrior(names, tuple(tuple(row) for row in rows.tolist()))
     slopes = np.array([200.0, 210.0, 240.0, 300.0])
     def pull(levels):
@@ -61,3 +62,12 @@ def test_the_smoothness_prior_pulls_a_bend_straight_and_leaves_a_line_alone():
     bent = pull(200.0 + 1000.0 * at + np.array([0.0, 5.0, 0.0, 0.0]))[2]
     assert bent[0] < 0.0
     np.testing.assert_allclose(M, slopes[1:, None] * (rows.T @ rows)[1:, 1:] * slopes[1:])
+
+
+def test_a_curve_is_smooth_over_what_is_stated_and_a_smaller_strength_is_a_stiffer_prior():
+    at = knots(LAST, 9)
+    straight, steep = 200.0 + 300.0 * at, 200.0 + 350.0 * np.sqrt(at)
+    over_strain, over_root = (bends(at, 30.0, Smoothness(1.0, over)) for over in ("strain", ROOT))
+    assert np.abs(over_strain @ straight).max() < 1e-9 and np.abs(over_root @ steep).max() < 1e-9
+    assert np.abs(over_strain @ steep).max() > 10.0
+    np.testing.assert_allclose(bends(at, 30.0, Smoothness(0.1)), 10.0 * over_strain)

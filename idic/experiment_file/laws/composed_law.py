@@ -53,6 +53,7 @@ def with_flat_terms(raw: Mapping, file: str) -> dict:
 def _flat(table: Mapping, file: str, key: str) -> dict:
     kinds: list[str] = []
     flat: dict = {}
+    stated: dict = {}
     for group in GROUPS:
         given = table.get(group, [])
         entries = given if isinstance(given, list) else [given]
@@ -64,7 +65,8 @@ def _flat(table: Mapping, file: str, key: str) -> dict:
             place = f"{key}.{group}" + (f"[{number - 1}]" if isinstance(given, list) else "")
             kind = _kind(entry, group, file, place)
             if kind == "free":
-                kind, entry = free_hardening(entry, table.get("yield_stress"), file, place)
+                kind, entry, smoothness = free_hardening(entry, table.get("yield_stress"), file, place)
+                stated |= {f"hardening_{number}": smoothness} if smoothness else {}
             elif group == "temperature":
                 kind, entry = _factor(kind, entry, file, place)
             kinds.append(kind)
@@ -74,6 +76,7 @@ def _flat(table: Mapping, file: str, key: str) -> dict:
     except InputError as error:
         raise InputError(error.what, file=file, key=f"{key}.{error.key}", expected=error.expected, found=error.found,
                          remedy=error.remedy) from None
+    flat |= {"smoothness": stated} if stated else {}
     return {k: name if k == "law" else v for k, v in table.items() if k not in GROUPS} | flat
 
 

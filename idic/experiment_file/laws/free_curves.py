@@ -10,32 +10,39 @@ identified and starting on the straight line of slope H (MPa); s3 = ... gives on
     I2 = { knots = 3, range = 3.0 }
 
 become ``free_rubber(8+3)`` with I1_range and the derivatives I1_g1 ... I1_g8 (MPa) of the energy, identified and
-starting as neo-Hooke's law with C10; I2, which may be left out, starts with C01 = 0.
+starting as neo-Hooke's law with C10; I2, which may be left out, starts with C01 = 0. ``knots = "evidence"`` is the
+largest number, of which `idic.run.in_memory.knots` leaves what the data ask for; ``smoothness`` scales the prior,
+``smooth_over = "root"`` states it over the root of the plastic strain.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from idic.errors import InputError
-from idic.materials.composed.free_curve import bends, even_bends, knots, level_names
+from idic.experiment_file.schema_materials import MaterialTable, SmoothnessTable
+from idic.materials.composed.free_curve import knots, level_names
 from idic.materials.composed.free_rubber import INVARIANTS, NAME, knots_of_rubber
 from idic.materials.composed.free_rubber import level_names as rubber_levels
+from idic.materials.composed.smoothness import OVER, ROOT, Smoothness, bends, rise
 from idic.materials.composed.terms import DEFAULT_KNOTS, KNOTS
 from idic.model.experiment import Material
 from idic.parameters import Parameter, SmoothnessPrior
 from idic.readers.units import factor_between
 
+BY_EVIDENCE = "evidence"  # in the place of a number of knots
+SMOOTHNESS_KEYS = ("smoothness", "smooth_over")
 START_SLOPE = 1000.0  # MPa, of a free hardening curve
 LAST_KNOT = 0.2  # plastic strain
 START_C10 = 0.3  # MPa
 SECOND_SHARE = 0.1  # of the size of g1: bends of g2, which is a small part of the energy of rubbers
 
 
-def free_hardening(entry: Mapping, yield_stress: object, file: str, key: str) -> tuple[str, dict]:
-    """A free curve as the kind with its number of knots and a start value at every knot."""
+def free_hardening(entry: Mapping, yield_stress: object, file: str, key: str) -> tuple[str, dict, dict]:
+    """A free curve as the kind with its number of knots, a start value at every knot, and its stated smoothness."""
     n, slope, last = _knots(entry, file, key), entry.get("H", START_SLOPE), entry.get("range", LAST_KNOT)
     for name, value in (("H", slope), ("range", last)):
         if not _is_number(value) or not value > 0:
@@ -49,8 +56,8 @@ def free_hardening(entry: Mapping, yield_stress: object, file: str, key: str) ->
     per_unit = factor_between(unit, "MPa", file=file, key=f"{key}.yield_stress") if isinstance(unit, str) else 1.0
     levels = {f"s{k + 1}": {"value": float(start * per_unit + slope * p), "unit": "MPa", "identify": True}
               for k, p in enumerate(knots(last, n)) if k > 0}
-    own = {name: value for name, value in entry.items() if name not in ("knots", "H")}
-    return f"free{n}", {"range": last} | levels | own
+    own = {name: value for name, value in entry.items() if name not in ("knots", "H", *SMOOTHNESS_KEYS)}
+    return f"free{n}", {"range": last} | levels | own, _smoothness(entry, file, key)
 
 
 def free_rubber(table: Mapping, file: str, key: str) -> dict:
@@ -64,7 +71,7 @@ def free_rubber(table: Mapping, file: str, key: str) -> dict:
     if not any(isinstance(table.get(invariant), Mapping) for invariant in INVARIANTS):
         return dict(table)
     flat: dict = {}
-    counts = []
+    counts, stated = [], {}
     for invariant, start in zip(INVARIANTS, ("C10", "C01"), strict=True):
         entry = table.get(invariant)
         if entry is None and invariant == INVARIANTS[1]:
@@ -77,10 +84,11 @@ def free_rubber(table: Mapping, file: str, key: str) -> dict:
         n = _knots(entry, file, place)
         names = rubber_levels(invariant, n)
         own = {name.partition("_")[2]: name for name in names}
-        unknown = [name for name in entry if name not in ("knots", "range", start, *own)]
+        unknown = [name for name in entry if name not in ("knots", "range", "smoothness", start, *own)]
         if unknown:
             raise InputError("a free curve has no such key", file=file, key=f"{place}.{unknown[0]}",
-                             expected=f"knots, range, {start}, g1 ... g{n}", found=unknown[0], remedy="remove it")
+                             expected=f"knots, range, smoothness, {start}, g1 ... g{n}", found=unknown[0],
+                             remedy="remove it")
         first = entry.get(start, START_C10 if start == "C10" else 0.0)
         if not _is_number(first) or (start == "C10" and not first > 0):
             raise InputError("a free energy starts as neo-Hooke's law", file=file, key=f"{place}.{start}",
@@ -92,44 +100,98 @@ def free_rubber(table: Mapping, file: str, key: str) -> dict:
                              + ("L^2 + 2 / L - 3" if invariant == "I1" else "2 L + 1 / L^2 - 3"),
                              found=repr(entry.get("range"))[:80], remedy="write e.g.  range = 4.0")
         counts.append(n)
+        stated |= {invariant: own_prior} if (own_prior := _smoothness(entry, file, place)) else {}
         flat[f"{invariant}_range"] = entry["range"]
         flat |= {name: entry.get(short, {"value": float(first), "unit": "MPa", "identify": True})
                  for short, name in own.items()}
-    return {k: v for k, v in table.items()
-            if k not in INVARIANTS} | {"law": f"{NAME}({'+'.join(map(str, counts))})"} | flat
+    made = {k: v for k, v in table.items() if k not in INVARIANTS}
+    made |= {"law": f"{NAME}({'+'.join(map(str, counts))})"} | flat
+    return made | ({"smoothness": stated} if stated else {})
 
 
 def _knots(entry: Mapping, file: str, key: str) -> int:
     n = entry.get("knots", DEFAULT_KNOTS)
+    if n == BY_EVIDENCE:
+        return KNOTS[1]
     if not isinstance(n, int) or isinstance(n, bool) or not KNOTS[0] <= n <= KNOTS[1]:
         raise InputError("a free curve needs its number of knots", file=file, key=f"{key}.knots",
-                         expected=f"a whole number, {KNOTS[0]} to {KNOTS[1]}", found=repr(n)[:80],
-                         remedy=f"{DEFAULT_KNOTS} suit most materials; more show a sharper bend")
+                         expected=f'a whole number, {KNOTS[0]} to {KNOTS[1]}, or "{BY_EVIDENCE}"', found=repr(n)[:80],
+                         remedy=f'{DEFAULT_KNOTS} suit most materials; knots = "{BY_EVIDENCE}" has the data choose')
     return n
+
+
+def _smoothness(entry: Mapping, file: str, key: str) -> dict:
+    """The stated smoothness of a curve as the table that `SmoothnessTable` takes; nothing where nothing is stated."""
+    strength, over = (entry.get(name) for name in SMOOTHNESS_KEYS)
+    if strength is not None and (not _is_number(strength) or not strength > 0):
+        raise InputError("a smoothness is a size of changes of slope", file=file, key=f"{key}.smoothness",
+                         expected="a number above zero; 1: the mean slope of the starting curve",
+                         found=repr(strength)[:80], remedy="smaller is smoother; leave it out for 1")
+    if over is not None and over not in OVER:
+        raise InputError("a free curve is smooth over its strain, or over the root of it", file=file,
+                         key=f"{key}.smooth_over", expected=" | ".join(OVER), found=repr(over)[:80], remedy="leave it out")
+    made = {} if strength is None else {"strength": float(strength)}
+    made |= {} if over is None else {"over": over}
+    return made | ({"by_evidence": True} if entry.get("knots") == BY_EVIDENCE else {})
 
 
 def _is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def smoothness_priors(materials: Sequence[Material], parameters: Sequence[Parameter]) -> tuple[SmoothnessPrior, ...]:
-    """The stated smoothness of every free curve, in units of its start: of the mean slope of a hardening curve, of g1
-    of a rubber."""
-    values, made = {p.name: p.value for p in parameters}, []
-    for material in materials:
-        names = level_names(material.law, material.element_set)
-        if names:
-            rows = bends(values[f"{material.element_set}.hardening_1_range"],
-                         np.array([values[name] for name in names]))
-            made.append(_prior(names, rows))
-        counts = knots_of_rubber(material.law)
-        size = values[f"{material.element_set}.I1_g1"] if counts[0] else 0.0
-        for invariant, n in zip(INVARIANTS, counts, strict=True):
-            if n:
-                made.append(_prior([f"{material.element_set}.{name}" for name in rubber_levels(invariant, n)],
-                                   even_bends(n, size if invariant == "I1" else SECOND_SHARE * size)))
-    return tuple(made)
+@dataclass(frozen=True)
+class StatedCurve:
+    """A free curve of a material.
+
+    key : in ``smoothness``; names : of its values at the knots; last : name of its last knot; size : of its starting
+    curve, MPa; over : what it may be smooth over; rising : whether it never falls; by_evidence : whether knots and
+    smoothness are still to be chosen
+    """
+
+    key: str
+    names: tuple[str, ...]
+    last: str
+    size: float
+    smoothness: Smoothness
+    over: tuple[str, ...]
+    rising: bool = False
+    by_evidence: bool = False
 
 
-def _prior(names: Sequence[str], rows: np.ndarray) -> SmoothnessPrior:
-    return SmoothnessPrior(tuple(names), tuple(tuple(row) for row in rows.tolist()))
+def free_curves(materials: Sequence[Material], tables: Mapping[str, MaterialTable],
+                parameters: Sequence[Parameter]) -> tuple[StatedCurve, ...]:
+    """All free curves of the materials; parameters : where the identification starts."""
+    values = {p.name: p.value for p in parameters}
+    return tuple(curve for material in materials for curve in _curves(material, tables[material.element_set], values))
+
+
+def _curves(material: Material, table: MaterialTable, values: Mapping[str, float]) -> Iterator[StatedCurve]:
+    def stated(key: str, names: Sequence[str], last: str, size: float, over: tuple[str, ...]) -> StatedCurve:
+        own = table.smoothness.get(key, SmoothnessTable())
+        return StatedCurve(key, tuple(names), f"{material.element_set}.{last}", own.size or size,
+                           Smoothness(own.strength, own.over or over[0]), over, key == "hardening_1", own.by_evidence)
+
+    names = level_names(material.law, material.element_set)
+    if names:
+        yield stated("hardening_1", names, "hardening_1_range", rise(np.array([values[name] for name in names])), OVER)
+    for invariant, n in zip(INVARIANTS, knots_of_rubber(material.law), strict=True):
+        if n:
+            size = values[f"{material.element_set}.I1_g1"] * (SECOND_SHARE if invariant == INVARIANTS[1] else 1.0)
+            yield stated(invariant, [f"{material.element_set}.{name}" for name in rubber_levels(invariant, n)],
+                         f"{invariant}_range", size, (ROOT,))
+
+
+def smoothness_priors(curves: Sequence[StatedCurve], parameters: Sequence[Parameter]) -> tuple[SmoothnessPrior, ...]:
+    """The stated smoothness of every free curve."""
+    values = {p.name: p.value for p in parameters}
+    return tuple(SmoothnessPrior(curve.names, tuple(map(tuple, bends(
+        knots(values[curve.last], len(curve.names)), curve.size, curve.smoothness).tolist())), curve.rising)
+        for curve in curves)
+
+
+def knot_notes(tables: Mapping[str, MaterialTable]) -> list[str]:
+    """What the evidence has said of every free curve."""
+    return [f"material.{name}.{key}: knots and smoothness by their evidence; ln Z against the best number of knots: "
+            + ", ".join(f"{n} {ln_z:+.1f}" for n, ln_z in own.evidence.items()) + f"; smoothness {own.strength:g}"
+            + (" over the root of the plastic strain" if own.over == ROOT and key.startswith("hardening") else "")
+            for name, table in tables.items() for key, own in table.smoothness.items() if own.evidence]

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.identify.covariance import Scaled, Spectrum
+from idic.identify.step.rising import in_order
 from idic.parameters import USUAL_MAX_STEP, ParameterSet
 
 STEP_CLIP = USUAL_MAX_STEP  # per component in ln(parameter)
@@ -54,6 +55,7 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
     low, high = (limits[[free.free.index(name) for name in scaled.names]] for limits in free.scaled_bounds())
     here = np.array([parameters[name].to_scaled() for name in scaled.names])
     judged, held = _bounded(scaled, found, 0.0, here, low, high)  # undamped: whether this is a minimum
+    judged = in_order(scaled, parameters, here, judged)
     along = found if allowed is None else replace(found, determined=found.determined & allowed)
     same = damping == 0.0 and (along is found or bool(np.all(along.determined == found.determined)))
     limit = STEP_CLIP if clip is None else clip
@@ -63,6 +65,7 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
     same = same and bool(np.all(np.abs(judged) <= short))
     delta = judged if same else _bounded(scaled, along, damping, here, low, high)[0]
     clipped = _limited(scaled, along, damping, here, low, high, delta, limit, np.maximum(sizes, 1.0))
+    clipped = in_order(scaled, parameters, here, clipped)
     predicted = float(2.0 * scaled.b @ clipped - clipped @ scaled.M @ clipped)
     certain = np.where(stds > 0, stds, np.inf)
     pinned = tuple(name for name, at_bound in zip(scaled.names, held, strict=True) if at_bound)

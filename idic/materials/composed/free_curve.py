@@ -1,4 +1,4 @@
-"""The free hardening curve of a composed law outside of the compiled code: its basis, its prior, classical forms of it.
+"""The free hardening curve of a composed law outside of the compiled code: its basis, classical forms of it.
 
 The flow stress is linear in its values at the knots (``flow_stress.py``):  s(p) = B(p) (yield_stress, s2 ... sn).
 """
@@ -14,8 +14,6 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import chdtri
 
-# prior std of the change of slope from interval to interval, over the mean slope of the starting curve
-SMOOTHNESS = 1.0
 TERM = re.compile(r"[(+]free(\d+)[)+]")
 WHITENING_RANK = 1e-10  # variances below this share of the largest are rounding
 NOISE_PROBABILITY = 0.95  # of a loss that noise explains
@@ -48,21 +46,6 @@ def basis(p: np.ndarray, last: float, n: int) -> np.ndarray:
     B[np.arange(len(p)), k] = 1.0 - x
     B[np.arange(len(p)), k + 1] = x
     return B
-
-
-def bends(last: float, levels: np.ndarray) -> np.ndarray:
-    """What the smoothness prior has of unit variance: changes of slope over their std, per value  # (n - 2, n)
-
-    levels : (n,) MPa, values of the starting curve
-    """
-    n = len(levels)
-    slopes = np.diff(np.eye(n), axis=0) / np.diff(knots(last, n))[:, None]
-    return np.diff(slopes, axis=0) / (SMOOTHNESS * max(levels[-1] - levels[0], 1e-3 * levels[0]) * (1.0 / last))
-
-
-def even_bends(n: int, size: float) -> np.ndarray:
-    """As `bends` for values at evenly spread knots, of a curve of that size  # (n - 2, n)"""
-    return np.diff(np.eye(n), 2, axis=0) / (SMOOTHNESS * size / (n - 1.0))
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,14 @@
 
 n knots at last ((k - 1) / (n - 1))^2, k = 1 ... n, dense at the beginning. Places in ``params``: ``last`` of the last
 knot, ``start`` of the first value, ``levels`` of the second (the others follow). ``rising``: a value below the one
-before it counts as that one.
+before it counts as that one; of two equal values each may rise.
 """
 
 from __future__ import annotations
 
 from idic.materials.core.inner import inner
+
+TIE = 1e-9  # relative difference below which two values are equal
 
 
 @inner
@@ -17,7 +19,7 @@ def on_knots(n, last, start, levels, rising, x, params):
     for k in range(1, n):
         knot = params[last] * (k / (n - 1.0)) ** 2
         high = params[levels + k - 1]
-        if rising and not high.real > low.real:
+        if rising and high.real < (1.0 - TIE) * low.real:
             high = low
         steepness = (high - low) / (knot - before)
         if x.real < knot.real or k == n - 1:
@@ -34,7 +36,7 @@ def on_knots_change(n, last, start, levels, rising, x, params, d):
         share = (k / (n - 1.0)) ** 2
         knot, dknot = params[last] * share, d[last] * share
         high, dhigh = params[levels + k - 1], d[levels + k - 1]
-        if rising and not high > low:
+        if rising and high < (1.0 - TIE) * low:
             high, dhigh = low, dlow
         steepness = (high - low) / (knot - before)
         change = (dhigh - dlow - steepness * (dknot - dbefore)) / (knot - before)

@@ -10,6 +10,7 @@ import numpy as np
 
 from idic.fields.series import FieldSeries
 from idic.materials.composed.free_curve import basis, classical_fits, knots, knots_of, level_names
+from idic.materials.composed.smoothness import Smoothness
 from idic.model.experiment import Experiment
 from idic.parameters import ParameterSet
 from idic.report.record import HardeningCurve
@@ -54,9 +55,15 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         covariance = J[:, known] @ covariance_of(result, parameters, [names[i] for i in known]) @ J[:, known].T
         stress = J @ np.maximum.accumulate([parameters[name].value for name in names])
         fits = classical_fits(p, stress, covariance, np.searchsorted(p, compared))
-        yield HardeningCurve(material.element_set, p, stress, np.sqrt(np.maximum(np.diag(covariance), 0.0)), at,
-                             reached,
-                             fits)
+        std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        yield HardeningCurve(material.element_set, p, stress, std, at, reached, fits,
+                             smoothness_of(experiment, names[0]))
+
+
+def smoothness_of(experiment: Experiment, first: str) -> Smoothness:
+    """The smoothness of the free curve whose first value has this name."""
+    return next((curve.smoothness for curve in experiment.extras.get("free_curves", ()) if curve.names[0] == first),
+                Smoothness())
 
 
 def covariance_of(result: Mapping, parameters: ParameterSet, names: list[str]) -> np.ndarray:

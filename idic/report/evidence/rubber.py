@@ -13,7 +13,7 @@ from idic.materials.composed.free_rubber import INVARIANTS, knots_of_rubber, lev
 from idic.materials.composed.rubber_forms import MODES, classical_forms, invariants, stress_matrix
 from idic.model.experiment import Experiment, Material
 from idic.parameters import ParameterSet
-from idic.report.evidence.hardening import covariance_of
+from idic.report.evidence.hardening import covariance_of, smoothness_of
 from idic.report.evidence.law import nodes_of
 from idic.report.record import RubberCurve, RubberMode, RubberSlope
 
@@ -73,7 +73,8 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
             x = np.linspace(0.0, min(reached[k], end), POINTS)
             B, part = basis(x, end, n), slice(cut[k], cut[k + 1])
             slopes.append(RubberSlope(invariant, x, B @ levels[part], _std(B, covariance[part, part]), knots(end, n)))
-        yield RubberCurve(material.element_set, tuple(RubberMode(*one) for one in modes), tuple(slopes), reached, fits)
+        yield RubberCurve(material.element_set, tuple(RubberMode(*one) for one in modes), tuple(slopes), reached, fits,
+                          tuple(smoothness_of(experiment, names[place]).strength for place in cut[:-1]))
 
 
 def _std(J: np.ndarray, covariance: np.ndarray) -> np.ndarray:

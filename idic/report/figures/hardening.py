@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.materials.composed.free_curve import SMOOTHNESS, ClassicalFit
+from idic.materials.composed.free_curve import ClassicalFit
+from idic.materials.composed.smoothness import ROOT
 from idic.report.figures.style import BLUE, CYCLE, GREY, Picture, look, new_figure, to_picture
 from idic.report.record import HardeningCurve, RunRecord
 from idic.report.stress_scale import stress_unit
@@ -50,11 +51,17 @@ def _caption(curve: HardeningCurve, unit: str, size: float) -> str:
     return (f"Flow stress up to the plastic strain that 99 % of the seen nodes stay within ({100 * curve.reached:.3g} "
             f"%); beyond it "
             "the curve is not measured. The band follows from the covariance of the parameters; the smoothness prior "
-            f"(changes of slope from interval to interval: std {SMOOTHNESS:g} of the mean starting slope) is part of "
-            f"it. Below: classical forms at the knots, "
-            "fitted in that covariance, solid where their loss in chi2 is no more than noise explains (about the "
-            "number in "
-            f"brackets). {forms}.")
+            f"({_prior(curve)}) is part of it. Below: classical forms at the knots, "
+            "fitted in that covariance, solid where their loss in chi2 is no more than noise explains (about the number "
+            f"in brackets). {forms}.")
+
+
+def _prior(curve: HardeningCurve) -> str:
+    strength = f"{curve.smoothness.strength:g}"
+    if curve.smoothness.over == ROOT:
+        return (f"second differences of the values at the knots: std {strength} of the rise of the starting curve over the "
+                "number of intervals")
+    return f"changes of slope from interval to interval: std {strength} of the mean starting slope"
 
 
 def _form(fit: ClassicalFit, unit: str, size: float) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from idic.materials.composed.free_curve import SMOOTHNESS, ClassicalFit
+from idic.materials.composed.free_curve import ClassicalFit
 from idic.report.figures.hardening import WIDTH_95
 from idic.report.figures.style import CYCLE, GREY, Picture, look, new_figure, to_picture
 from idic.report.record import RubberCurve, RunRecord
@@ -42,16 +42,14 @@ def rubber_energy(record: RunRecord, curve: RubberCurve) -> Picture:
 
 def _caption(curve: RubberCurve, unit: str, size: float) -> str:
     forms = "; ".join(_form(fit, unit, size) for fit in curve.fits)
+    strengths = " and ".join(f"{strength:g}" for strength in curve.strengths)
     return (f"Incompressible rubber with the identified energy, up to the invariants that 99 % of the nodes stay "
-            f"within (I1 − 3 = "
-            f"{curve.reached[0]:.3g}, I2 − 3 = {curve.reached[1]:.3g}). A mode that the specimen does not undergo is a "
-            f"prediction. Shaded: "
-            f"95 %, from the covariance of the parameters, with the smoothness prior (second differences of the values "
-            f"at the knots: std "
-            f"{SMOOTHNESS:g} of the starting C10 over the number of intervals; a tenth of that for I2). Classical "
-            f"forms, fitted to the three modes in "
-            f"that covariance, the nearest first; \"inside\": the loss in chi2 is no more than noise explains (about "
-            f"the number in brackets). {forms}.")
+            f"within (I1 − 3 = {curve.reached[0]:.3g}, I2 − 3 = {curve.reached[1]:.3g}). A mode that the specimen does "
+            "not undergo is a prediction. Shaded: 95 %, from the covariance of the parameters, with the smoothness prior "
+            f"(second differences of the values at the knots: std {strengths} of the starting C10 over the number of "
+            "intervals; a tenth of that for I2). Classical forms, fitted to the three modes in that covariance, the "
+            "nearest first; \"inside\": the loss in chi2 is no more than noise explains (about the number in "
+            f"brackets). {forms}.")
 
 
 def _form(fit: ClassicalFit, unit: str, size: float) -> str:

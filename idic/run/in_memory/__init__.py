@@ -1,0 +1,1 @@
+"""Identifications without the files of a RUN."""

@@ -1,0 +1,111 @@
+"""``knots = "evidence"``: a curve of most knots is identified in memory, its evidence leaves the knots of the run.
+
+The experiment of the run has the chosen knots and smoothness in its tables (as ``--set`` would), starts where the first
+identification has ended, and tells the evidence in a note.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from idic.errors import InputError
+from idic.experiment_file.laws.free_curves import BY_EVIDENCE, StatedCurve
+from idic.experiment_file.toml_file import locate, read_toml, with_overrides
+from idic.identify.covariance import scaled_system
+from idic.identify.driver import log_progress
+from idic.identify.free_form.evidence import ChosenKnots, FreeCurve, choose_knots
+from idic.identify.in_memory import Identification, identify
+from idic.materials.composed.free_curve import TERM
+from idic.model.experiment import Experiment
+from idic.parameters import ParameterSet, SmoothnessPrior
+from idic.run.context import experiments_of
+from idic.run.in_memory.preparation import prepare
+from idic.run.runs import SingleRun
+
+Say = Callable[[str], None]
+
+
+def by_evidence(experiment: Experiment) -> tuple[StatedCurve, ...]:
+    """The free curves whose knots are still to be chosen."""
+    return tuple(curve for curve in experiment.extras.get("free_curves", ()) if curve.by_evidence)
+
+
+def refuse_evidence(experiments: Iterable[Experiment]) -> None:
+    """Refuse the choice where several experiments share a material (`InputError`)."""
+    for experiment in experiments:
+        for curve in by_evidence(experiment):
+            raise InputError("knots by evidence are those of one experiment",
+                             key=f"material.{curve.names[0].partition('.')[0]}", found=f'knots = "{BY_EVIDENCE}"',
+                             expected="a number of knots where several experiments are identified together",
+                             remedy="identify one of them alone, and write the knots and the smoothness of its report")
+
+
+def with_chosen_knots(run: SingleRun, say: Say = lambda text: None) -> SingleRun:
+    """The run with the knots that the evidence leaves; those of an earlier process where there was one."""
+    if not by_evidence(run.experiment):
+        return run
+    if run.prepared:
+        return replace(run, overrides=dict(experiments_of(run.store.run)[0].overrides))
+    tables = with_overrides(read_toml(locate(run.path)), run.overrides)
+    with threadpool_limits(1, user_api="blas"):
+        return replace(run, overrides=run.overrides | chosen_tables(run.experiment, tables, say))
+
+
+def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda text: None) -> dict[str, dict]:
+    """Overrides ``material.SET`` with the chosen knots; none where the first identification finds no solution.
+
+    Parameters
+    ----------
+    tables : of the experiment, composed laws with flat parameters
+    """
+    say("knots of free curves by their evidence: a first identification with the most knots")
+    prepared = prepare(experiment, say)
+    found = identify(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
+                     searched=prepared.begin is not None)
+    if found.point is None or found.point.system is None:
+        return {}
+    made: dict[str, dict] = {}
+    for curve in by_evidence(experiment):
+        chosen = evidence_of(found, curve)
+        element_set = curve.names[0].partition(".")[0]
+        key = f"material.{element_set}"
+        made[key] = _with_knots(made.get(key, tables["material"][element_set]), curve, chosen, found.parameters)
+        say(f"{element_set}.{curve.key}: {chosen.n} knots, smoothness {chosen.smoothness.strength:g}")
+    return made
+
+
+def evidence_of(found: Identification, curve: StatedCurve) -> ChosenKnots:
+    """Knots and smoothness of a curve where an identification has ended."""
+    assert found.point is not None and found.point.system is not None
+    parameters, system = found.parameters, found.point.system
+    others = [prior for prior in parameters.joint
+              if not (isinstance(prior, SmoothnessPrior) and prior.names == curve.names)]
+    without = ParameterSet(parameters.values(), others)
+    scaled = scaled_system(system, without, found.point.reference_gram, found.weights.image_noise)
+    values = np.array([parameters[name].value for name in scaled.names])
+    return choose_knots(scaled.M, scaled.b, values, scaled.slopes, FreeCurve(
+        tuple(scaled.names.index(name) for name in curve.names), parameters[curve.last].value, curve.size, curve.over))
+
+
+def _with_knots(table: Mapping, curve: StatedCurve, chosen: ChosenKnots, parameters: ParameterSet) -> dict:
+    """A material's table with the chosen knots of one of its curves."""
+    short = [name.partition(".")[2] for name in curve.names]
+    law = table["law"]
+    if TERM.search(law):
+        law = law.replace(f"free{len(short)}", f"free{chosen.n}")
+    else:
+        name, _, counts = law.rstrip(")").partition("(")
+        numbers = counts.split("+")
+        numbers[int(curve.key[-1]) - 1] = str(chosen.n)
+        law = f"{name}({'+'.join(numbers)})"
+    made = {key: value for key, value in table.items() if key not in short[chosen.n:]} | {"law": law}
+    for key, level in zip(short, chosen.levels, strict=False):
+        old = table[key] if isinstance(table[key], Mapping) else {}
+        made[key] = {**old, "value": float(level) / parameters[f"{curve.names[0].partition('.')[0]}.{key}"].factor}
+    own = {"strength": chosen.smoothness.strength, "over": chosen.smoothness.over, "size": curve.size,
+           "evidence": {str(n): round(float(ln_z), 2) for n, ln_z in chosen.evidence.items()}}
+    return made | {"smoothness": {**table["smoothness"], curve.key: own}}

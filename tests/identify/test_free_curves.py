@@ -1,0 +1,101 @@
+"""Free curves in the identification: evidence of their knots, values in order, values that no data reach."""
+
+import numpy as np
+import pytest
+
+from idic.identify.covariance import Scaled, spectrum
+from idic.identify.free_form.evidence import FreeCurve, choose_knots
+from idic.identify.step.rising import in_order
+from idic.materials.composed.free_curve import basis, knots
+from idic.materials.composed.smoothness import Smoothness, bends
+from idic.parameters import Parameter, ParameterSet, SmoothnessPrior
+
+LAST, N, NOISE = 0.1, 24, 1.0
+
+
+def measured(curve, seed=0, reach=LAST):
+    """Normal equations of a curve that is measured at 60 points with noise, and an offset that is another parameter."""
+    p, rng = np.linspace(0.0, reach, 60), np.random.default_rng(seed)
+    J = np.column_stack([np.sin(40.0 * p), basis(p, LAST, N)]) / NOISE
+    y = (curve(p) + NOISE * rng.standard_normal(60)) / NOISE
+    return J.T @ J, J.T @ y, J, y
+
+
+def chosen(curve, seed=0, **ways):
+    M, b, *_ = measured(curve, seed)
+    return choose_knots(M, b, np.zeros(N + 1), np.ones(N + 1), FreeCurve(tuple(range(1, N + 1)), LAST, 100.0), **ways)
+
+
+def voce(p):
+    return 200.0 + 120.0 * (1.0 - np.exp(-30.0 * p))
+
+
+@pytest.mark.parametrize("curve", [voce, lambda p: 200.0 + 350.0 * p**0.5, lambda p: 200.0 + 2000.0 * np.maximum(p - 0.04, 0.0)])
+def test_the_curve_with_the_chosen_knots_is_the_true_one_within_the_noise_of_a_few_points(curve):
+    found, p = chosen(curve), np.linspace(0.0, LAST, 101)
+    made = basis(p, LAST, found.n) @ found.levels
+    assert np.sqrt(np.mean((made - curve(p)) ** 2)) < 0.4 * NOISE  # 60 points, about 8 effective unknowns: sqrt(8/60) = 0.37
+    assert found.evidence[4] < -20.0 and max(found.evidence.values()) == 0.0
+
+
+def test_a_steep_beginning_is_smooth_over_the_root_and_a_straight_line_asks_for_the_stiffest_prior():
+    assert chosen(lambda p: 200.0 + 350.0 * p**0.5).smoothness.over == "root"
+    assert chosen(voce).smoothness.over == "strain"
+    assert chosen(lambda p: 200.0 + 1000.0 * p).smoothness == Smoothness(0.03)
+
+
+def test_the_evidence_is_the_probability_of_the_data():
+    """Against the marginal density of the data with the unknowns of unit density spread over a wide normal prior."""
+    M, b, J, y = measured(voce)
+    found = choose_knots(M, b, np.zeros(N + 1), np.ones(N + 1), FreeCurve(tuple(range(1, N + 1)), LAST, 100.0, ("strain",)), (6, 12))
+    wide, ln_z = 1e5, {}
+    for n in (6, 12):
+        best = -np.inf
+        for strength in (0.03, 0.1, 0.3, 1.0, 3.0):
+            rows = bends(knots(LAST, n), 100.0, Smoothness(strength))
+            Q = np.vstack([np.eye(n)[0], np.eye(n)[-1], rows])  # ends and bends
+            A = np.column_stack([J[:, 0], J[:, 1:] @ basis(knots(LAST, N), LAST, n) @ np.linalg.inv(Q)])
+            stds = np.concatenate([[1e3], [wide, wide], np.ones(n - 2)])
+            covariance = (A * stds**2) @ A.T + np.eye(len(y))
+            best = max(best, -0.5 * (y @ np.linalg.solve(covariance, y) + np.linalg.slogdet(covariance)[1]))
+        ln_z[n] = best
+    assert found.evidence[12] - found.evidence[6] == pytest.approx(ln_z[12] - ln_z[6], abs=0.01)
+
+
+def prior(n, rising=False):
+    names = tuple(f"s{k}" for k in range(n))
+    return SmoothnessPrior(names, tuple(map(tuple, bends(knots(LAST, n), 100.0, Smoothness()).tolist())), rising)
+
+
+def test_values_that_no_data_reach_follow_their_neighbours():
+    """Far values have a standard deviation beyond a factor of e by the prior alone, and are not left at their start."""
+    n, start = 6, np.full(6, 20.0)
+    rows = np.array(prior(n).bends) * 20.0
+    data = np.diag([1e6, 1e6, 1e6, 0.0, 0.0, 0.0])
+    smooth = rows.T @ rows
+    b = data @ np.log([2.0, 2.1, 2.3, 1.0, 1.0, 1.0]) - smooth @ np.ones(n)
+    scaled = Scaled(tuple("abcdef"), data + smooth, b, data + smooth, start)
+    assert not spectrum(scaled).determined.all()
+    step = spectrum(Scaled(scaled.names, scaled.M, b, scaled.M, start, smooth)).inverse @ b
+    made = start * (1.0 + step)
+    slopes = np.diff(made) / np.diff(knots(LAST, n))
+    assert slopes[3:] == pytest.approx(slopes[2], rel=0.05)
+
+
+def test_a_step_keeps_the_values_of_a_rising_curve_in_order_and_is_the_nearest_that_does():
+    n, rng = 6, np.random.default_rng(3)
+    A = rng.standard_normal((9, n + 1))
+    names = ("E", *prior(n).names)
+    scaled = Scaled(names, A.T @ A, np.zeros(n + 1), A.T @ A, np.ones(n + 1))
+    here = np.concatenate([[0.0], np.linspace(0.0, 0.5, n)])
+    step = 0.4 * rng.standard_normal(n + 1)
+    parameters = ParameterSet([Parameter(name, 1.0, free=True) for name in names], (prior(n, rising=True),))
+    kept = in_order(scaled, parameters, here, step)
+    assert np.diff((here + step)[1:]).min() < 0.0 <= np.diff((here + kept)[1:]).min() + 1e-12
+    far = lambda delta: (delta - step) @ scaled.M @ (delta - step)  # noqa: E731
+    for _ in range(200):
+        other = kept + rng.choice([1e-3, 0.1]) * rng.standard_normal(n + 1)
+        other[1:] = np.maximum.accumulate((here + other)[1:]) - here[1:]
+        assert far(other) >= far(kept) - 1e-9
+    straight = ParameterSet(parameters.values(), (prior(n),))
+    assert in_order(scaled, straight, here, step) is step
