@@ -178,3 +178,36 @@ def test_a_wrong_free_rubber_is_told_with_its_place(changes, key):
     with pytest.raises(InputError) as error:
         read_rubber(**changes)
     assert error.value.key == f"material.SPECIMEN.{key}" and error.value.remedy
+
+
+def test_knots_by_evidence_are_the_most_and_the_chosen_ones_replace_them():
+    from idic.experiment_file.laws.free_curves import free_curves, knot_notes
+    from idic.identify.free_form.evidence import ChosenKnots
+    from idic.materials.composed.smoothness import Smoothness
+    from idic.parameters import ParameterSet
+    from idic.run.in_memory.knots import _with_knots
+
+    term = {"kind": "free", "knots": "evidence", "range": 0.1, "smoothness": 0.5, "smooth_over": "root"}
+    raw = with_overrides(tables(hardening=[term]), None)
+    table = validated(raw, "e").material["SPECIMEN"]
+    record, found, _ = material("SPECIMEN", table, "e")
+    curve, = free_curves([record], {"SPECIMEN": table}, found)
+    assert curve.by_evidence and len(curve.names) == 24 and curve.smoothness == Smoothness(0.5, "root")
+    chosen = ChosenKnots(4, Smoothness(0.1), np.array([200.0, 210.0, 220.0, 230.0]), {4: 0.0, 6: -5.0})
+    made = _with_knots(raw["material"]["SPECIMEN"], curve, chosen, ParameterSet(found))
+    edited = validated(with_overrides(raw, {"material.SPECIMEN": made}), "e").material
+    record, found, _ = material("SPECIMEN", edited["SPECIMEN"], "e")
+    curve, = free_curves([record], edited, found)
+    levels = {p.name: p for p in found}
+    assert record.law.startswith("elastoplastic(hill48+free4+") and not curve.by_evidence
+    assert [levels[name].value for name in curve.names] == [200.0, 210.0, 220.0, 230.0]
+    assert curve.smoothness == Smoothness(0.1) and levels[curve.names[-1]].free
+    assert "4 +0.0, 6 -5.0; smoothness 0.1" in knot_notes(edited)[0]
+
+
+@pytest.mark.parametrize(("changes", "key"), [
+    ({"knots": "many"}, "knots"), ({"smoothness": 0.0}, "smoothness"), ({"smooth_over": "time"}, "smooth_over")])
+def test_a_wrong_smoothness_is_told(changes, key):
+    with pytest.raises(InputError) as error:
+        read(hardening=[{"kind": "free", "range": 0.1} | changes])
+    assert error.value.key == f"material.SPECIMEN.hardening[0].{key}"

@@ -129,7 +129,8 @@ def _smoothness(entry: Mapping, file: str, key: str) -> dict:
                          found=repr(strength)[:80], remedy="smaller is smoother; leave it out for 1")
     if over is not None and over not in OVER:
         raise InputError("a free curve is smooth over its strain, or over the root of it", file=file,
-                         key=f"{key}.smooth_over", expected=" | ".join(OVER), found=repr(over)[:80], remedy="leave it out")
+                         key=f"{key}.smooth_over", expected=" | ".join(OVER), found=repr(over)[:80],
+                         remedy="leave it out")
     made = {} if strength is None else {"strength": float(strength)}
     made |= {} if over is None else {"over": over}
     return made | ({"by_evidence": True} if entry.get("knots") == BY_EVIDENCE else {})

@@ -34,7 +34,7 @@ MAX_STD = 1e3  # scaled: of other parameters that the data leave open
 class FreeCurve:
     """A free curve in the list of parameters.
 
-    at : (n,) places of its values; last : its last knot; size : of its starting curve; over : kinds of smoothness to try
+    at : (n,) places of its values; last : its last knot; size : of its starting curve; over : smoothness to try
     """
 
     at: tuple[int, ...]

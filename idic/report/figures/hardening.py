@@ -52,15 +52,15 @@ def _caption(curve: HardeningCurve, unit: str, size: float) -> str:
             f"%); beyond it "
             "the curve is not measured. The band follows from the covariance of the parameters; the smoothness prior "
             f"({_prior(curve)}) is part of it. Below: classical forms at the knots, "
-            "fitted in that covariance, solid where their loss in chi2 is no more than noise explains (about the number "
-            f"in brackets). {forms}.")
+            "fitted in that covariance, solid where their loss in chi2 is no more than noise explains (about the "
+            f"number in brackets). {forms}.")
 
 
 def _prior(curve: HardeningCurve) -> str:
     strength = f"{curve.smoothness.strength:g}"
     if curve.smoothness.over == ROOT:
-        return (f"second differences of the values at the knots: std {strength} of the rise of the starting curve over the "
-                "number of intervals")
+        return (f"second differences of the values at the knots: std {strength} of the rise of the starting curve over "
+                "the number of intervals")
     return f"changes of slope from interval to interval: std {strength} of the mean starting slope"
 
 

@@ -45,10 +45,10 @@ def _caption(curve: RubberCurve, unit: str, size: float) -> str:
     strengths = " and ".join(f"{strength:g}" for strength in curve.strengths)
     return (f"Incompressible rubber with the identified energy, up to the invariants that 99 % of the nodes stay "
             f"within (I1 − 3 = {curve.reached[0]:.3g}, I2 − 3 = {curve.reached[1]:.3g}). A mode that the specimen does "
-            "not undergo is a prediction. Shaded: 95 %, from the covariance of the parameters, with the smoothness prior "
-            f"(second differences of the values at the knots: std {strengths} of the starting C10 over the number of "
-            "intervals; a tenth of that for I2). Classical forms, fitted to the three modes in that covariance, the "
-            "nearest first; \"inside\": the loss in chi2 is no more than noise explains (about the number in "
+            "not undergo is a prediction. Shaded: 95 %, from the covariance of the parameters, with the smoothness "
+            f"prior (second differences of the values at the knots: std {strengths} of the starting C10 over the "
+            "number of intervals; a tenth of that for I2). Classical forms, fitted to the three modes in that covariance, "
+            "the nearest first; \"inside\": the loss in chi2 is no more than noise explains (about the number in "
             f"brackets). {forms}.")
 
 
