@@ -47,9 +47,9 @@ def _caption(curve: RubberCurve, unit: str, size: float) -> str:
             f"within (I1 − 3 = {curve.reached[0]:.3g}, I2 − 3 = {curve.reached[1]:.3g}). A mode that the specimen does "
             "not undergo is a prediction. Shaded: 95 %, from the covariance of the parameters, with the smoothness "
             f"prior (second differences of the values at the knots: std {strengths} of the starting C10 over the "
-            "number of intervals; a tenth of that for I2). Classical forms, fitted to the three modes in that covariance, "
-            "the nearest first; \"inside\": the loss in chi2 is no more than noise explains (about the number in "
-            f"brackets). {forms}.")
+            "number of intervals; a tenth of that for I2). Classical forms, fitted to the three modes in that "
+            "covariance, the nearest first; \"inside\": the loss in chi2 is no more than noise explains (about "
+            f"the number in brackets). {forms}.")
 
 
 def _form(fit: ClassicalFit, unit: str, size: float) -> str:
