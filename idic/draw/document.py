@@ -25,7 +25,8 @@ def text_of(plan: Plan) -> str:
     Raises
     ------
     InputError
-        An unknown law or parameter, a name that no edge has, nothing that moves, or a force without a scale.
+        An unknown law or parameter, a name that no edge has, nothing that holds or moves the specimen, or a force
+        without a scale.
     """
     _check_scale(plan)
     return "\n".join([_HEAD, *_experiment(plan), "", *_camera(plan), "", *_material(plan), *_boundaries(plan),
@@ -101,10 +102,15 @@ def _material(plan: Plan) -> list[str]:
 def _boundaries(plan: Plan) -> list[str]:
     lines = []
     for name, motion in plan.motions.items():
-        if name not in plan.sketch.edge_names and name != "OUTER":
-            raise InputError("no edge has this name", key="boundary", expected=", ".join(plan.sketch.edge_names),
+        known = [*plan.sketch.edge_names, "OUTER", *(f"HOLE{k + 1}" for k in range(len(plan.sketch.holes)))]
+        if name not in known:
+            raise InputError("no edge has this name", key="boundary", expected=", ".join(known),
                              found=name, remedy="name an edge of the drawing")
-        lines += ["", "[[boundary]]", f"nodes = {_text(name)}"]
+        lines += ["", "[[boundary]]"]
+        if motion.kind == "pressure":
+            lines.append(f"pressure = {{ column = {_text(motion.column)}, edges = {_text(name)}, follower = true }}")
+            continue
+        lines.append(f"nodes = {_text(name)}")
         if motion.kind == "measured":
             lines.append('u = "measured"')
         elif motion.kind == "fixed":
@@ -112,9 +118,9 @@ def _boundaries(plan: Plan) -> list[str]:
         else:
             other = {"x": "y", "y": "x"}[motion.component]
             lines += [f"u{motion.component} = {{ column = {_text(motion.column)} }}", f"u{other} = 0.0"]
-    if not lines:
-        raise InputError("nothing moves the specimen", key="boundary", expected="a motion of one edge or more",
-                         found="none",
+    if all(motion.kind == "pressure" for motion in plan.motions.values()):
+        raise InputError("nothing holds or moves the specimen", key="boundary", expected="a motion of one edge or more",
+                         found="pressure only" if lines else "none",
                          remedy="choose what moves the ends: the images, the log, or held")
     return lines
 

@@ -35,9 +35,10 @@ class Sketch(Strict):
 
 
 class Motion(Strict):
-    """What moves a named edge: measured by the images, held, or driven by a column of the log along `component`."""
+    """What moves or loads an edge or a hole: measured by the images, held, driven by a column of the log along
+    `component`, or under the pressure of a column."""
 
-    kind: Literal["measured", "fixed", "column"]
+    kind: Literal["measured", "fixed", "column", "pressure"]
     column: str = ""
     component: Literal["x", "y"] = "y"
 

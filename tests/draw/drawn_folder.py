@@ -11,7 +11,7 @@ SHAPE = (160, 240)
 
 
 def make_folder(folder: Path, n: int = 3) -> Path:
-    """A dotted strip that is stretched a little, with the force of every frame."""
+    """A dotted strip that is stretched a little, with the force and a pressure of every frame."""
     (folder / "images").mkdir(parents=True)
     rng = np.random.default_rng(3)
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
@@ -22,8 +22,8 @@ def make_folder(folder: Path, n: int = 3) -> Path:
         inside = (np.abs(x - 120) < 100) & (np.abs(y - 80) < 50)
         image = np.where(inside, grey, 15) + rng.normal(0, 1, SHAPE)
         tifffile.imwrite(folder / "images" / f"f_{k}.tif", np.clip(image, 0, 255).astype(np.uint8))
-    rows = [f"{k},{k}.0,{100 * k},{0.04 * k}" for k in range(n)]
-    (folder / "loads.csv").write_text("\n".join(["frame,time_s,force_N,grip_displacement_mm", *rows]) + "\n")
+    rows = [f"{k},{k}.0,{100 * k},{0.04 * k},{2 * k}" for k in range(n)]
+    (folder / "loads.csv").write_text("\n".join(["frame,time_s,force_N,grip_displacement_mm,p_bar", *rows]) + "\n")
     return folder
 
 

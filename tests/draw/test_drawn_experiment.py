@@ -75,6 +75,15 @@ def test_the_page_writes_the_experiment_that_a_person_types(desk, tmp_path):
     assert found["toml"] == (desk.folder / "experiment.toml").read_text()
 
 
+@pytest.mark.parametrize("edge", ["HOLE1", "LEFT"])
+def test_a_pressure_of_the_log_acts_on_an_edge_or_a_hole(desk, edge):
+    loaded = {edge: {"kind": "pressure", "column": "p_bar"}, "RIGHT": {"kind": "fixed"}}
+    desk.write(plan(motions=loaded, pixel_size_mm=None, thickness_mm=None, force=None), replace=False)
+    load, = load_experiment(desk.folder).loads
+    assert (load.kind, load.edges, load.follower) == ("pressure", edge, True)
+    assert load.drive.values == pytest.approx([0.0, 0.2, 0.4])  # MPa; its log is in bar
+
+
 def test_nothing_but_experiment_toml_is_written(desk):
     before = content(desk.folder)
     desk.write(plan(), replace=False)
@@ -110,6 +119,8 @@ def test_a_link_in_the_place_of_experiment_toml_does_not_lead_the_writing_out(de
     ({"images": "../*.tif"}, "images"), ({"images": "/etc/*"}, "images"), ({"loads": "../loads.csv"}, "loads"),
     ({"loads": "/etc/passwd"}, "loads"), ({"law": "no_such_law"}, None), ({"extra": 1}, "extra"),
     ({"parameters": {"E": {"value": 1.0}, "bogus": {"value": 2.0}}}, "material"), ({"motions": {}}, "boundary"),
+    ({"motions": {"HOLE1": {"kind": "pressure", "column": "p_bar"}}}, "boundary"),
+    ({"motions": {"LEFT": {"kind": "fixed"}, "HOLE2": {"kind": "pressure", "column": "p_bar"}}}, "boundary"),
     ({"motions": {"TOP": {"kind": "fixed"}}}, "boundary"), ({"pixel_size_mm": -1.0}, "pixel_size_mm"),
     ({"pixel_size_mm": None}, "pixel_size_mm"), ({"thickness_mm": None}, "thickness"),
     ({"motions": {'A"] x': {"kind": "fixed"}}}, "motions"), ({"origin_px": [float("nan"), 0.0]}, "origin_px"),
@@ -147,7 +158,7 @@ def test_the_mesh_preview_is_the_mesh_of_the_experiment(desk):
 
 def test_the_columns_of_the_log_are_held_against_the_frames(desk):
     log = desk.log("loads.csv", "images/*.tif")
-    assert log["matches"] and [c["kind"] for c in log["columns"]] == ["", "", "force", "travel"]
+    assert log["matches"] and [c["kind"] for c in log["columns"]] == ["", "", "force", "travel", "pressure"]
     (desk.folder / "loads.csv").write_text("time_s,force_N\n0,1\n1,2\n")
     log = desk.log("loads.csv", "images/*.tif")
     assert not log["matches"] and (log["rows"], log["frames"], log["time"]) == (2, 3, "time_s")

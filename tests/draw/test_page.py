@@ -91,7 +91,9 @@ def test_pointer_and_lists_make_the_experiment(tmp_path):
         page.click_image(120, 80)
         page.click_image(180, 80)
         page.choose("#elements", "triangles")
+        page.choose('select[aria-label="load of HOLE1"]', "pressure:p_bar")
         tables = written(page, folder)
+        assert tables["boundary"][-1] == {"pressure": {"column": "p_bar", "edges": "HOLE1", "follower": True}}
         mesh = tables["experiment"]["mesh"]
         assert mesh["elements"] == "triangles" and len(mesh["holes_px"]) == 1 and len(mesh["outline_px"]) == 6
         assert sum(len(entry) == 4 for entry in mesh["outline_px"]) == 2  # the notch and the arc

@@ -128,17 +128,22 @@ function componentOf(name) { // of the mesh along which an edge faces
 }
 
 function edgeNames() { return sketch.names.length ? sketch.names : ["OUTER"]; } // OUTER: the whole outline
+function columnsOf(kind) { return page.log?.columns.filter((c) => c.kind === kind) || []; }
+function holeNames() { return columnsOf("pressure").length ? sketch.holes.map((_, k) => `HOLE${k + 1}`) : []; } // a pressure is all that acts on a hole
+function underPressure() { return [...edgeNames(), ...holeNames()].some((name) => page.motions[name]?.kind === "pressure"); }
 
 function edgeTable() {
-  const names = edgeNames(), travel = page.log?.columns.filter((c) => c.kind === "travel") || [];
-  const rows = names.map((name) => {
-    const motion = page.motions[name] ||= { kind: "measured" }, choose = document.createElement("select");
-    choose.setAttribute("aria-label", `motion of ${name}`);
-    choose.append(new Option("moves as the images show", "measured"), new Option("held", "fixed"), ...travel.map((c) => new Option(`moves by ${c.name}`, `column:${c.name}`)), new Option("free surface", "free"));
-    choose.value = motion.kind === "column" ? `column:${motion.column}` : motion.kind;
-    choose.addEventListener("change", () => { const [kind, column] = choose.value.split(/:(.*)/); page.motions[name] = { kind, column }; });
+  const names = edgeNames(), holes = holeNames();
+  const pressures = columnsOf("pressure").map((c) => new Option(`under the pressure ${c.name}`, `pressure:${c.name}`));
+  const rows = [...names, ...holes].map((name) => {
+    const hole = holes.includes(name), motion = page.motions[name] ||= { kind: hole ? "free" : "measured" }, choose = document.createElement("select");
+    choose.setAttribute("aria-label", `${hole ? "load" : "motion or load"} of ${name}`);
+    if (!hole) choose.append(new Option("moves as the images show", "measured"), new Option("held", "fixed"), ...columnsOf("travel").map((c) => new Option(`moves by ${c.name}`, `column:${c.name}`)));
+    choose.append(...pressures.map((option) => option.cloneNode(true)), new Option("free surface", "free"));
+    choose.value = motion.column ? `${motion.kind}:${motion.column}` : motion.kind;
+    choose.addEventListener("change", () => { const [kind, column] = choose.value.split(/:(.*)/); page.motions[name] = { kind, column }; identifyDefaults(); });
     const chip = element("span", [], "chip");
-    chip.style.background = colourOf(name, names);
+    chip.style.background = hole ? "#ff3b3b" : colourOf(name, names);
     return element("tr", [element("td", [chip, name]), element("td", [choose])]);
   });
   $("edges").tBodies[0].replaceChildren(...rows);
@@ -181,17 +186,18 @@ function showLaw() {
   }));
   identifyDefaults();
 }
-function identifyDefaults() { // without a force no stress can be identified
-  for (const row of $("parameters").tBodies[0].rows) row.querySelector("[type=checkbox]").checked = row.dataset.name !== "angle" && (Boolean($("force").value) || !row.dataset.stress);
+function identifyDefaults() { // without a force or a pressure no stress can be identified
+  const loaded = Boolean($("force").value) || underPressure();
+  for (const row of $("parameters").tBodies[0].rows) row.querySelector("[type=checkbox]").checked = row.dataset.name !== "angle" && (loaded || !row.dataset.stress);
 }
 
 // writing and running -------------------------------------------------------------------------------------
 function plan() {
   const record = sketchRecord(), at = axesNow() || { origin: [0, 0], angle: 0 }, degrees = Math.round(at.angle * 180 / Math.PI * 1000) / 1000;
   const motions = {}, parameters = {};
-  for (const name of edgeNames()) {
+  for (const name of [...edgeNames(), ...holeNames()]) {
     const { kind, column } = page.motions[name];
-    if (kind !== "free") motions[name] = kind === "column" ? { kind, column, component: componentOf(name) } : { kind };
+    if (kind !== "free") motions[name] = kind === "column" ? { kind, column, component: componentOf(name) } : column ? { kind, column } : { kind };
   }
   for (const row of $("parameters").tBodies[0].rows) {
     const [value, tick] = row.querySelectorAll("input"), start = Number.parseFloat(value.value.replace(",", "."));
