@@ -19,6 +19,7 @@ from idic.readers.paths import natural_key
 RUNS = "runs"  # FOLDER/runs/NAME: what the page identifies
 RUN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
 LOG_SUFFIXES = (".csv", ".txt", ".dat")
+PRESSURE_UNITS = ("MPa", "kPa", "Pa", "bar", "mbar", "psi")
 FORCE, TRAVEL = r"force|load|kraft|last", r"disp|grip|stroke|extension|position|cross|weg"
 PRESSURE = r"press|druck"
 
@@ -143,7 +144,7 @@ def log_table(log: Log, n_frames: int) -> dict:
 
 def _kind(name: str, unit: str | None) -> str:
     """What the page offers a column for."""
-    if unit in ("MPa", "kPa", "Pa", "bar", "mbar", "psi") or (unit is None and re.search(PRESSURE, name, re.IGNORECASE)):
+    if unit in PRESSURE_UNITS or (unit is None and re.search(PRESSURE, name, re.IGNORECASE)):
         return "pressure"
     if unit in ("N", "kN", "MN", "lbf") or (unit is None and re.search(FORCE, name, re.IGNORECASE)):
         return "force"
