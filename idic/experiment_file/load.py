@@ -26,13 +26,12 @@ from idic.experiment_file.tables.heterogeneities import heterogeneities
 from idic.experiment_file.tables.lengths import Lengths, lengths
 from idic.experiment_file.pinhole.pairing import pairing_notes
 from idic.experiment_file.pinhole.lenses import Lenses, camera_tables, check_image, joint_priors, lenses, middle_of
-from idic.experiment_file.tables.mesh_on_image import drawing_of, mesh_on_image
+from idic.experiment_file.tables.mesh_on_image import arcs_of, mesh_on_image
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_element_set, with_sets
 from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_solver, solver_notes
 from idic.experiment_file.tables.temperatures import Body, temperatures
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.fe.mesh.mesh import Mesh, check_elements
-from idic.fe.mesh.polygon import follow_arcs
 from idic.fe.mesh.refine import can_raise_order, is_raised_by_default, raise_order
 from idic.images.camera import Camera
 from idic.images.placed_camera import AnyCamera
@@ -232,10 +231,8 @@ class ExperimentFolder(RecordedFolder):
                              found=", ".join(sorted({block.cell for block in mesh.blocks})),
                              remedy='use element_order = "auto"')
         mesh, table = raise_order(mesh), self.config.experiment.mesh
-        if table.is_drawn:
-            mesh = drawing_of(table).on_arcs(mesh, camera if table.in_px else None)
-        elif self.config.experiment.fields and table.holes_mm:  # images keep straight edges: their results would change
-            mesh = follow_arcs(mesh, table.holes_mm[0], table.holes_mm[1:])
+        if (drawing := arcs_of(table)) is not None:
+            mesh = drawing.on_arcs(mesh, camera if table.in_px else None)
         return mesh, (f"linear elements are computed as quadratic ones ({n} -> {mesh.n_nodes} nodes); "
                       'element_order = "as_given" under [options] keeps them linear',)
 

@@ -11,6 +11,7 @@ import tifffile
 from experiment_file.small_experiment import TOML, change, inp_text, load, load_experiment, write_experiment
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment as load_with_its_defaults
+from idic.fe.mesh.mesh import boundary_faces, check_elements
 from idic.model.experiment import Column, Constant, Measured, Parametrised
 
 
@@ -274,7 +275,14 @@ def test_every_hole_leaves_a_mesh_of_sound_elements(hole, tmp_path):
     toml = re.sub(r"\[camera\].*?\n\n", "", NO_FORCE, flags=re.S)
     toml = toml.replace('mesh = "mesh.inp"\nmesh_unit = "mm"',
                         f"mesh = {{ roi_px = [5, 5, 55, 45], element_px = 4, holes_px = [{list(hole)}] }}")
-    load_experiment(write_experiment(tmp_path / "a", toml))  # checks the elements, and that it is one piece
+    e = load_with_its_defaults(write_experiment(tmp_path / "a", toml))  # checks that it is one piece
+    check_elements(e.mesh)
+    faces = boundary_faces(e.mesh)
+    ends = e.camera.project(e.mesh.nodes)[np.array([e.mesh.face_nodes(face) for face in faces])]  # corners, middle
+    at = np.hypot(*(ends - hole[:2]).transpose(2, 0, 1))  # (n_faces, 3)
+    rim = np.abs(at[:, :2] - hole[2]).max(axis=1) < 1e-6 * hole[2]
+    assert rim.any() == ("HOLE1" in e.mesh.node_sets)  # a hole smaller than an element leaves none
+    np.testing.assert_allclose(at[rim, 2], hole[2], rtol=1e-9)  # round between the corners too
 
 
 @pytest.mark.parametrize("elements", ["quads", "triangles"])

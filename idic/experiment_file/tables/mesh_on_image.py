@@ -103,3 +103,11 @@ def drawing_of(table: MeshTable) -> Drawing:
     if table.outline_px is not None:
         return Drawing(table.outline_px, table.holes_px, table.element_px, quads, table.edge_names, table.mesher)
     return Drawing(table.outline_mm, table.holes_mm, table.element_mm, quads, table.edge_names, table.mesher)
+
+
+def arcs_of(table: MeshTable) -> Drawing | None:
+    """What mid-side nodes follow: a drawn outline with its holes, or the holes of a rectangle; None without any."""
+    if table.is_drawn:
+        return drawing_of(table)
+    holes = table.holes_px or table.holes_mm
+    return Drawing(holes[0], holes[1:], table.element_px or table.element_mm or 1.0) if holes else None
