@@ -7,8 +7,9 @@ from collections.abc import Collection
 import numpy as np
 
 from idic.dic.boundary import virtual_boundaries
+from idic.dic.stereo import surface_motion
 from idic.identify.two_step import is_two_step
-from idic.model.drives import build_drives, mode_names
+from idic.model.drives import build_drives, mode_names, sees_space
 from idic.model.experiment import Experiment, Measured
 
 
@@ -26,25 +27,43 @@ def starts_from_dic(experiment: Experiment) -> bool:
         for entry in virtual_boundaries(experiment))
 
 
-def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int]) -> np.ndarray:
+def needs_motion_in_space(experiment: Experiment) -> bool:
+    """Whether the motion of an edge of a solid is measured by two cameras with a lens: by a free stereo FE-DIC."""
+    return experiment.n_dim == 3 and sees_space(experiment) and any(
+        isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+
+
+def motion_in_space(experiment: Experiment) -> np.ndarray:
+    """Nodal motion by a free stereo FE-DIC  # (n_frames, n_nodes, 3) mm, NaN: not seen, or the frame was lost"""
+    found = surface_motion(experiment)
+    u_mm = np.full((experiment.n_frames, experiment.mesh.n_nodes, 3), np.nan)
+    u_mm[:, found.nodes] = found.u_mm
+    return u_mm
+
+
+def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int],
+                   u_mm: np.ndarray | None = None) -> np.ndarray:
     """Start of the frame-local unknowns from a free FE-DIC: nodal motion on the measured edges, zero elsewhere.
 
-    u_px : (n_frames, n_nodes, 2) px, NaN where a node was not seen or a frame was lost. Returns (n_frames, m) mm.
+    u_px : (n_frames, n_nodes, 2) px, NaN where a node was not seen or a frame was lost; u_mm : the motion in space,
+    where `needs_motion_in_space`, in its place. Returns (n_frames, m) mm.
     """
     drives = build_drives(experiment)
     local = np.zeros((experiment.n_frames, drives.n_local))
     if not drives.measured.any():
         return local
-    back = np.linalg.inv(experiment.camera.jacobian(experiment.mesh.nodes)[:, :, :2])  # (n_nodes, 2, 2) mm/px
-    u = np.einsum("nij,tnj->tni", back, u_px)
-    rows = {drive: int(np.flatnonzero(drives.basis[:, drive])[0]) for drive, _ in
-            zip(drives.local, drives.measured, strict=False) if drives.basis[:, drive].any()}
+    u = u_mm
+    if u is None:
+        back = np.linalg.inv(experiment.camera.jacobian(experiment.mesh.nodes)[:, :, :2])  # (n_nodes, 2, 2) mm/px
+        u = np.einsum("nij,tnj->tni", back, u_px)
     good = [k for k in range(experiment.n_frames) if k not in excluded and np.isfinite(u[k]).any()]
     for column, (drive, is_measured) in enumerate(zip(drives.local, drives.measured, strict=False)):
         if is_measured:
-            node, component = divmod(int(drives.dofs[rows[drive]]), experiment.n_dim)
-            series = u[good, node, component]
-            seen = np.isfinite(series)
+            node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], experiment.n_dim)
+            of_nodes = u[good][:, node, component]  # those that move together; all but one of them are hidden
+            seen = np.isfinite(of_nodes).any(axis=1)
+            series = np.array([row[np.isfinite(row)].mean() if row_seen else np.nan
+                               for row, row_seen in zip(of_nodes, seen, strict=True)])
             if seen.any():
                 local[:, column] = np.interp(np.arange(experiment.n_frames), np.array(good)[seen], series[seen])
     return local

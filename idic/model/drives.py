@@ -12,6 +12,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Mesh, boundary_edges, boundary_faces, face_set_nodes
+from idic.fe.mesh.surface_edges import normal_axis, rim_second_differences, seen_first
+from idic.images.placed_camera import PlacedCamera
 from idic.model.boundary_modes import CORNER_COSINE, edge_shapes, start_and_middle, time_courses
 from idic.model.corrections import correction_parameter, corrections_of, pattern
 from idic.model.experiment import Column, Constant, Experiment, Measured, Parametrised, Prescribed
@@ -131,6 +133,12 @@ def set_nodes(experiment: Experiment, name: str) -> np.ndarray:
     return np.asarray(sets[name])
 
 
+def sees_space(experiment: Experiment) -> bool:
+    """Whether two cameras with a lens see the specimen: all three components of a motion show."""
+    return sum(isinstance(camera, PlacedCamera) for camera in
+               (experiment.camera, *(further.camera for further in experiment.cameras))) > 1
+
+
 def pixel_size(experiment: Experiment) -> float:
     """Length of one pixel in mesh units (mm)."""
     return experiment.camera.pixel_size
@@ -157,6 +165,8 @@ class _Builder:
         component = COMPONENTS.index(prescribed.component)
         stem = f"boundary.{prescribed.nodes}.{prescribed.component}"
         drive = prescribed.drive
+        if isinstance(drive, Measured):
+            nodes = self._measurable(stem, nodes, component)
         dofs = nodes * self.experiment.n_dim + component
         rows, taken = self._claim(dofs, stem, drive)
         if isinstance(drive, Constant):
@@ -234,16 +244,42 @@ class _Builder:
 
     def _add_measured(self, stem, rows, nodes, drive: Measured) -> None:
         self._require_edge(stem, nodes)
-        first = len(self.names)
-        for row, node in zip(rows, nodes, strict=True):
-            index = self._drive(f"{stem}.node{self.experiment.mesh.node_labels[node]}", np.zeros(self.frames))
-            self._pattern([row], index, [1.0])
+        if not len(nodes):
+            return
+        mesh, surface = self.experiment.mesh, self.experiment.surface
+        leaders = np.arange(len(nodes)) if mesh.n_dim == 2 else seen_first(mesh, surface, nodes)
+        own = np.unique(leaders)
+        for leader in own:
+            index = self._drive(f"{stem}.node{mesh.node_labels[nodes[leader]]}", np.zeros(self.frames))
+            moved = rows[leaders == leader]
+            self._pattern(moved, index, np.ones(len(moved)))
             self.local.append(index)
             self.measured.append(True)
         std = drive.smoothing * MEASURED_ROUGHNESS_PX * pixel_size(self.experiment)
-        second = second_differences(self.experiment.mesh, nodes)
-        self.precisions.append((second.T @ second + 1e-10 * np.eye(len(nodes))) / std**2)
-        assert len(self.names) - first == len(nodes)
+        second = (second_differences(mesh, nodes) if mesh.n_dim == 2 else
+                  rim_second_differences(mesh, surface, nodes[own]))
+        self.precisions.append((second.T @ second + 1e-10 * np.eye(len(own))) / std**2)
+
+    def _measurable(self, stem: str, nodes: np.ndarray, component: int) -> np.ndarray:
+        """The nodes of a set whose motion the images tell: all of a plane mesh. Of a solid, hidden nodes move with the
+        seen ones; across a flat surface they are free, as the thickness changes."""
+        experiment = self.experiment
+        if experiment.n_dim == 2:
+            return nodes
+        if component == normal_axis(experiment.mesh, experiment.surface) and not sees_space(experiment):
+            raise InputError("a measured motion along the line of sight", file="experiment.toml", key=stem,
+                             expected="a motion in the plane of the image, or two cameras with a lens",
+                             found=f"u{COMPONENTS[component]} of a surface that looks along {COMPONENTS[component]}",
+                             remedy=f"give u{COMPONENTS[component]}, or leave it free; measure the other two")
+        leaders = seen_first(experiment.mesh, experiment.surface, nodes)
+        if not len(leaders):
+            raise InputError("a measured motion that no camera sees", file="experiment.toml", key=stem,
+                             expected=f"a set with nodes on the surface {experiment.surface}",
+                             found=f"none of {len(nodes)} nodes", remedy="measure an edge of the seen surface, or "
+                             "give the motion by a number or a column")
+        if component == normal_axis(experiment.mesh, experiment.surface):
+            return nodes[np.unique(leaders)]
+        return nodes
 
     def _require_edge(self, stem: str, nodes: np.ndarray) -> None:
         """A measured boundary lies on the boundary: motion inside the body is for the simulation to explain."""
@@ -286,10 +322,8 @@ def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
     """Second differences of nodal values along the edges of a plane mesh  # (n_rows, n)
 
     One row per node whose two neighbours on the edge belong to `nodes` too, corners excepted; scaled to the mean of the
-    two spacings. Solids have none.
+    two spacings.
     """
-    if mesh.n_dim != 2:
-        return np.zeros((0, len(nodes)))
     place, rows = {int(node): i for i, node in enumerate(nodes)}, []
     for loop in boundary_edges(mesh):
         path = [int(node) for face in loop for node in start_and_middle(mesh.face_nodes(face))]

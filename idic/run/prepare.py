@@ -18,7 +18,7 @@ from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.tables.camera_noise import recorded
 from idic.identify.input_noise import measured_noise
-from idic.identify.measured_start import measured_start, needs_free_dic
+from idic.identify.measured_start import measured_start, motion_in_space, needs_free_dic, needs_motion_in_space
 from idic.identify.step.stages import resolve_stages
 from idic.identify.two_step import check_method, is_two_step, regularisation_of
 from idic.identify.weights import noise_weights
@@ -143,13 +143,16 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
     std, source, excluded = experiment.noise.std_gv, experiment.noise.source, list(experiment.excluded)
     if needs_free_dic(experiment) and store.finished("dic") is None:
         runner.map(run_free_dic, [(run, path, overrides, 0)], ["free-dic"], retries=1)
+    if needs_motion_in_space(experiment) and store.finished("motion") is None:
+        runner.map(run_stereo_dic, [(run, path, overrides)], ["free-stereo-dic"], retries=1)
     begin = BoundaryStart()
     with store.building("prepared") as folder:
         local = np.zeros((experiment.n_frames, build_drives(experiment).n_local))
         if needs_free_dic(experiment):
             found = read_free_dic(store)
             excluded += [int(k) for k in np.flatnonzero(found["unexplained"]) if int(k) not in excluded]
-            local = measured_start(experiment, found["u_px"], excluded)
+            in_space = read_array(store.group("motion"), "u_mm") if needs_motion_in_space(experiment) else None
+            local = measured_start(experiment, found["u_px"], excluded, in_space)
             begin = boundary_start(experiment, found["u_px"], excluded)
             if std is None:
                 std, source = float(found["noise_gv"]), "residual_of_free_dic"
@@ -219,6 +222,18 @@ def run_free_dic(job: tuple[str, str, dict, int]) -> None:
         write_array(folder, "chi2_dof", found.chi2_dof)
         write_array(folder, "unexplained", np.array([status == "unexplained" for status in found.status]))
         write_array(folder, "noise_gv", np.array([found.noise_gv]))
+
+
+def run_stereo_dic(job: tuple[str, str, dict]) -> None:
+    """Free stereo FE-DIC of all cameras with a lens into ``run.zarr/motion`` (a task).
+
+    job : the RUN, the experiment, ``--set key=value``
+    """
+    run, path, overrides = job
+    store = RunStore(run)
+    experiment = with_stored_images(store, load_experiment(path, overrides))
+    with store.building("motion") as folder:
+        write_array(folder, "u_mm", motion_in_space(experiment))
 
 
 def read_free_dic(store: RunStore, name: str = "dic") -> dict[str, Any]:

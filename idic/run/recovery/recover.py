@@ -46,7 +46,7 @@ def recover(store: RunStore, path: Path | str, runner: TaskRunner) -> list[str]:
     sweep(store.run / SCRATCH)
     settings = load_checkpoint(store.run / DESCRIPTION, DESCRIPTION_SCHEMA)
     state = load_state(store.run)
-    measured = ["dic", "prepared", *(f"cameras/{camera}/dic" for camera in _further(store))]
+    measured = ["dic", "motion", "prepared", *(f"cameras/{camera}/dic" for camera in _further(store))]
     measured = [name for name in measured if (store.path / name).exists()]
     needed, tried = ([], []) if state is None else (_needed(store, state), _of_the_open_trial(store, state))
     damaged = damaged_groups(store, [*measured, *needed, *tried], _image_groups(store), runner)

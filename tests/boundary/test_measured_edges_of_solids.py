@@ -1,0 +1,121 @@
+"""An edge of a solid whose motion the cameras measure: hidden nodes follow the seen ones, and what one camera cannot
+see is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idic.dic.stereo import surface_motion
+from idic.errors import InputError
+from idic.experiment_file.load import load_experiment
+from idic.fe.mesh.mesh import face_cells
+from idic.fe.mesh.surface_edges import normal_axis, rim_second_differences
+from idic.identify.in_memory import identify
+from idic.identify.measured_start import measured_start, motion_in_space, needs_motion_in_space
+from idic.model.drives import build_drives, set_nodes
+from idic.model.experiment import Measured, Prescribed
+from idic.virtual_tests.stereo.plate import TRUTH, PlateTest, Size, plate, plate_test, write_plate
+from idic.virtual_tests.stereo.ray_tracing import Scene
+from idic.virtual_tests.stereo.rig import rig
+
+SIZE = Size(0.16, (125, 195), (1, 1, 1), (2, 3, 2, 1), (3, 4, 2, 1))
+SMALL = Size(0.2, (100, 156), (2, 2, 2), (2, 3, 2, 1), (3, 4, 2, 1))
+
+
+def stretched(nodes, amount):
+    return amount * np.column_stack([0.01 * nodes[:, 0] + 0.2, -0.004 * nodes[:, 1] - 0.1, 0.15 + 0.005 * nodes[:, 0]])
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory):
+    true = plate(*SIZE.true)
+    scene = Scene(true.nodes, face_cells(true, true.edge_sets["FRONT"]), face_cells(true, true.edge_sets["REST"]))
+    frames = np.array([0.0, 1.0, 1.0])
+    test = PlateTest(scene, np.array([stretched(true.nodes, amount) for amount in frames]), 0.0 * frames, 0.0 * frames,
+                     rig(SIZE.shape, SIZE.pixel, SIZE.distance, (-15.0, 15.0)), plate(*SIZE.user), SIZE)
+    folder = tmp_path_factory.mktemp("edges") / "test"
+    folder.mkdir()
+    return with_measured_edge(load_experiment(write_plate(folder, test)))
+
+
+def with_measured_edge(experiment, components="xyz"):
+    others = [entry for entry in experiment.prescribed if entry.nodes != "RIGHT"]
+    return replace(experiment, prescribed=(*others, *(Prescribed("RIGHT", c, Measured()) for c in components)))
+
+
+def test_hidden_nodes_move_with_the_seen_ones_and_the_thickness_stays_free(experiment):
+    nodes = set_nodes(experiment, "RIGHT")
+    x = experiment.mesh.nodes
+    front = nodes[np.abs(x[nodes, 2]) < 1e-9]
+    assert 0 < len(front) < len(nodes)  # the set goes through the thickness
+    drives = build_drives(experiment)
+    assert len(drives.local) == 3 * len(front)
+    for drive in drives.local:
+        node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], 3)
+        assert len(set(component)) == 1
+        assert np.ptp(x[node, 1]) < 1e-9  # one line through the thickness
+        assert len(node) == 1 if component[0] == 2 else len(node) > 1
+        assert np.isin(node, front).sum() == 1
+    moved = set(drives.dofs.tolist())
+    assert all(3 * n in moved and 3 * n + 1 in moved for n in nodes)
+    assert all((3 * n + 2 in moved) == (n in front) for n in nodes)
+
+
+def test_the_prior_of_a_straight_rim_passes_every_linear_motion(experiment):
+    mesh = experiment.mesh
+    nodes = set_nodes(experiment, "RIGHT")
+    front = nodes[np.abs(mesh.nodes[nodes, 2]) < 1e-9]
+    rows = rim_second_differences(mesh, "FRONT", front)
+    assert len(rows) == len(front) - 2  # the ends are corners
+    assert np.abs(rows @ (3.0 + 2.0 * mesh.nodes[front, 1])).max() < 1e-12
+    bent = rows @ mesh.nodes[front, 1] ** 2
+    assert (bent > 0.0).all()
+    assert normal_axis(mesh, "FRONT") == 2
+
+
+def test_a_free_stereo_dic_starts_the_edge_in_space(experiment):
+    assert needs_motion_in_space(experiment)
+    u_mm, noise = motion_in_space(experiment), surface_motion(experiment)
+    std = dict(zip(noise.nodes.tolist(), noise.noise_mm, strict=True))
+    local = measured_start(experiment, np.full((3, experiment.mesh.n_nodes, 2), np.nan), (), u_mm)
+    drives = build_drives(experiment)
+    for column, drive in enumerate(drives.local):
+        node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], 3)
+        seen = node[np.abs(experiment.mesh.nodes[node, 2]) < 1e-9]
+        true = stretched(experiment.mesh.nodes[seen], 1.0)[0, component[0]]
+        # four standard deviations of 15 unknowns; 0.01 px = 0.0016 mm of interpolation
+        assert local[2, column] == pytest.approx(true, abs=4.0 * std[int(seen[0])][component[0]] + 0.0016)
+        assert local[0, column] == 0.0
+
+
+def test_one_camera_does_not_measure_along_its_sight(experiment):
+    alone = replace(experiment, cameras=())
+    with pytest.raises(InputError, match="along the line of sight"):
+        build_drives(alone)
+    assert not needs_motion_in_space(alone)
+    assert len(build_drives(with_measured_edge(alone, "xy")).local) > 0
+
+
+def test_an_edge_that_no_camera_sees_is_refused(experiment):
+    mesh = experiment.mesh
+    back = np.flatnonzero(mesh.nodes[:, 2] < mesh.nodes[:, 2].min() + 1e-9)
+    hidden = replace(experiment, mesh=replace(mesh, node_sets={**mesh.node_sets, "RIGHT": back}))
+    with pytest.raises(InputError, match="no camera sees"):
+        build_drives(hidden)
+
+
+@pytest.mark.slow
+def test_the_parameters_come_back_from_edges_that_two_cameras_measure(tmp_path):
+    folder = tmp_path / "test"
+    folder.mkdir()
+    write_plate(folder, plate_test(SMALL))
+    experiment = with_measured_edge(load_experiment(folder))
+    start = measured_start(experiment, np.zeros((experiment.n_frames, experiment.mesh.n_nodes, 2)), (),
+                           motion_in_space(experiment))
+    result = identify(experiment, start).result
+    assert result["status"] == "converged"
+    for name, true in TRUTH.items():
+        entry = result["parameters"][f"BODY.{name}"]
+        assert abs(entry["value"] - true) < 3.0 * entry["std"], (name, entry)
+        assert abs(entry["value"] / true - 1.0) < 0.1
