@@ -9,7 +9,7 @@ import numpy as np
 from idic.dic.boundary import virtual_boundaries
 from idic.dic.stereo import surface_motion
 from idic.identify.two_step import is_two_step
-from idic.model.drives import build_drives, mode_names, sees_space
+from idic.model.drives import build_drives, is_stereo, mode_names
 from idic.model.experiment import Experiment, Measured
 
 
@@ -29,7 +29,7 @@ def starts_from_dic(experiment: Experiment) -> bool:
 
 def needs_motion_in_space(experiment: Experiment) -> bool:
     """Whether the motion of an edge of a solid is measured by two cameras with a lens: by a free stereo FE-DIC."""
-    return experiment.n_dim == 3 and sees_space(experiment) and any(
+    return experiment.n_dim == 3 and is_stereo(experiment) and any(
         isinstance(entry.drive, Measured) for entry in experiment.prescribed)
 
 
@@ -60,6 +60,8 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
     for column, (drive, is_measured) in enumerate(zip(drives.local, drives.measured, strict=False)):
         if is_measured:
             node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], experiment.n_dim)
+            if component[0] >= u.shape[2]:
+                continue  # measured out of the plane: from rest
             of_nodes = u[good][:, node, component]  # those that move together; all but one of them are hidden
             seen = np.isfinite(of_nodes).any(axis=1)
             series = np.array([row[np.isfinite(row)].mean() if row_seen else np.nan

@@ -133,10 +133,16 @@ def set_nodes(experiment: Experiment, name: str) -> np.ndarray:
     return np.asarray(sets[name])
 
 
-def sees_space(experiment: Experiment) -> bool:
-    """Whether two cameras with a lens see the specimen: all three components of a motion show."""
+def is_stereo(experiment: Experiment) -> bool:
+    """Whether two cameras with a lens see the specimen."""
     return sum(isinstance(camera, PlacedCamera) for camera in
                (experiment.camera, *(further.camera for further in experiment.cameras))) > 1
+
+
+def sees_space(experiment: Experiment) -> bool:
+    """Whether all three components of a motion are observed: by two cameras with a lens, or in measured fields."""
+    points = experiment.points
+    return is_stereo(experiment) if points is None else points.n_components == 3
 
 
 def pixel_size(experiment: Experiment) -> float:
