@@ -86,7 +86,7 @@ def test_the_page_and_its_figures_are_written(finished):
     page = (out / "study.html").read_text(encoding="utf-8")
     figures = sorted(file.stem for file in (out / "figures").iterdir())
     assert figures == ["fig13_displacements", "fig14_sensitivities", "fig17_guess_and_noise"]
-    assert page.count("data:image/png;base64,") == len(figures)
+    assert page.count("data:image/webp;base64,") == len(figures)
     letters = re.sub("base64,[A-Za-z0-9+/=]+", "", page.split("</style>")[1])  # four letters of a picture may be "http"
     assert "http" not in letters
     assert "3 of " in page and "cases are finished" in page
