@@ -34,7 +34,8 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     search = search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
     camera = [diagnosis.margin.words] if diagnosis.margin.px > PRACTICAL_MARGIN_PX else []
     return [*_quick(diagnosis), *search, *camera, *formal_fit(diagnosis.excess_left),
-            *channel_cautions(diagnosis.channels), *_few_elements(diagnosis), *_not_simulated(diagnosis),
+            *channel_cautions(diagnosis.channels), *_few_elements(diagnosis), *softening_caution(diagnosis.rounds),
+            *_not_simulated(diagnosis),
             *refits_cut_short(diagnosis.rounds), *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
 
 
@@ -130,6 +131,16 @@ def rivals_not_ruled_out(rounds: Sequence[Round], after: Fit) -> list[str]:
                              f"{selected.called}, and the excess left at the end is a good part of the difference "
                              f"({why}).")
     return found
+
+
+def softening_caution(rounds: Sequence[Round]) -> list[str]:
+    """What a selected law of damage owes to the mesh."""
+    selected = [one.winner.ranked.candidate for one in rounds if one.winner is not None]
+    if all(candidate.family != "damage" for candidate in selected):
+        return []
+    return ["A damaged body tears in one row of elements: beyond the highest load its force and motion, and the "
+            "parameters of damage, belong to this mesh. A length in the law (material.SET.length, crack band) makes "
+            "the work of a crack independent of it."]
 
 
 def _not_simulated(diagnosis: Diagnosis) -> list[str]:

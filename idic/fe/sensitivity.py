@@ -214,6 +214,8 @@ def _parameter_changes(system: System, directions, params, times: np.ndarray,
             own = group.law.spec.temperature.changes(
                 params[system.model.sections[group.section].name], g.temperature, own,
                 None if warming is None else assembly.points_of(system, group, warming), len(directions))
+        if group.size is not None:
+            own = group.law.spec.crack_band.changes(assembly.band_place(group), own, group.size)
         changes.append(own)
     return changes
 

@@ -6,7 +6,17 @@
 e is the small strain or Green's (then the stress is the second Piola-Kirchhoff stress). In tension k is the strain, and
 the stress still rises beyond the threshold until k = 1 / softening. Unloading goes straight back to zero strain:
 that, not the loading branch, tells damage from plastic flow. The dissipation (e : C : e / 2) dd/dt is never negative.
-A softening body localises into one row of elements: its response after the peak depends on the mesh.
+
+Compression: k^2 is multiplied by w = c + (1 - c) m, with c the parameter ``compression`` and m(x) = x^2 (3 - 2 x),
+x = 1 + tr(s) / q within 0 and 1, of the undamaged stress s and its Mises stress q: 1 from shear to tension, 0 from
+uniaxial compression on. What is lost in tension stays lost in compression.
+
+A softening body localises into one row of elements. With ``length`` l, and h the size of an element, the part of the
+strain behind the peak that unloading does not give back is l / h times as large (crack band, ``core/crack_band.py``):
+work per area of the band, and force over elongation of a bar, are those of elements of size l. Behind the peak,
+k_p = max(threshold, 1 / softening), with the law's own strain x in the place of k,
+
+    k = x l / h + (1 - l / h) x exp(-softening (x - k_p)),   (1 - d) k = x exp(-softening (x - threshold))
 """
 
 from __future__ import annotations
@@ -16,11 +26,14 @@ import math
 import numpy as np
 
 from idic.materials.core import symmetric, tensors
+from idic.materials.core.crack_band import CrackBand
 from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS, lame, lame_change
 
-THRESHOLD, SOFTENING = 2, 3
+THRESHOLD, SOFTENING, COMPRESSION, LENGTH = 2, 3, 4, 5
+ITERATIONS = 60  # Newton takes 3 to 8, bisection 50
+TOLERANCE = 1e-14
 
 
 @inner
@@ -50,22 +63,81 @@ def store(finite, f, s, P):
 
 
 @inner
+def behind_the_peak(k, peak, softening, ratio):
+    """(x of k beyond the peak, the slope of k over x), all real; slope 0: the element is too large and snaps back."""
+    low, high = (k, k / ratio) if ratio < 1.0 else (peak, k)
+    x = low if ratio < 1.0 else high
+    for _ in range(ITERATIONS):
+        decay = math.exp(-softening * (x - peak))
+        excess, slope = x * (ratio + (1.0 - ratio) * decay) - k, ratio + (1.0 - ratio) * (1.0 - softening * x) * decay
+        low, high = (low, x) if excess > 0.0 else (x, high)
+        new = x - excess / slope if slope > 0.0 else high
+        if not low <= new <= high:
+            new = 0.5 * (low + high)
+        if abs(new - x) <= TOLERANCE * x:
+            return new, ratio + (1.0 - ratio) * (1.0 - softening * new) * math.exp(-softening * (new - peak))
+        x = new
+    return x, 0.0
+
+
+@inner
+def kept(k, threshold, softening, ratio):
+    """(1 - d, slopes of its ln over k, threshold, softening and ratio, status) at the largest strain k, all real."""
+    if not k > threshold:
+        return 1.0, 0.0, 0.0, 0.0, 0.0, 0
+    keep = math.exp(-softening * (k - threshold))
+    if not (ratio > 0.0 and softening * k > 1.0):
+        return keep, -softening, softening, -(k - threshold), 0.0, 0
+    early = softening * threshold < 1.0
+    peak = 1.0 / softening if early else threshold
+    x, slope = behind_the_peak(k, peak, softening, ratio)
+    if not slope > 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 1
+    decay = math.exp(-softening * (x - peak))
+    share = (1.0 - ratio) * x * decay / slope  # of a change of ln(decay) in x
+    x_softening = share * (x - peak + (1.0 / softening if early else 0.0))
+    x_threshold = 0.0 if early else -share * softening
+    x_ratio = -x * (1.0 - decay) / slope
+    along = 1.0 / x - softening
+    return (x / k * math.exp(-softening * (x - threshold)), along / slope - 1.0 / k, along * x_threshold + softening,
+            along * x_softening - (x - threshold), along * x_ratio, 0)
+
+
+@inner
+def opened(s, compression):
+    """(w, m's slope over x, tr s, q, dev s) of the undamaged stress, real or complex; slope 0 where m is constant."""
+    mean, dev = tensors.deviator(s)
+    trace, q = 3.0 * mean, np.sqrt(1.5 * tensors.contract(dev, dev))
+    if trace.real >= 0.0:
+        return 1.0 + 0.0 * q, 0.0 * q, trace, q, dev
+    if q.real + trace.real <= 0.0:
+        return compression + 0.0 * q, 0.0 * q, trace, q, dev
+    x = 1.0 + trace / q
+    return (compression + (1.0 - compression) * x * x * (3.0 - 2.0 * x),
+            (1.0 - compression) * 6.0 * x * (1.0 - x), trace, q, dev)
+
+
+@inner
 def update(finite, F, state, params, P, state_new):
     """One point, real or complex."""
     lam, mu = lame(params[0], params[1])
     f = tensors.load(F)
     e = strain(finite, f)
     s = tensors.scaled(2.0 * mu, e, lam * (e[0] + e[1] + e[2]))
-    energy = tensors.contract(s, e)
+    energy = tensors.contract(s, e) * opened(s, params[COMPRESSION])[0]
     largest = state[0]
     if energy.real > params[0].real * largest.real * largest.real:
         largest = np.sqrt(energy / params[0])
-    keep = 1.0 + 0.0 * largest
-    if largest.real > params[THRESHOLD].real:
-        keep = np.exp(-params[SOFTENING] * (largest - params[THRESHOLD]))
+    threshold, softening, ratio = params[THRESHOLD], params[SOFTENING], params[LENGTH]
+    keep, by_k, by_threshold, by_softening, by_ratio, status = kept(largest.real, threshold.real, softening.real,
+                                                                    ratio.real)
+    growth = by_k * (largest - largest.real) + by_softening * (softening - softening.real) \
+        + by_ratio * (ratio - ratio.real)  # 0 but for the complex step
+    if largest.real > threshold.real:  # which may be infinite
+        growth += by_threshold * (threshold - threshold.real)
     state_new[0] = largest
-    store(finite, f, tensors.scaled(keep, s, 0.0), P)
-    return 0
+    store(finite, f, tensors.scaled(keep + keep * growth, s, 0.0), P)
+    return status
 
 
 @inner
@@ -74,15 +146,18 @@ def linearise(finite, F, state, params, dF, dstate, dparams, P, state_new, dP, d
     lam, mu = lame(params[0], params[1])
     f = tensors.load(F)
     e = strain(finite, f)
-    trace = e[0] + e[1] + e[2]
-    s = tensors.scaled(2.0 * mu, e, lam * trace)
-    energy, largest, keep = tensors.contract(s, e), state[0], 1.0
+    tr_e = e[0] + e[1] + e[2]
+    s = tensors.scaled(2.0 * mu, e, lam * tr_e)
+    w, steep, trace, q, dev = opened(s, params[COMPRESSION])
+    plain = tensors.contract(s, e)
+    energy, largest = plain * w, state[0]
     grows = energy > params[0] * largest * largest
     if grows:
         largest = math.sqrt(energy / params[0])
-    damaged = largest > params[THRESHOLD]
-    if damaged:
-        keep = math.exp(-params[SOFTENING] * (largest - params[THRESHOLD]))
+    keep, by_k, by_threshold, by_softening, by_ratio, status = kept(largest, params[THRESHOLD], params[SOFTENING],
+                                                                    params[LENGTH])
+    if status != 0:
+        return status
     state_new[0] = largest
     whole = tensors.scaled(keep, s, 0.0)
     store(finite, f, whole, P)
@@ -90,21 +165,27 @@ def linearise(finite, F, state, params, dF, dstate, dparams, P, state_new, dP, d
         d = tensors.load(dF[k])
         de = strain_change(finite, f, d)
         ds = tensors.scaled(2.0 * mu, de, lam * (de[0] + de[1] + de[2]))
-        denergy = 2.0 * tensors.contract(s, de)
-        dlargest = dstate[k, 0] if dstate.shape[0] > 0 else 0.0
-        dkeep = 0.0
+        dplain = 2.0 * tensors.contract(s, de)
+        dlargest, dkeep, dw = dstate[k, 0] if dstate.shape[0] > 0 else 0.0, 0.0, 0.0
         if dparams.shape[0] > 0:
             dlam, dmu = lame_change(params[0], params[1], dparams[k, 0], dparams[k, 1])
-            own = tensors.scaled(2.0 * dmu, e, dlam * trace)
+            own = tensors.scaled(2.0 * dmu, e, dlam * tr_e)
             ds = tensors.combine(1.0, ds, 1.0, own, 0.0)
-            denergy += tensors.contract(own, e) - energy / params[0] * dparams[k, 0]
+            dplain += tensors.contract(own, e) - plain / params[0] * dparams[k, 0]
+            if params[COMPRESSION] != 1.0:
+                dw = (1.0 - w) / (1.0 - params[COMPRESSION]) * dparams[k, COMPRESSION]
+            elif trace < 0.0:
+                dw = (1.0 - opened(s, 0.0)[0]) * dparams[k, COMPRESSION]
+        if steep != 0.0:
+            dtrace = ds[0] + ds[1] + ds[2]
+            dw += steep * (dtrace - trace * 1.5 * tensors.contract(dev, ds) / (q * q)) / q
         if grows:
-            dlargest = denergy / (2.0 * params[0] * largest)
-        if damaged:
-            dkeep = -params[SOFTENING] * dlargest
+            dlargest = (w * dplain + plain * dw) / (2.0 * params[0] * largest)
+        if largest > params[THRESHOLD]:
+            dkeep = by_k * dlargest
             if dparams.shape[0] > 0:
-                dkeep += params[SOFTENING] * dparams[k, THRESHOLD] \
-                    - (largest - params[THRESHOLD]) * dparams[k, SOFTENING]
+                dkeep += by_threshold * dparams[k, THRESHOLD] + by_softening * dparams[k, SOFTENING] \
+                    + by_ratio * dparams[k, LENGTH]
         store(finite, f, tensors.combine(keep, ds, keep * dkeep, s, 0.0), dP[k])
         if finite:
             moved = symmetric.times(d, whole)
@@ -136,6 +217,15 @@ def linearise_finite(F, state, params, dt, dF, dstate, dparams, P, state_new, dP
     return linearise(True, F, state, params, dF, dstate, dparams, P, state_new, dP, dstate_new)
 
 
+def largest_element(values):
+    """Size of the largest element over `length` that does not snap back: l / h > (1 - l / h) m; values : by name."""
+    if not (values["softening"] > 0.0 and math.isfinite(values["threshold"])):
+        return math.inf
+    first = max(values["threshold"] * values["softening"], 1.0)
+    steepest = math.exp(first - 2.0) if first < 2.0 else first - 1.0  # m = -min d(x exp(-softening (x - k_p)))/dx
+    return (1.0 + steepest) / steepest
+
+
 LAW = register(LawSpec(
     name="elastic_damage",
     parameters=(
@@ -144,7 +234,12 @@ LAW = register(LawSpec(
                      activation_factor=0.6),
         LawParameter("softening", "-", "loss of stiffness per equivalent strain beyond the threshold", default=20.0,
                      null=0.0),
+        LawParameter("compression", "-", "share of compression in the energy that damages; 1 as much as tension",
+                     default=1.0, null=1.0, positive=False, bounds=(0.0, 1.0)),
+        LawParameter("length", "mm", "element size for which softening holds: crack band; 0 as it is in every element",
+                     default=1.0, null=0.0),
     ),
+    crack_band=CrackBand("length", largest_element),
     updates={"small": update_small, "finite": update_finite},
     linearise={"small": linearise_small, "finite": linearise_finite},
     state_names=("largest_strain",),

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idic.diagnose.cautions import formal_fit, refits_cut_short, rivals_not_ruled_out, search_cautions
+from idic.diagnose.cautions import (formal_fit, refits_cut_short, rivals_not_ruled_out, search_cautions,
+                                    softening_caution)
 from idic.diagnose.findings import acts_everywhere, refitted_form
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect
 from idic.diagnose.refit import Refit
@@ -334,3 +335,9 @@ def test_a_start_that_had_not_converged_and_motions_explained_worse_are_reported
     assert "limit of evaluations" in search_cautions("max_iterations", 40.0, 0.1, 0.05)[0]
     (said,) = search_cautions("converged", 3183.0, 4233.0, 0.07)
     assert "worse" in said and "4.23e+03" in said
+
+
+def test_a_verdict_of_damage_tells_what_it_owes_to_the_mesh():
+    (told,) = softening_caution([round_of(screening(), [rival("damage", 3000.0)])])
+    assert "one row of elements" in told and "length" in told
+    assert softening_caution([round_of(screening(), [rival("plasticity", 3000.0)])]) == []

@@ -7,8 +7,11 @@ import pytest
 
 from idic.errors import InputError
 from idic.experiment_file.laws.composed_law import course_notes
+from idic.experiment_file.laws.softening import softening_notes
 from idic.experiment_file.tables.dofs import material
 from idic.experiment_file.toml_file import to_toml, validated, with_overrides
+from idic.fe.mesh.mesh import make_mesh
+from idic.virtual_tests.meshes import Patch, mesh_patches
 
 TERMS = {"law": "elastoplastic", "E": 70e3, "nu": 0.3, "yield_stress": {"value": 0.2, "unit": "GPa", "identify": True},
          "yield_surface": {"kind": "hill48", "r0": 1.4},
@@ -152,6 +155,18 @@ def test_a_load_that_never_turns_back_is_told_where_two_mechanisms_look_alike():
     assert ["back stress" in note for note in notes] == [True, False] and "damage" in notes[1]
     assert course_notes([record], parameters, [there, back]) == course_notes([record], parameters, []) == []
     assert course_notes([record], [replace(p, free=False) for p in parameters], [there]) == []
+
+
+def test_what_softening_owes_to_the_mesh_is_told_with_the_size_of_the_elements():
+    nodes, cells = mesh_patches([Patch(lambda s, t: (4.0 * s, 2.0 * t), 8, 4)], "quad8")
+    mesh = make_mesh(nodes, [("quad8", cells)], element_sets={"SPECIMEN": np.arange(32)})
+    for damage, said in (({}, "softening without a length: a crack is as wide as one element (0.25 mm)"),
+                         ({"length": 0.4}, "softening for rows of 0.4 mm is stretched to elements of 0.25 mm")):
+        record, found = read(damage={"kind": "lemaitre", "S": 0.5, "s": 1} | damage)
+        parameters = [replace(p, name=f"SPECIMEN.{name}") for name, p in found.items()]
+        (note,) = softening_notes([record], parameters, mesh, "mm")
+        assert said in note
+    assert softening_notes([replace(record, law="elastic")], parameters, mesh, "mm") == []
 
 
 RUBBER = {"law": "free_rubber", "kappa": 600.0, "I1": {"knots": 5, "range": 4.0, "C10": 0.4, "g3": 0.5},

@@ -67,8 +67,9 @@ BODIES = {
         kinematics="finite", prescribed=LOADED, loads=[force_on_the_right("force", 100.0)], **o),
     "creep": lambda **o: experiment("creep", ELASTIC | {"rate": 2e-3, "n": 2.0, "stress": 20.0}, kinematics="finite",
                                     **o),
-    "elastic_damage": lambda **o: experiment("elastic_damage", ELASTIC | {"threshold": 0.004, "softening": 15.0},
-                                             kinematics="finite", **o),
+    "elastic_damage": lambda **o: experiment(
+        "elastic_damage", ELASTIC | {"threshold": 0.004, "softening": 80.0, "compression": 0.7, "length": 1.0},
+        kinematics="finite", **o),
     "nonlinear_elastic": lambda **o: experiment("nonlinear_elastic", ELASTIC | {"nonlinearity": 8.0},
                                                 kinematics="finite", **o),
     "j2_pressure": lambda **o: experiment("j2_pressure", STEEL | {"hardening_modulus": 60.0, "friction": 0.2},

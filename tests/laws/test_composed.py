@@ -31,7 +31,7 @@ OFF = {"E": E, "nu": NU, "yield_stress": YIELD, "yield_surface_r0": 1.0, "yield_
        "yield_surface_r90": 1.0, "yield_surface_angle": 0.0, "hardening_1_Q": 0.0, "hardening_1_b": 1.0,
        "hardening_2_H": 0.0, "backstress_1_C": 0.0, "backstress_1_gamma": 0.0, "backstress_2_C": 0.0,
        "backstress_2_gamma": 0.0, "rate_eta": 0.0, "rate_m": 1.0, "damage_S": 1e30, "damage_s": 1.0,
-       "damage_threshold": 0.0}
+       "damage_threshold": 0.0, "damage_length": 0.0}
 
 
 def whole(**values):

@@ -8,7 +8,7 @@ from law_paths import follow, random_path
 from idic.materials import compile
 from idic.materials.core import point, points
 
-DAMAGE = np.array([70e3, 0.3, 0.004, 30.0])  # E, nu, threshold, softening
+DAMAGE = np.array([70e3, 0.3, 0.004, 30.0, 1.0, 0.0])  # E, nu, threshold, softening, compression, length
 CREEP = np.array([70e3, 0.3, 1e-3, 4.0, 200.0])  # E, nu, rate, n, stress
 PRESSURE = np.array([70e3, 0.3, 200.0, 1000.0, 0.4])  # E, nu, yield_stress, hardening_modulus, friction
 
@@ -181,8 +181,8 @@ def test_plastic_flow_in_tension_changes_no_volume():
 @pytest.mark.parametrize("mode", [0, 1, 2])
 @pytest.mark.parametrize(("law", "params", "simpler", "same"), [
     ("j2_pressure", PRESSURE * [1, 1, 1, 1, 0], "j2_linear", PRESSURE[:4]),
-    ("elastic_damage", DAMAGE * [1, 1, 1, 0], "elastic", DAMAGE[:2]),
-    ("elastic_damage", [70e3, 0.3, np.inf, 30.0], "elastic", DAMAGE[:2])])
+    ("elastic_damage", DAMAGE * [1, 1, 1, 0, 1, 1], "elastic", DAMAGE[:2]),
+    ("elastic_damage", [70e3, 0.3, np.inf, 30.0, 1.0, 0.0], "elastic", DAMAGE[:2])])
 def test_at_its_null_value_the_law_is_the_simpler_one(law, params, simpler, same, mode, derivative, rng):
     path = random_path(rng, 5, 3 if mode == 0 else 2)
     P, _ = follow(compile(law, derivative=derivative), mode, path, np.array(params))

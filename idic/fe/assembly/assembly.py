@@ -15,6 +15,7 @@ from idic.fe.solver.linear import Pattern, make_pattern
 from idic.fe.mesh import element
 from idic.fe.model import Model, Section, uses_mean_dilatation
 from idic.materials.core import points
+from idic.materials.core.crack_band import element_sizes
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class Group:
     largest_area : mm², the largest sum over an element of |w dN/dX|: nodal force per stress
     steepest : 1/mm, the largest |dN/dX|
     holding : (n,) elements with prescribed dofs, counted within the group
+    size : (n_el nq,) mm, of the element of each point, where the law depends on it, else None
     """
 
     section: int
@@ -47,6 +49,7 @@ class Group:
     largest_area: float
     steepest: float
     holding: np.ndarray
+    size: np.ndarray | None = None
 
     @property
     def n_points(self) -> int:
@@ -112,7 +115,10 @@ def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: s
     jac = np.einsum("eak,qai->eqki", model.mesh.nodes[connectivity], element.gradient(cell, xi))  # dX_k/dxi_i
     grads = np.einsum("qai,eqik->eqak", element.gradient(cell, xi), np.linalg.inv(jac))
     depth = model.thickness if model.mesh.n_dim == 2 else 1.0
-    weights = (np.linalg.det(jac) * w * depth).ravel()
+    volumes = np.linalg.det(jac) * w
+    weights = (volumes * depth).ravel()
+    size = None if section.law.spec.crack_band is None else np.repeat(
+        element_sizes(cell, volumes.sum(axis=1), model.mesh.n_dim), volumes.shape[1])
     grads = np.ascontiguousarray(grads.reshape(-1, *grads.shape[2:]))
     remedy, mean_b = uses_mean_dilatation(model, cell), None
     factor = weight_factor(model, index, cell, connectivity, weights, remedy)
@@ -123,7 +129,7 @@ def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: s
     return Group(index, section.law, cell, np.asarray(elements), connectivity, dofs, grads, weights,
                  pattern.positions(dofs), remedy, mean_b,
                  float(np.abs(weights[:, None, None] * grads).reshape(*dofs.shape[:1], -1, grads[0].size).sum(1).max()),
-                 float(np.abs(grads).max()), np.flatnonzero((pattern.equation[dofs] < 0).any(axis=1)))
+                 float(np.abs(grads).max()), np.flatnonzero((pattern.equation[dofs] < 0).any(axis=1)), size)
 
 
 def weight_factor(model: Model, section: int, cell: str, connectivity: np.ndarray, weights: np.ndarray,
@@ -198,6 +204,9 @@ def evaluate(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, st
         values = params[model.sections[group.section].name]
         if not trouble and group.law.spec.temperature is not None:
             trouble = _warm(system, group, values, drives, g)
+        if not trouble and group.size is not None:
+            trouble = group.law.spec.crack_band.trouble(
+                dict(zip(group.law.spec.parameter_names, values, strict=True)), group.size)
         if not trouble:
             guess = np.ascontiguousarray(guesses[k][:, -1]) if guesses is not None and model.mode == 2 else None
             values = values_at(group, values, g)
@@ -265,8 +274,20 @@ def _warm(system: System, group: Group, params: np.ndarray, drives: Drives, g: G
 
 
 def values_at(group: Group, params: np.ndarray, g: GroupEvaluation) -> np.ndarray:
-    """The parameters of the law, at the temperature of each point where they depend on it  # ([n_points,] n_params)"""
-    return params if g.temperature is None else group.law.spec.temperature.values(params, g.temperature)
+    """The parameters of the law, at the temperature and the element size of each point where they depend on them
+
+    Returns
+    -------
+    ([n_points,] n_params)
+    """
+    spec = group.law.spec
+    found = params if g.temperature is None else spec.temperature.values(params, g.temperature)
+    return found if group.size is None else spec.crack_band.values(band_place(group), found, group.size)
+
+
+def band_place(group: Group) -> int:
+    """The place of the length of a crack band among the parameters."""
+    return group.law.spec.parameter_names.index(group.law.spec.crack_band.name)
 
 
 def points_of(system: System, group: Group, nodal: np.ndarray) -> np.ndarray:

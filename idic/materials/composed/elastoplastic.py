@@ -18,6 +18,7 @@ from idic.materials.composed.flow_stress import NONE
 from idic.materials.composed.terms import (FLOW_STRESS, FREE_NAME, GROUPS, KNOTS, LISTS, REFERENCE, TERMS, TIMES, Term,
                                            kinds_of,
                                             term_of)
+from idic.materials.core.crack_band import CrackBand
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.core.temperature import Factor, TemperatureDependence
 from idic.materials.plasticity import elastoplastic
@@ -120,7 +121,8 @@ def compose(kinds: Sequence[str]) -> LawSpec:
         reference="; ".join(["q = yield_stress + hardening, p the plastic strain", *equations,
                              "return: Simo (1992), doi:10.1016/0045-7825(92)90123-2; Simo & Hughes (1998), "
                              "doi:10.1007/b98904"]),
-        alternatives={} if orthotropic else elastoplastic.ALTERNATIVES, compose=compose, temperature=dependence)
+        alternatives={} if orthotropic else elastoplastic.ALTERNATIVES, compose=compose, temperature=dependence,
+        crack_band=CrackBand("damage_length") if codes["damage"] else None)
 
 
 def _dependence(terms: Sequence[Term], codes: tuple[int, ...],

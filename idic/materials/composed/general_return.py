@@ -156,6 +156,8 @@ def damage_growth_of(first, energy, ratio, p, growth, params):
         return 0.0 * growth
     weight = opened * opened * (3.0 - 2.0 * opened) if opened.real < 1.0 else 1.0 + 0.0 * opened
     counted = growth if p.real > params[first + 2].real else after - params[first + 2]
+    if params[first + 3].real > 0.0:  # length over size of the element: plastic opening counts, not strain
+        counted = counted / params[first + 3]
     return (energy / params[first]) ** params[first + 1] * counted * weight
 
 

@@ -142,9 +142,11 @@ TERMS = {term.kind: term for term in (
          (LawParameter("S", "MPa", "strength of damage: the energy density at which D grows as fast as p",
                        default=0.5),
           LawParameter("s", "-", "exponent of the energy density", default=1.0, bounds=(0.0, 20.0)),
-          LawParameter("threshold", "-", "plastic strain at which damage starts", default=0.002, null=0.0)),
-         "stress (1 - D), D' = (Y / S)^s p'; Lemaitre, J. Eng. Mater. Technol. 107 (1985) 83, "
-         "doi:10.1115/1.3225775"),
+          LawParameter("threshold", "-", "plastic strain at which damage starts", default=0.002, null=0.0),
+          LawParameter("length", "mm", "element size for which S holds: crack band; 0 the same S in every element",
+                       default=1.0, null=0.0)),
+         "stress (1 - D), D' = (Y / S)^s p' h / length, h the size of the element; Lemaitre, J. Eng. Mater. Technol. "
+         "107 (1985) 83, doi:10.1115/1.3225775"),
 )}
 
 

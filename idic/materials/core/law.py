@@ -22,6 +22,7 @@ from types import MappingProxyType
 import numpy as np
 
 from idic.errors import InputError
+from idic.materials.core.crack_band import CrackBand
 from idic.materials.core.temperature import TemperatureDependence
 from idic.parameters import USUAL_MAX_STEP
 
@@ -155,6 +156,8 @@ class LawSpec:
         ``(kinds of terms) -> LawSpec`` of a law that is composed of terms: ``NAME(voce+linear)``.
     temperature : TemperatureDependence, optional
         How parameters depend on the temperature; ``update`` is given their values at the temperature of the point.
+    crack_band : CrackBand, optional
+        Which parameter is the length of a softening law; ``update`` is given it over the size of the element.
     """
 
     name: str
@@ -171,6 +174,7 @@ class LawSpec:
     time_order: int = 1
     compose: Callable[[Sequence[str]], LawSpec] | None = None
     temperature: TemperatureDependence | None = None
+    crack_band: CrackBand | None = None
 
     def __post_init__(self):
         if not self.initial_state:
