@@ -37,6 +37,22 @@ def kirchhoff(J, b, I1, square, C10, C01, kappa):
     return tensors.scaled(1.0, deviator, kappa * (J - 1.0) * J)
 
 
+@inner
+def motion_change(dF, fi, b):
+    """(l = dF F^-1, tr l, change of the isochoric b)."""
+    ell = tensors.product(tensors.load(dF), fi)
+    t = ell[0] + ell[4] + ell[8]
+    return ell, t, tensors.combine(1.0, tensors.twice_symmetric(ell, b), -2.0 / 3.0 * t, b, 0.0)
+
+
+@inner
+def store_change(first, second, sphere, tau, ell, fi, dP):
+    """dP = (dtau - tau l^T) F^-T with dtau = dev(first + second) + sphere 1."""
+    _, deviator = tensors.deviator(tensors.combine(1.0, first, 1.0, second, 0.0))
+    change = tensors.subtract_full(tensors.scaled(1.0, deviator, sphere), tensors.times_transposed(tau, ell))
+    tensors.store(tensors.product_transposed(change, fi), dP)
+
+
 def update(F, state, params, dt, P, state_new):
     """See the top of this file."""
     J, fi, b, I1, square = kinematics(F)
@@ -57,9 +73,7 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
     tensors.store(tensors.times_transposed(tau, fi), P)
     factor = 2.0 * (C10 + C01 * I1)
     for k in range(dF.shape[0]):
-        ell = tensors.product(tensors.load(dF[k]), fi)
-        t = ell[0] + ell[4] + ell[8]
-        db = tensors.combine(1.0, tensors.twice_symmetric(ell, b), -2.0 / 3.0 * t, b, 0.0)
+        ell, t, db = motion_change(dF[k], fi, b)
         dfactor = 2.0 * C01 * (db[0] + db[1] + db[2])
         sphere, dC01 = kappa * (2.0 * J - 1.0) * J * t, 0.0
         if dparams.shape[0] > 0:
@@ -68,9 +82,7 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
             sphere += dparams[k, 2] * (J - 1.0) * J
         first = tensors.combine(dfactor, b, factor, db, 0.0)
         second = tensors.combine(-2.0 * dC01, square, -2.0 * C01, tensors.twice_symmetric(full(db), b), 0.0)
-        _, deviator = tensors.deviator(tensors.combine(1.0, first, 1.0, second, 0.0))
-        change = tensors.subtract_full(tensors.scaled(1.0, deviator, sphere), tensors.times_transposed(tau, ell))
-        tensors.store(tensors.product_transposed(change, fi), dP[k])
+        store_change(first, second, sphere, tau, ell, fi, dP[k])
     return 0
 
 

@@ -7,17 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from strip_twin import marched, pulled, strip_toml, write_recording, write_rest
 
-from idic.fe.march import march
 from idic.fe.mesh.mesh import make_mesh
-from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
 from idic.materials import LawParameter, LawSpec, all_laws, compile, register, tensors
 from idic.materials.plasticity import elastoplastic
-from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.meshes import Patch, mesh_patches, write_inp
-from idic.virtual_tests.render import Sensor, clean_image, painted, record
+from idic.virtual_tests.meshes import Patch, mesh_patches
 
 LENGTH, WIDTH, THICKNESS = 26.0, 16.0, 2.0  # mm
 WAIST_SHARE, WAIST_LENGTH = 0.25, 7.0  # narrower by that share in the middle; mm
@@ -33,31 +29,7 @@ FORMS = {  # MPa and -
 GRIP = np.concatenate([np.linspace(0.0, 0.05, 4)[:-1], np.linspace(0.05, 0.12, 5)[:-1], np.linspace(0.12, 1.0, 9)])
 USER, TRUE = (13, 6), (20, 8)  # elements along and across
 
-TOML = f"""
-[experiment]
-images = "images/*.tif"
-loads = "loads.csv"
-mesh = "mesh.inp"
-mesh_unit = "mm"
-kind = "plane_stress"
-thickness_mm = {THICKNESS}
-[camera]
-pixel_size_mm = {PIXEL}
-origin_px = [{ORIGIN[0]}, {ORIGIN[1]}]
-noise_std_gv = NOISE
-[[boundary]]
-nodes = "LEFT"
-ux = 0.0
-uy = 0.0
-[[boundary]]
-nodes = "RIGHT"
-ux = {{ column = "grip_mm" }}
-uy = 0.0
-[[channel]]
-column = "force_N"
-simulated = {{ reaction = "RIGHT", component = "x" }}
-noise_std = {FORCE_NOISE}
-"""
+TOML = strip_toml(PIXEL, ORIGIN, THICKNESS, FORCE_NOISE)
 FREE = """
 [material.sheet]
 law = "elastoplastic"
@@ -145,35 +117,16 @@ class Truth:
 
 def truth_of(form: str) -> Truth:
     """What really happens, with three increments per frame."""
-    mesh = waisted(*TRUE)
-    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
-    dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
-    shape = np.zeros((len(dofs), 1))
-    shape[:len(right)] = 1.0
-    model = Model(mesh=mesh, kind="plane_stress", thickness=THICKNESS, channels=(Reaction(2 * right),),
-                  sections=(Section("sheet", true_law(), mesh.element_sets["sheet"]),),
-                  constraints=Constraints(dofs, shape, GRIP[:, None]))
-    values = {"sheet": np.array([70e3, 0.3, *FORMS[form]])}
-    u, force, p = [], [], None
-    for state in march(model, values, np.arange(len(GRIP), dtype=float), substeps=3):
-        u.append(state.u.copy())
-        force.append(state.channels[0])
-        p = np.concatenate([group.state[:, 6] for group in state.points])
-    return Truth(mesh, np.array(u), np.array(force), p)
+    mesh, times = waisted(*TRUE), np.arange(len(GRIP), dtype=float)
+    u, force, last = marched(pulled(mesh, "sheet", true_law(), GRIP, THICKNESS),
+                             {"sheet": np.array([70e3, 0.3, *FORMS[form]])}, times, substeps=3)
+    return Truth(mesh, u, force, np.concatenate([group.state[:, 6] for group in last.points]))
 
 
 def write_folder(folder, truth: Truth, seed: int, material: str, grip: np.ndarray = GRIP, columns: dict | None = None):
     """The experiment of a user who does not know the form of the hardening; columns : more of the log."""
-    speckle = dense_speckle(np.random.default_rng(5), 1.6, 20.0, 235.0, extent_px=300.0)
-    texture, sensor = painted(speckle, CAMERA), Sensor(SHAPE, noise_std=NOISE, background=25.0)
     rng = np.random.default_rng(50 + seed)
-    (folder / "images").mkdir(parents=True)
-    write_images(folder,
-                 (record(clean_image(x, truth.mesh.nodes, truth.mesh.blocks, CAMERA, texture, sensor), sensor, rng)
-                          for x in truth.u))
-    write_loads(folder, np.arange(len(truth.u), dtype=float),
-                {"force_N": truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u)), "grip_mm": grip}
-                | (columns or {}))
-    write_inp(waisted(*USER), folder / "mesh.inp", "strip")
-    (folder / "experiment.toml").write_text(TOML.replace("NOISE", f"{sensor.total_noise_std:.4f}", 1) + material)
-    return folder / "experiment.toml"
+    noise = write_recording(folder, truth.mesh, truth.u, CAMERA, SHAPE, NOISE, rng, texture_px=300.0)
+    force = truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u))
+    return write_rest(folder, waisted(*USER), TOML.replace("NOISE", f"{noise:.4f}", 1) + material,
+                      np.arange(len(truth.u), dtype=float), {"force_N": force, "grip_mm": grip} | (columns or {}))

@@ -7,16 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from strip_twin import marched, pulled, strip_toml, write_recording, write_rest
 
-from idic.fe.march import march
-from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
 from idic.materials import LawParameter, LawSpec, all_laws, compile, register
 from idic.materials.composed.rubber_forms import CHAIN
-from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
-from idic.virtual_tests.render import Sensor, clean_image, painted, record
+from idic.virtual_tests.meshes import strip_with_hole
 
 LENGTH, WIDTH, RADIUS, THICKNESS, KAPPA = 24.0, 16.0, 3.0, 2.0, 200.0  # mm, MPa
 PIXEL, SHAPE, ORIGIN = 0.2, (100, 215), (72.3, 49.6)
@@ -30,30 +26,7 @@ FORMS = {  # MPa and -, up to six
     "haines_wilson": (HAINES_WILSON, 0.17, 0.03, -0.0015, 0.003, 0.0002, 0.0004),
 }
 STEPS = 3  # increments of the truth per frame
-TOML = f"""
-[experiment]
-images = "images/*.tif"
-loads = "loads.csv"
-mesh = "mesh.inp"
-mesh_unit = "mm"
-kind = "plane_stress"
-thickness_mm = {THICKNESS}
-[camera]
-pixel_size_mm = {PIXEL}
-origin_px = [{ORIGIN[0]}, {ORIGIN[1]}]
-noise_std_gv = NOISE
-[[boundary]]
-nodes = "LEFT"
-ux = 0.0
-uy = 0.0
-[[boundary]]
-nodes = "RIGHT"
-ux = {{ column = "grip_mm" }}
-uy = 0.0
-[[channel]]
-column = "force_N"
-simulated = {{ reaction = "RIGHT", component = "x" }}
-noise_std = {FORCE_NOISE}
+TOML = strip_toml(PIXEL, ORIGIN, THICKNESS, FORCE_NOISE) + f"""
 [material.sheet]
 law = "free_rubber"
 kappa = {{ value = {KAPPA}, unit = "MPa" }}
@@ -125,22 +98,12 @@ class Truth:
 def truth_of(form: str) -> Truth:
     """What really happens."""
     mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around=4, radial=6, beside=3)
-    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
-    dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
-    shape = np.zeros((len(dofs), 1))
-    shape[:len(right)] = 1.0
-    model = Model(mesh=mesh, kind="plane_stress", thickness=THICKNESS, channels=(Reaction(2 * right),),
-                  sections=(Section("sheet", true_law(), mesh.element_sets["sheet"]),),
-                  constraints=Constraints(dofs, shape, GRIP[:, None]))
-    u, force = [], []
-    for state in march(model, {"sheet": np.array([KAPPA, *FORMS[form]])}, np.arange(len(GRIP), dtype=float),
-                       substeps=STEPS):
-        u.append(state.u.copy())
-        force.append(state.channels[0])
-        F = np.concatenate([group.F for group in state.points])
+    u, force, last = marched(pulled(mesh, "sheet", true_law(), GRIP, THICKNESS),
+                             {"sheet": np.array([KAPPA, *FORMS[form]])}, np.arange(len(GRIP), dtype=float), STEPS)
+    F = np.concatenate([group.F for group in last.points])
     l1, l2 = np.linalg.svd(F, compute_uv=False).T
     l3 = 1.0 / (l1 * l2)
-    return Truth(mesh, np.array(u), np.array(force),
+    return Truth(mesh, u, force,
                  (float(np.percentile(l1**2 + l2**2 + l3**2 - 3.0, 99.0)),
                   float(np.percentile(l1**-2 + l2**-2 + l3**-2 - 3.0, 99.0))))
 
@@ -161,16 +124,9 @@ def true_stress(form: str, mode: str, stretch: np.ndarray) -> np.ndarray:
 
 def write_folder(folder, truth: Truth, seed: int, material: str):
     """The experiment of a user who does not know the energy; material : I1 and I2."""
-    speckle = dense_speckle(np.random.default_rng(5), 1.6, 20.0, 235.0, extent_px=400.0)
-    texture, sensor = painted(speckle, CAMERA), Sensor(SHAPE, noise_std=NOISE, background=25.0)
     rng = np.random.default_rng(50 + seed)
-    (folder / "images").mkdir(parents=True)
-    write_images(folder,
-                 (record(clean_image(x, truth.mesh.nodes, truth.mesh.blocks, CAMERA, texture, sensor), sensor, rng)
-                          for x in truth.u))
-    write_loads(folder, np.arange(len(truth.u), dtype=float),
-                {"force_N": truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u)), "grip_mm": GRIP})
-    write_inp(strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around=3, radial=4, beside=2), folder / "mesh.inp",
-              "strip")
-    (folder / "experiment.toml").write_text(TOML.replace("NOISE", f"{sensor.total_noise_std:.4f}", 1) + material)
-    return folder / "experiment.toml"
+    noise = write_recording(folder, truth.mesh, truth.u, CAMERA, SHAPE, NOISE, rng, texture_px=400.0)
+    force = truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u))
+    user = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", around=3, radial=4, beside=2)
+    return write_rest(folder, user, TOML.replace("NOISE", f"{noise:.4f}", 1) + material,
+                      np.arange(len(truth.u), dtype=float), {"force_N": force, "grip_mm": GRIP})

@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from strip_twin import marched, pulled, strip_toml, write_recording, write_rest
 
 from idic.experiment_file.load import load_experiment
-from idic.fe.march import march
-from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.identify.covariance import scaled_system, spectrum
 from idic.identify.in_memory import evaluate_at, identify
 from idic.identify.loop import advance
@@ -24,15 +23,12 @@ from idic.identify.step.increments import increment_notes, path_dependent_laws
 from idic.identify.step.state import Evaluation, IncrementChoice, Trial
 from idic.identify.systematic.discretisation import time_step_bias
 from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
 from idic.materials.core.compilation import compile as compile_law
 from idic.run.plain import identify_experiment
 from idic.run.systematic import systematic
 from idic.store.checkpoint import save_checkpoint
 from idic.store.state_file import load_state, save_state
-from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
-from idic.virtual_tests.render import Sensor, clean_image, painted, record
+from idic.virtual_tests.meshes import strip_with_hole
 from idic.workers.runner import SerialRunner
 
 LENGTH, WIDTH, RADIUS, TRUE_INCREMENTS, FORCE_NOISE = 20.0, 10.0, 2.0, 24, 1.0  # mm, per frame, N
@@ -64,63 +60,27 @@ CASES = {
 def write_folder(folder, case: Case, n_frames: int, pixel: float, noise: float, divisions=(3, 4, 3)):
     """A recording and its experiment.toml; pixel : mm; divisions : of the user's mesh, the truth has a finer one."""
     mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *(n + 1 for n in divisions), name="BODY")
-    left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
-    dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
-    basis = np.zeros((len(dofs), 1))
-    basis[:len(right)] = 1.0
     times = np.linspace(0.0, 16.0, n_frames + 1)
     grip = case.strain * LENGTH * np.minimum(times / times[-1] * (2.0 if case.hold else 1.0), 1.0)
     law = compile_law(case.law)
-    model = Model(mesh=mesh, kind="plane_stress", sections=(Section("BODY", law, mesh.element_sets["BODY"]),),
-                  thickness=1.0, constraints=Constraints(dofs, basis, grip[:, None]), channels=(Reaction(2 * right),))
     values = np.array([case.truth[name] for name in law.spec.parameter_names])
-    states = [(s.u.copy(), s.channels[0]) for s in march(model, {"BODY": values}, times, substeps=TRUE_INCREMENTS)]
+    u, force, _ = marched(pulled(mesh, "BODY", law, grip, 1.0), {"BODY": values}, times, TRUE_INCREMENTS)
     shape = (round(1.2 * WIDTH / pixel), round((1.1 + case.strain) * LENGTH / pixel))
     origin = (0.05 * LENGTH / pixel + 0.5 * LENGTH / pixel * (mesh.nodes[:, 0].min() < 0.0), 0.6 * WIDTH / pixel)
     camera = Camera.from_table(pixel, origin)
-    texture = painted(dense_speckle(np.random.default_rng(7), 1.6, 30.0, 225.0, extent_px=400.0), camera)
     rng = np.random.default_rng(11)
-    sensor, clean = Sensor(shape, noise_std=noise, background=30.0), Sensor(shape, background=30.0)
-    (folder / "images").mkdir(parents=True)
-    write_images(folder, (record(clean_image(u, mesh.nodes, mesh.blocks, camera, texture, clean), sensor, rng)
-                          for u, _ in states))
-    force = np.array([f for _, f in states]) + FORCE_NOISE * rng.standard_normal(len(times))
-    write_loads(folder, times, {"force_N": force, "grip_mm": grip})
-    write_inp(strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *divisions, name="BODY"), folder / "mesh.inp", "twin")
-    (folder / "experiment.toml").write_text(toml(case, pixel, origin, noise))
-    return load_experiment(folder / "experiment.toml")
+    total = write_recording(folder, mesh, u, camera, shape, noise, rng, texture_px=400.0, speckle=(7, 30.0, 225.0),
+                            background=30.0)
+    force = force + FORCE_NOISE * rng.standard_normal(len(times))
+    text = strip_toml(pixel, origin, 1.0, FORCE_NOISE).replace("NOISE", f"{total:.4f}", 1) + material_table(case)
+    user = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *divisions, name="BODY")
+    return load_experiment(write_rest(folder, user, text, times, {"force_N": force, "grip_mm": grip}))
 
 
-def toml(case: Case, pixel: float, origin, noise: float) -> str:
+def material_table(case: Case) -> str:
     rows = [f"{name} = {{ value = {1.1 * value:.6g}, identify = true }}" if name in case.free else f"{name} = {value!r}"
             for name, value in case.truth.items()]
-    return f"""
-[experiment]
-images = "images/*.tif"
-loads = "loads.csv"
-mesh = "mesh.inp"
-kind = "plane_stress"
-thickness_mm = 1.0
-[camera]
-pixel_size_mm = {pixel}
-origin_px = [{origin[0]}, {origin[1]}]
-noise_std_gv = {np.hypot(noise, 12**-0.5):.4f}
-[material.BODY]
-law = "{case.law}"
-""" + "\n".join(rows) + f"""
-[[boundary]]
-nodes = "LEFT"
-ux = 0.0
-uy = 0.0
-[[boundary]]
-nodes = "RIGHT"
-ux = {{ column = "grip_mm" }}
-uy = 0.0
-[[channel]]
-column = "force_N"
-simulated = {{ reaction = "RIGHT", component = "x" }}
-noise_std = {FORCE_NOISE}
-"""
+    return f'[material.BODY]\nlaw = "{case.law}"\n' + "\n".join(rows) + "\n"
 
 
 def errors_in_std(found, truth) -> dict:

@@ -23,7 +23,7 @@ from idic.materials.composed.on_knots import on_knots, on_knots_change
 from idic.materials.core import tensors
 from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
-from idic.materials.mooney_rivlin import full, kinematics, kirchhoff
+from idic.materials.mooney_rivlin import full, kinematics, kirchhoff, motion_change, store_change
 from idic.parameters import USUAL_MAX_STEP
 
 NAME = "free_rubber"
@@ -86,9 +86,7 @@ def linearise(n1, n2, F, params, dF, dparams, P, dP):
     tensors.store(tensors.times_transposed(tau, fi), P)
     factor = 2.0 * (g1 + g2 * I1)
     for k in range(dF.shape[0]):
-        ell = tensors.product(tensors.load(dF[k]), fi)
-        t = ell[0] + ell[4] + ell[8]
-        db = tensors.combine(1.0, tensors.twice_symmetric(ell, b), -2.0 / 3.0 * t, b, 0.0)
+        ell, t, db = motion_change(dF[k], fi, b)
         dsquare = tensors.twice_symmetric(full(db), b)
         dI1 = db[0] + db[1] + db[2]
         dg1, dg2 = h1 * dI1, h2 * (I1 * dI1 - 0.5 * (dsquare[0] + dsquare[1] + dsquare[2]))
@@ -100,9 +98,7 @@ def linearise(n1, n2, F, params, dF, dparams, P, dP):
                 dg2 += on_knots_change(n2, 2 + n1, 3 + n1, 4 + n1, False, I2 - 3.0, params, dparams[k])
         first = tensors.combine(2.0 * (dg1 + dg2 * I1 + g2 * dI1), b, factor, db, 0.0)
         second = tensors.combine(-2.0 * dg2, square, -2.0 * g2, dsquare, 0.0)
-        _, deviator = tensors.deviator(tensors.combine(1.0, first, 1.0, second, 0.0))
-        change = tensors.subtract_full(tensors.scaled(1.0, deviator, sphere), tensors.times_transposed(tau, ell))
-        tensors.store(tensors.product_transposed(change, fi), dP[k])
+        store_change(first, second, sphere, tau, ell, fi, dP[k])
     return 0
 
 
