@@ -351,8 +351,11 @@ class ExperimentFolder(RecordedFolder):
             return []
         stresses = [p for p in parameters if p.transform == "log" and p.unit in ("MPa", "GPa", "kPa", "Pa")]
         fixed = ", ".join(p.name for p in stresses)
-        if moduli := ", ".join(p.name for p in stresses if p.free):
-            return [f"no force is compared: of {moduli} only ratios can be identified"]
+        moduli = [p.name for p in stresses if p.free]
+        if len(moduli) == 1 and len(stresses) == 1:
+            return [f"no force is compared: {moduli[0]} cannot be identified"]
+        if moduli:
+            return [f"no force is compared: of {', '.join(moduli)} only ratios can be identified"]
         return [f"no force is compared: the stresses follow from the fixed values of {fixed}; they are "
                 "not measured, as images determine only ratios of stresses"] if stresses else []
 

@@ -41,7 +41,8 @@ WORDS_OF_FIELDS = (  # what is said of images, and of measured fields in their p
     ("the image does not match the reference", "no smooth motion follows the points"),
     ("from the noise of images and channels", "from the noise of fields and channels"),
     ("Image with the simulated mesh, and the residual", "Points with the simulated mesh, and the residual"),
-    ("How far the pattern moves", "How far the points move"), ("over the reference image", "over the points"),
+    ("Motion of the pattern", "Motion of the points"), ("How far the pattern moves", "How far the points move"),
+    ("over the reference image", "over the points"),
     ("explains the images better", "explains the fields better"),
     ("it changes neither images nor channels", "it changes neither "
      "fields nor channels"), ("the noise of the images", "the noise of the fields"),

@@ -35,11 +35,11 @@ def stress_strain(record: RunRecord, curve: LawCurve) -> Picture | None:
         figure.align_ylabels([top, bottom])
         last = f"{stress[-1]:.4g} ± {half[-1]:.2g} {unit}"
         caption = (
-            f"The law {curve.law} at one point {'pulled' if strain[-1] > 0 else 'pressed'} along {curve.axis}, as the "
-            f"specimen is on the whole, in {curve.seconds:.4g} {record.time_label_unit}, no "
-            f"other stress, up to the 99th percentile of the specimen's strain ({strain[-1]:.3g} %): {last} there. The "
-            "band and its half-width below follow from the covariance of the parameters: they contain noise, not "
-            f"errors of the law.{' It is drawn at the reference temperature.' if TIMES in curve.law else ''}"
+            f"The law {curve.law} in uniaxial {'tension' if strain[-1] > 0 else 'compression'} along {curve.axis}, the "
+            f"main direction of the test, in {curve.seconds:.4g} {record.time_label_unit}, up to "
+            f"the 99th percentile of the specimen's strain ({strain[-1]:.3g} %): {last} there. The band (half-width "
+            "below) follows from the standard deviations and correlations of the parameters; a wrong law is not in it."
+            f"{' It is drawn at the reference temperature.' if TIMES in curve.law else ''}"
         )
         return to_picture(figure, f"stress_strain_{curve.name}", f"Identified law: {curve.name}", caption)
 

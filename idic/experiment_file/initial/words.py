@@ -17,8 +17,8 @@ def lines_of(found: Found, text: str) -> list[str]:
     ny, nx = found.image_shape
     lines = [f"images       {found.images}: {found.n_images} of {nx} x {ny} px; the first is the reference",
              *_mesh(found), _log(found),
-             "to identify  E from 70 000 MPa and nu from 0.3 of the law elastic, typical of aluminium: give the law of "
-             "your material (idic laws) and first guesses",
+             "to identify  E from 70 000 MPa and nu from 0.3 of the law elastic, typical of aluminium: replace them by "
+             "the law of your material (idic laws) and starting values",
              *(f"note         {note}" for note in found.notes)]
     open_ = [_key(line) for line in text.splitlines() if FILL_IN in line]
     return [*lines, f"fill in      {', '.join(dict.fromkeys(key for key in open_ if key))}"]
@@ -46,11 +46,9 @@ def fitting_scale(found: Found) -> tuple[float, tuple[float, float]] | None:
 def _mesh(found: Found) -> Iterator[str]:
     if found.mesh is None:
         if found.outline:
-            yield ("mesh         none in a format that is read: a ROI on the speckled area that was found, with its "
-                   "holes")
+            yield "mesh         no mesh file: a mesh on the speckled area that was found, with its holes"
         else:
-            yield ("mesh         none in a format that is read, and no speckled area found: a ROI in the middle of the "
-                   "image, as a guess")
+            yield "mesh         no mesh file, and no speckled area found: a mesh in the middle of the image, as a guess"
         yield "             idic draw lets you draw it on the image"
         return
     yield f"mesh         {found.mesh_file}: {found.mesh.n_nodes} nodes, {found.mesh.n_elements} elements"

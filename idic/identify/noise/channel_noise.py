@@ -93,9 +93,9 @@ def channel_noise_content(experiment: Experiment, noises: Mapping[int, ChannelNo
 
 def channel_noise_notes(experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> list[str]:
     """Notes for the result."""
-    return [f"noise of channel {experiment.channels[number].column} is correlated from frame to frame: "
-            f"{noise.correlation:.2f} between consecutive ones, standard deviation {noise.std:.3g}; its errors do not "
-            "average out over the frames, which the error bars count" for number, noise in noises.items()]
+    return [f"The noise of channel {experiment.channels[number].column} is correlated from frame to frame "
+            f"({noise.correlation:.2f} between consecutive ones, standard deviation {noise.std:.3g}): it averages out "
+            "less over the frames. The error bars count this." for number, noise in noises.items()]
 
 
 def _knows_channels(system: CorrelationSystem) -> bool:

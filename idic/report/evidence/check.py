@@ -284,4 +284,5 @@ def _model_warnings(experiment: Experiment):
     if not experiment.parameters.free:
         yield "no parameter is to be identified: write identify = true at least at one"
     if all(c.kind == "displacement" for c in experiment.channels) and not experiment.loads:
-        yield "without a force no stiffness or strength in MPa can be identified: add a [[channel]] with the force"
+        yield ("without a force no stiffness or strength in MPa can be identified: compare the force of the log in a "
+               "[[channel]] (idic init writes its lines behind #)")

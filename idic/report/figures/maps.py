@@ -43,8 +43,8 @@ def residuals(record: RunRecord) -> Picture | None:
     label = f"residual [{record.value_unit}]" if units is None else "residual / σ [–]"
     caption = (
         f"{'f − g(x + u)' if record.value_unit == 'grey values' else 'f + h − g(x + u)'} in the reference image; "
-        "σ is the residual of image noise alone: a map with rms 1 σ holds noise only. The "
-        "model does not explain the structures of the lower row."
+        "σ is the residual of image noise alone: a map with rms 1 σ holds noise only. "
+        "A structure in the lower row is what the model does not explain."
     )
     return _before_and_after(
         record, stacks, [Normalize(-limit, limit)], label, lambda m: f"rms {np.sqrt(np.nanmean(m**2)):.2f} {name}",
@@ -218,12 +218,12 @@ def sensitivities(record: RunRecord) -> Picture | None:
         for row, text in enumerate(components):
             axes[row, 0].set_ylabel(text)
         rises = "" if len(components) == 2 else "and rises (over the size of a pixel) "
-        small = "the resolution of one pixel (about 0.01 px) needs many pixels" if name_of_unit == "px" else (
-            "the noise of one point needs many points")
+        small = "0.01 px (about what one pixel shows) are determined by many pixels" if name_of_unit == "px" else (
+            "the noise of one point are determined by many points")
         caption = (
-            f"How far the pattern moves {rises}in frame {data.frame} when one parameter changes by the step stated "
-            f"above it. A map far below {small} and frames. The "
-            "test does not separate two parameters whose maps have the same shape in all frames."
+            f"Motion of the pattern {rises}in frame {data.frame} when one parameter changes by the step stated above "
+            f"its map. Values below {small} and frames together. The test does not separate two parameters whose maps "
+            "have the same shape in all frames."
         )
         return to_picture(figure, "sensitivities", f"Sensitivity fields, frame {data.frame}", caption, as_photo=True)
 
