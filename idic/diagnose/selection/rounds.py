@@ -21,6 +21,7 @@ from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, thinned
 from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.free_courses import with_free_courses
+from idic.diagnose.screen.misregistration import reason_to_wait
 from idic.diagnose.screen.score_columns import ScoreColumn, score_columns
 from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, screen
 from idic.diagnose.screen.situation import situation
@@ -201,10 +202,14 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
     residual = residual_evidence(found)
     here = situation(found, residual, source.document())
     apply = [candidate for candidate in library if found.experiment.points is None or candidate.family != CAMERA]
-    untestable = tuple((candidate, why) for candidate in apply if (why := candidate.reason_against(here)))
-    left_out = [candidate for candidate, _ in untestable]
-    trials = [(candidate, variant) for candidate in apply if candidate not in left_out
-              for variant in candidate.variants(here)]
+    trials, untestable = [], []
+    for candidate in apply:
+        why = candidate.reason_against(here)
+        variants = () if why else candidate.variants(here)
+        if why := why or reason_to_wait(variants, residual, null.choice):
+            untestable.append((candidate, why))
+        else:
+            trials += [(candidate, variant) for variant in variants]
 
     def load(edits: Mapping[str, Any]):
         return thinned(source.load(edits), CHOICE, seed)
@@ -217,7 +222,7 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
                   further=further,
                   min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further
                   else MIN_CHANNEL_EFFECT_STD)
-    return replace(made, untestable=untestable)
+    return replace(made, untestable=tuple(untestable))
 
 
 def has_state(found: Identification, states: Collection[str]) -> bool:

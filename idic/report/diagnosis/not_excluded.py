@@ -14,6 +14,7 @@ import numpy as np
 from idic.diagnose.chain import Diagnosis
 from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
 from idic.diagnose.screen.candidate import Variant
+from idic.diagnose.screen.misregistration import HIDDEN_BY_MOTION
 from idic.diagnose.screen.select import Ranked
 from idic.diagnose.selection.block_step import holds
 from idic.diagnose.selection.rival import Round
@@ -31,7 +32,8 @@ def not_excluded(diagnosis: Diagnosis, before: Mapping[str, Mapping]) -> list[di
     before : per free parameter of the identified model its std in the unit of the file, as in result.json
     """
     won = [one for one in diagnosis.rounds if one.winner is not None]
-    near = [*_indistinguishable(won), *_untestable(won), *_near(won, diagnosis), *_passed_over(diagnosis)]
+    near = [*_indistinguishable(won), *_untestable(won), *_near(won, diagnosis), *_passed_over(diagnosis),
+            *_waiting(diagnosis.rounds[-1])]
     known = {entry["name"] for entry in near} | set(diagnosis.verdict.selected)
     return near + [entry for entry in _hidden(diagnosis, before) if entry["name"] not in known]
 
@@ -49,6 +51,13 @@ def _untestable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
         for rival, why in one.screening.untestable:
             if rival.name in selected.rivals or selected.name in rival.rivals:
                 yield {"name": rival.name, "why": why}
+
+
+def _waiting(last: Round) -> Iterator[dict[str, str]]:
+    """Candidates of grey values that the motion which is left hides."""
+    for candidate, why in last.screening.untestable:
+        if why == HIDDEN_BY_MOTION:
+            yield {"name": candidate.name, "why": why}
 
 
 def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]]:

@@ -1,0 +1,33 @@
+"""Contrast that images lose where the motion of the model is off: it looks like light or blur, and is neither.
+
+A motion error d changes the grey values by d.grad f + (d.grad)^2 f / 2. Motions explain the first part, of chi-square
+D = sum (d.grad f)^2 / sigma^2. The second one is a blur, and a loss of contrast: its projection on the texture f (without
+its mean, of chi-square C = sum f^2 / sigma^2) is -D / 2 C, by parts. That much of a gain shows by a chi-square of D^2 / 4 C.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.screen.candidate import Variant
+
+MAX_LOST_CONTRAST_CHI2 = 25.0  # five standard deviations of a gain: more and effects of grey values wait for the motion
+
+HIDDEN_BY_MOTION = "the motion that is left takes contrast from the images and looks the same: not tested while it is there"
+
+
+def lost_contrast_chi2(residual: ResidualEvidence, motions: Fit) -> float:
+    """Chi-square of the contrast that is lost by unexplained motion; motions : what free motions explain."""
+    off = max(float(motions.gain.sum() - motions.rank.sum()), 0.0)
+    f = residual.context.reference.f  # type: ignore[attr-defined]
+    texture = residual.evidence.n_pixels * float(np.var(f)) / residual.context.weights.image_noise**2
+    return off**2 / (4.0 * texture) if texture else 0.0
+
+
+def reason_to_wait(variants: tuple[Variant, ...], residual: ResidualEvidence, motions: Fit) -> str:
+    """Why a candidate of grey values is not tested yet, "" where it is."""
+    if not any(variant.pixels is not None for variant in variants):
+        return ""
+    return HIDDEN_BY_MOTION if lost_contrast_chi2(residual, motions) > MAX_LOST_CONTRAST_CHI2 else ""
