@@ -1,8 +1,8 @@
 """Contrast that images lose where the motion of the model is off: it looks like light or blur, and is neither.
 
 A motion error d changes the grey values by d.grad f + (d.grad)^2 f / 2. Motions explain the first part, of chi-square
-D = sum (d.grad f)^2 / sigma^2. The second one is a blur, and a loss of contrast: its projection on the texture f (without
-its mean, of chi-square C = sum f^2 / sigma^2) is -D / 2 C, by parts. That much of a gain shows by a chi-square of D^2 / 4 C.
+D = sum (d.grad f)^2 / sigma^2. The second one is a blur, and a loss of contrast: its projection on the texture f
+(without its mean, of chi-square C = sum f^2 / sigma^2) is -D / 2 C, by parts. A gain of that size shows by D^2 / 4 C.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from idic.diagnose.screen.candidate import Variant
 
 MAX_LOST_CONTRAST_CHI2 = 25.0  # five standard deviations of a gain: more and effects of grey values wait for the motion
 
-HIDDEN_BY_MOTION = "the motion that is left takes contrast from the images and looks the same: not tested while it is there"
+HIDDEN_BY_MOTION = ("the motion that is left takes contrast from the images and looks the same: not tested while it is "
+                    "there")
 
 
 def lost_contrast_chi2(residual: ResidualEvidence, motions: Fit) -> float:
