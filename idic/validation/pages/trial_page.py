@@ -13,6 +13,7 @@ from idic.validation.trial.evaluation import TrialRecord, evaluated
 from idic.validation.trial.scores import goals
 from idic.validation.trial.seal import Folder, answered, opened
 from idic.validation.trial.strength import STRENGTHS
+from idic.validation.trial.world_scores import world_goals
 
 PAGE, RECORDS, SCORES = "trial.html", "records.json", "scores.json"
 
@@ -47,7 +48,8 @@ def trial_page(folder: Folder, records: Sequence[TrialRecord]) -> StudyPage:
              f"{' with local changes' if tool['changed'] else ''}; {_number_of(len(register['runs']), 'run')}, "
              f"{_number_of(again, 'repeated answer')}.")
     pictures = tuple(p for p in (confusion_picture(records), place_and_onset(records), decoy_picture(records)) if p)
-    return StudyPage("Blind trial of the diagnosis", first, goals(records), (
+    scored = world_goals(records) if any(record.world for record in records) else goals(records)
+    return StudyPage("Blind trial of the diagnosis", first, scored, (
         StudySection("confusion", "True effect and first name", "", (_by_strength(records),), pictures[:1]),
         StudySection("details", "Onset, place, decoys", "", (), pictures[1:]),
         StudySection("ablations", "Ablations", "First candidate of the screening without refits, and its alarms on "

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
+from idic.diagnose.screen.candidate import FAMILIES
+from idic.validation.trial.kinds import is_unseen
 from idic.validation.trial.plan import Truth, effect_named, scene_of
 from idic.validation.trial.scenes.recording import as_logged, model_mesh
 from idic.validation.trial.scenes.scene import Scene
@@ -18,6 +20,7 @@ from idic.validation.trial.trial import NOT_GENERATED, motion_of
 ONSET_MOTION_SHARE = 0.02  # of the largest motion of an effect: its onset
 BIASED_FROM_STD = 3.0  # standard deviations from the truth
 NO_ALARM = ("none", "blind")  # verdicts
+NOT_NAMED = (*NO_ALARM, "outside_library", "failed", NOT_GENERATED)  # verdicts
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,10 @@ class TrialRecord:
     excess_ratio : held-out excess after over before; drop_ratio : achieved over predicted drop of chi-square, first
         name
     blocks_better : share of the blocks on which the enriched model is better
+    world, unseen : the drawn world; whether development never sees the kind
+    false_physics : a material cause is named that is not in the truth
+    probability : that the tool gives its set
+    intervals : parameters of the last model whose 95 % interval holds the truth, of so many
     bias_before, bias_ratio : largest distance of a parameter from the truth, in standard deviations; the median of
         after over before of those that were off by more than `BIASED_FROM_STD`
     """
@@ -65,6 +72,11 @@ class TrialRecord:
     attempt: int
     ablations: Mapping[str, Mapping] | None
     sentence: str
+    world: Mapping[str, object] = field(default_factory=dict)
+    unseen: bool = False
+    false_physics: bool = False
+    probability: float | None = None
+    intervals: tuple[int, int] = (0, 0)
 
     @property
     def group(self) -> str:
@@ -88,17 +100,39 @@ def evaluated(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Tri
     onset, elements = (None, None) if silent else true_onset_and_place(folder, number, truth)
     bias = _bias(truth, known, answer.get("model", {}).get("parameters_after", {}))
     first = named[0] if named else None
+    true = {effect.name for effect in effects} | _implied(truth)
+    bulk = [name for name in named if FAMILIES[families[name]].side == "bulk"] if families else []
+    told = answer["verdict"] not in NOT_NAMED
     return TrialRecord(
         truth.key, number, truth.names, truth.effects[0][1] if truth.effects else "", truth.solver, answer["verdict"],
-        named, reported, answer["verdict"] not in NO_ALARM,
+        named, reported, answer["verdict"] not in NO_ALARM and not (told and set(named) <= _implied(truth)),
         first is not None and families.get(first) in [effect.family for effect in effects],
-        bool(effects) and all(name in reported for name in truth.names),
+        bool(effects) and all(effect.name in reported for effect in effects),
         any({*truth.names, truth.counterpart} <= set(group) for group in sets),
         mismatch.get("side") in [effect.side for effect in effects],
         _difference(mismatch.get("onset_frame"), onset), _overlap(mismatch.get("elements"), elements),
         _ratio(answer.get("fit", {})), _drop(answer, first), *bias, _blocks(answer),
         float(answer.get("cost", {}).get("cpu_s", 0.0)),
-        int(answer.get("attempt", 1)), answer.get("ablations"), answer.get("sentence", answer.get("problem", "")))
+        int(answer.get("attempt", 1)), answer.get("ablations"), answer.get("sentence", answer.get("problem", "")),
+        truth.world, any(is_unseen(name) for name in truth.names), told and bool(set(bulk) - true),
+        answer.get("probability"), _intervals(truth, known | answer.get("model", {}).get("parameters_after", {})))
+
+
+def _implied(truth: Truth) -> set[str]:
+    """What is in the truth without being one of its effects: finite strains under a law of small ones."""
+    scene = scene_of(truth)
+    return {"geometric_nonlinearity"} if scene.solid and not scene.finite else set()
+
+
+def _intervals(truth: Truth, found: Mapping) -> tuple[int, int]:
+    """How many parameters of the null have a 95 % interval that holds the truth, and how many have one."""
+    generated, held, n = scene_of(truth).values, 0, 0
+    for name in truth.parameters:
+        entry = found.get(f"BODY.{name}", {})
+        if name in generated and entry.get("std"):
+            n += 1
+            held += abs(entry["value"] - generated[name]) <= 1.96 * entry["std"]
+    return int(held), n
 
 
 def true_onset_and_place(folder: Folder, number: str, truth: Truth) -> tuple[int | None, frozenset[int] | None]:
@@ -128,7 +162,7 @@ def _onset(scene: Scene, plain: Scene) -> int:
 
 def _elements(scene: Scene, motion: Motion) -> frozenset[int] | None:
     """Elements of the model: the inclusion, or the elements strained beyond yield."""
-    mesh = model_mesh(scene.geometry)
+    mesh = model_mesh(scene.geometry, scene.view)
     centres = mesh.nodes[mesh.blocks[0].connectivity[:, :4]].mean(axis=1)
     if scene.modulus is not None:
         inside = scene.modulus(centres) != 1.0

@@ -1,9 +1,9 @@
 """The blind trial without a server, on processes of this machine.
 
-    python -m idic.validation.trial.many OUT --processes 16 [--only GROUP] [--until SECONDS]
+    python -m idic.validation.trial.many OUT --processes 16 [--only GROUP] [--first N] [--until SECONDS]
 
-The same trials as `idic trial`; one line of JSON per finished trial. Answered trials stay; a later call
-does the others.
+The same trials as `idic trial`; one line of JSON per finished trial, then the table of scores and targets. Answered
+trials stay; a later call does the others.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from idic.errors import InputError
+from idic.validation.pages.trial_page import write_trial_page
 from idic.validation.trial.plan import Campaign
+from idic.validation.trial.pool import records_of, target_table
 from idic.validation.trial.seal import Folder, seal, tool_state
 from idic.validation.trial.trial import TrialJob, check_solvers, run_trial
 from idic.workers.dask_settings import use_one_thread
@@ -53,12 +55,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--size", default="full")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--first", type=int, help="so many trials of the campaign, from its beginning")
     parser.add_argument("--until", type=float, default=float("inf"), help="seconds after which no trial starts")
     given = parser.parse_args(arguments)
     use_one_thread()
     campaign, folder = Campaign(given.size, given.seed), Folder(given.out)
     try:
-        numbers = seal(folder, campaign, campaign.select(given.only), tool_state())
+        numbers = seal(folder, campaign, campaign.select(given.only)[:given.first], tool_state())
         check_solvers(folder, folder.unanswered(numbers.values()))
     except InputError as problem:
         sys.stderr.write(f"{problem}\n")
@@ -68,6 +71,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         line = {"id": number, "verdict": answer["verdict"], "cpu_s": answer.get("cost", {}).get("cpu_s")}
         sys.stdout.write(json.dumps(line) + "\n")
         sys.stdout.flush()
+    write_trial_page(folder)
+    sys.stdout.write(target_table(records_of([folder])))
 
 
 if __name__ == "__main__":

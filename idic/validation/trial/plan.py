@@ -7,17 +7,21 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from idic.errors import InputError
+from idic.validation.trial.kinds import BEYOND, LIBRARY, is_unseen, kind_named
 from idic.validation.trial.scenes.effects import EFFECTS, Effect
 from idic.validation.trial.scenes.indistinguishable import STRENGTH_OF, indistinguishable_form
 from idic.validation.trial.scenes.outside import OUTSIDE
 from idic.validation.trial.scenes.recording import Paint
 from idic.validation.trial.scenes.scene import NULLS, Geometry, Scene, plain_scene
+from idic.validation.trial.scenes.worlds import as_solid, drawn_world, world_scene
 from idic.validation.trial.strength import CLEAR, CONCEALED, FAINT, STRENGTHS
+from idic.validation.trial.world_strength import amplitude_in
 from idic.validation.trial.strengths import strengths
 
 SINGLES = ("plasticity", "kinematic_hardening", "hardening_curvature", "creep", "viscoelasticity", "damage",
@@ -33,6 +37,8 @@ GROUPS = ("singles", "clean", "outside", "pairs", "twins")  # the stored keys
 GROUP_NAMES = {"indistinguishable": "twins"}  # of --only, for the stored key
 NUMBER = {"full": {"singles": 3, "clean": 100, "outside": 2, "pairs": 2, "twins": 3},
           "sketch": {"singles": 1, "clean": 4, "outside": 1, "pairs": 1, "twins": 1}}
+WORLDS, KNOWN_WORLDS = "worlds", "worlds-known"  # sizes with drawn worlds: all kinds; known ones alone
+WORLD_NUMBER = {"singles": 2, "clean": 120, "outside": 6, "pairs": 4}
 PAIR_STRENGTH = CLEAR
 STORED_AS = {"counterpart": "twin"}  # keys of sealed truths
 CLEAN_NULLS = ("elastic", "elastic", "plastic", "held", "ramp")
@@ -46,12 +52,14 @@ class Trial:
     null : the user's model, see `idic.validation.trial.scenes.scene.NULLS`
     effects : (name, strength), none for a clean recording
     counterpart : effect of an indistinguishable pair that this record cannot tell from the true one
+    in_world : specimen, images, programme, noise and mechanics are drawn, too
     """
 
     key: str
     null: str
     effects: tuple[tuple[str, str], ...] = ()
     counterpart: str = ""
+    in_world: bool = False
 
     @property
     def group(self) -> str:
@@ -66,6 +74,7 @@ class Truth:
     parameters : true values of the law of the null, units of the file
     seed : of the random choices of the effects
     solver : "calculix" or "built-in"
+    world : see `idic.validation.trial.scenes.worlds.drawn_world`, empty for the strip of 132 x 84 px
     """
 
     key: str
@@ -78,6 +87,7 @@ class Truth:
     paint: Mapping[str, float]
     seed: int
     solver: str
+    world: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def group(self) -> str:
@@ -95,7 +105,8 @@ class Truth:
     @classmethod
     def read(cls, content: Mapping) -> Truth:
         """The truth of a sealed `content`."""
-        fields = {name: content[STORED_AS.get(name, name)] for name in cls.__dataclass_fields__}
+        fields = {name: content[STORED_AS.get(name, name)] for name in cls.__dataclass_fields__ if name != "world"}
+        fields["world"] = content.get("world", {})  # truths that were sealed before there were worlds
         return cls(**fields | {"effects": tuple((n, s) for n, s in content["effects"]),
                                "amplitudes": tuple(content["amplitudes"])})
 
@@ -110,10 +121,12 @@ class Campaign:
     trials: tuple[Trial, ...] = field(init=False)
 
     def __post_init__(self):
-        if self.size not in NUMBER:
-            raise InputError("no such size of a trial", key="size", expected=", ".join(NUMBER), found=self.size,
-                             remedy="choose one of these sizes")
-        object.__setattr__(self, "trials", _trials(self.size, self.singles))
+        if self.size not in (*NUMBER, WORLDS, KNOWN_WORLDS):
+            raise InputError("no such size of a trial", key="size", expected=", ".join((*NUMBER, WORLDS, KNOWN_WORLDS)),
+                             found=self.size, remedy="choose one of these sizes")
+        in_worlds = self.size in (WORLDS, KNOWN_WORLDS)
+        object.__setattr__(self, "trials", _in_worlds(self.seed, self.size == KNOWN_WORLDS) if in_worlds
+                           else _trials(self.size, self.singles))
 
     def select(self, only: Sequence[str] | None) -> tuple[Trial, ...]:
         """The trials of these keys, groups or beginnings of keys (``clean``, ``singles/plasticity``); all without any.
@@ -155,8 +168,29 @@ def _trials(size: str, singles: Sequence[str]) -> tuple[Trial, ...]:
     return tuple(found)
 
 
+def _in_worlds(seed: int, known_alone: bool) -> tuple[Trial, ...]:
+    """Trials in drawn worlds, in an order that the seed draws: its beginning is a sample of all.
+
+    known_alone : no kind that is kept from development
+    """
+    n, library, beyond = WORLD_NUMBER, sorted(LIBRARY), sorted(BEYOND)
+    found = [Trial(f"singles/{name}-{strength}-{k}", LIBRARY[name].null, ((name, strength),), in_world=True)
+             for k in range(n["singles"]) for strength in STRENGTHS for name in library]
+    found += [Trial(f"clean/{k}", ("elastic", "elastic", "plastic", "rubber")[k % 4], in_world=True)
+              for k in range(n["clean"])]
+    found += [Trial(f"outside/{name}-{k}", BEYOND[name].null, ((name, CLEAR),), in_world=True)
+              for k in range(n["outside"]) for name in beyond]
+    found += [Trial(f"pairs/{one}+{other}-{k}", "elastic", ((one, PAIR_STRENGTH), (other, PAIR_STRENGTH)),
+                    in_world=True) for k in range(n["pairs"]) for one, other in PAIRS]
+    if known_alone:
+        found = [trial for trial in found if not any(is_unseen(name) for name, _ in trial.effects)]
+    order = np.random.default_rng([seed, 2]).permutation(len(found))
+    return tuple(found[i] for i in order)
+
+
 def effect_named(name: str) -> Effect:
-    return EFFECTS[name] if name in EFFECTS else OUTSIDE[name]
+    """The effect of a kind."""
+    return kind_named(name)
 
 
 def effect_in(group: str, name: str) -> Effect:
@@ -168,6 +202,7 @@ def draw(trial: Trial, seed: int) -> Truth:
     """Draw the truth of a trial: geometry, true parameters, amplitudes, texture and noise."""
     rng = np.random.default_rng([seed, zlib.crc32(trial.key.encode())])
     null, effects = NULLS[trial.null], [effect_in(trial.group, name) for name, _ in trial.effects]
+    world = drawn_world(rng, [name for name, _ in trial.effects], trial.null) if trial.in_world else {}
     stiff, geometry = rng.uniform(0.95, 1.05), {"radius": float(rng.uniform(0.85, 1.15))}
     scaled = {name: float(value * (stiff if name not in ("nu", "kappa") else 1.0))
               for name, value in null.truth.items()}
@@ -175,7 +210,8 @@ def draw(trial: Trial, seed: int) -> Truth:
     for effect, (name, strength) in zip(effects, trial.effects, strict=True):
         sign = rng.choice([-1.0, 1.0]) if effect.signed else 1.0
         measured = STRENGTH_OF.get(name, name) if trial.group == "twins" else name
-        amplitudes.append(float(sign * strengths()[measured][strength]["amplitude"]))
+        amplitudes.append(float(sign * (amplitude_in(world, trial.null, scaled, effect, strength) if world else
+                                        strengths()[measured][strength]["amplitude"])))
     scaled_known = scaled | ({"E": null.truth["E"]} if trial.null == "known" else {})
     paint = {"texture": int(rng.integers(2**31)), "noise": int(rng.integers(2**31)),
              "dots_px": float(rng.uniform(1.5, 1.7)), "noise_gv": 2.0}
@@ -184,19 +220,21 @@ def draw(trial: Trial, seed: int) -> Truth:
         solver = "calculix" if int(trial.key.rpartition("/")[2]) % 10 == 0 else "built-in"
     if "viscoelasticity" in (name for name, _ in trial.effects):
         solver = "built-in"
-    return Truth(trial.key, trial.null, trial.effects, trial.counterpart, tuple(amplitudes), geometry, scaled_known,
-                 paint, int(rng.integers(2**31)), solver)
+    truth = Truth(trial.key, trial.null, trial.effects, trial.counterpart, tuple(amplitudes), geometry, scaled_known,
+                  paint, int(rng.integers(2**31)), solver, world)
+    return replace(truth, solver="calculix" if scene_of(truth).solid else solver) if world else truth
 
 
 def scene_of(truth: Truth, with_effects: bool = True) -> Scene:
     """The scene of a truth, or the same test without its effects."""
-    scene = plain_scene(truth.null, Geometry(**truth.geometry), truth.parameters)
+    scene = (world_scene(truth.world, truth.null, truth.geometry["radius"], truth.parameters) if truth.world
+             else plain_scene(truth.null, Geometry(**truth.geometry), truth.parameters))
     if not with_effects:
-        return scene
+        return as_solid(truth.world, scene) if truth.world else scene
     rng = np.random.default_rng(truth.seed)
     for (name, _), amplitude in zip(truth.effects, truth.amplitudes, strict=True):
         scene = effect_in(truth.group, name).change(scene, amplitude, rng)
-    return scene
+    return as_solid(truth.world, scene) if truth.world else scene
 
 
 def paint_of(truth: Truth) -> Paint:

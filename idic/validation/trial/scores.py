@@ -23,35 +23,38 @@ def goals(records: Sequence[TrialRecord]) -> tuple[Goal, ...]:
     of = {group: [r for r in records if r.group == group] for group in ("clean", "outside", "pairs", "twins")}
     named = [r for r in seen if r.named]
     made = [
-        _share("false alarms on clean recordings (nominal 1 %)", of["clean"], lambda r: r.alarm, "≤ 2 %", most=0.02),
-        _share("right family first (concealed and clear)", seen, lambda r: r.family_first, "≥ 90 %", least=0.9),
-        _share("right family first (faint)", [r for r in single if r.strength == FAINT], lambda r: r.family_first, ""),
-        _share("truth inside the reported set (concealed and clear)", seen, lambda r: r.inside, "≥ 95 %", least=0.95),
-        _share("indistinguishable pairs given as a set", of["twins"], lambda r: r.as_set, "≥ 90 %", least=0.9),
-        _share("effects unexplained by the library, reported as such", of["outside"],
-               lambda r: r.verdict == "outside_library", "≥ 80 %", least=0.8),
-        _share("… and falsely named", of["outside"], lambda r: r.verdict in ("single", "set", "multiple"), "≤ 10 %",
-               most=0.1),
-        _share("both effects of a pair", of["pairs"], lambda r: r.inside, "≥ 75 %", least=0.75),
-        _share("onset within 2 frames", [r for r in seen if r.onset_error is not None],
-               lambda r: abs(r.onset_error) <= 2.0, "≥ 90 %", least=0.9),
-        _median("median error of the onset (frames)", [abs(r.onset_error) for r in seen if r.onset_error is not None],
-                "≤ 1", most=1.0),
-        _median("median overlap of place", [r.overlap for r in seen if r.overlap is not None], "≥ 0.5", least=0.5),
-        _median("held-out excess after / before (concealed and clear, median)",
-                [r.excess_ratio for r in named if r.excess_ratio is not None], "≤ 0.15", most=0.15),
-        _median("parameter bias after / before (concealed and clear, median)",
-                [r.bias_ratio for r in named if r.bias_ratio is not None], "≤ 20 %", most=0.2),
-        _median("blocks of pixels and later frames that get better (concealed and clear, median share)",
-                [r.blocks_better for r in named if r.blocks_better is not None], "≥ 80 %", least=0.8),
-        _median("predicted against achieved drop of chi-square (faint and concealed, median deviation)",
-                [abs(r.drop_ratio - 1.0) for r in quiet if r.drop_ratio is not None], "≤ 25 %", most=0.25),
-        _median("CPU seconds of a trial (median)", [r.cpu_s for r in records], "≤ 120", most=120.0)]
+        share_goal("false alarms on clean recordings (nominal 1 %)", of["clean"], lambda r: r.alarm, "≤ 2 %",
+                   most=0.02),
+        share_goal("right family first (concealed and clear)", seen, lambda r: r.family_first, "≥ 90 %", least=0.9),
+        share_goal("right family first (faint)", [r for r in single if r.strength == FAINT],
+                   lambda r: r.family_first, ""),
+        share_goal("truth inside the reported set (concealed and clear)", seen, lambda r: r.inside, "≥ 95 %",
+                   least=0.95),
+        share_goal("indistinguishable pairs given as a set", of["twins"], lambda r: r.as_set, "≥ 90 %", least=0.9),
+        share_goal("effects unexplained by the library, reported as such", of["outside"],
+                   lambda r: r.verdict == "outside_library", "≥ 80 %", least=0.8),
+        share_goal("… and falsely named", of["outside"], lambda r: r.verdict in ("single", "set", "multiple"), "≤ 10 %",
+                   most=0.1),
+        share_goal("both effects of a pair", of["pairs"], lambda r: r.inside, "≥ 75 %", least=0.75),
+        share_goal("onset within 2 frames", [r for r in seen if r.onset_error is not None],
+                   lambda r: abs(r.onset_error) <= 2.0, "≥ 90 %", least=0.9),
+        median_goal("median error of the onset (frames)",
+                    [abs(r.onset_error) for r in seen if r.onset_error is not None], "≤ 1", most=1.0),
+        median_goal("median overlap of place", [r.overlap for r in seen if r.overlap is not None], "≥ 0.5", least=0.5),
+        median_goal("held-out excess after / before (concealed and clear, median)",
+                    [r.excess_ratio for r in named if r.excess_ratio is not None], "≤ 0.15", most=0.15),
+        median_goal("parameter bias after / before (concealed and clear, median)",
+                    [r.bias_ratio for r in named if r.bias_ratio is not None], "≤ 20 %", most=0.2),
+        median_goal("blocks of pixels and later frames that get better (concealed and clear, median share)",
+                    [r.blocks_better for r in named if r.blocks_better is not None], "≥ 80 %", least=0.8),
+        median_goal("predicted against achieved drop of chi-square (faint and concealed, median deviation)",
+                    [abs(r.drop_ratio - 1.0) for r in quiet if r.drop_ratio is not None], "≤ 25 %", most=0.25),
+        median_goal("CPU seconds of a trial (median)", [r.cpu_s for r in records], "≤ 120", most=120.0)]
     return tuple(goal for goal in made if goal is not None)
 
 
-def _share(what: str, records: Sequence[TrialRecord], right: Callable[[TrialRecord], bool], wanted: str,
-           least: float = 0.0, most: float = 1.0) -> Goal | None:
+def share_goal(what: str, records: Sequence[TrialRecord], right: Callable[[TrialRecord], bool], wanted: str,
+               least: float = 0.0, most: float = 1.0) -> Goal | None:
     if not records:
         return None
     n = sum(bool(right(r)) for r in records)
@@ -59,8 +62,8 @@ def _share(what: str, records: Sequence[TrialRecord], right: Callable[[TrialReco
                 least <= n / len(records) <= most if wanted else None)
 
 
-def _median(what: str, values: Sequence[float], wanted: str, least: float = -np.inf,
-            most: float = np.inf) -> Goal | None:
+def median_goal(what: str, values: Sequence[float], wanted: str, least: float = -np.inf,
+                most: float = np.inf) -> Goal | None:
     if not len(values):
         return None
     middle = float(np.median(values))

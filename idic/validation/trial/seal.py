@@ -28,7 +28,7 @@ import idic
 from idic.errors import InputError
 from idic.store.result_file import write_json
 from idic.store.run_lock import run_lock
-from idic.validation.trial.plan import Campaign, Trial, Truth, draw
+from idic.validation.trial.plan import KNOWN_WORLDS, WORLDS, Campaign, Trial, Truth, draw
 
 REGISTER = "register.json"
 DIAGNOSIS = "idic.diagnose"  # its numeric constants are frozen ...
@@ -86,6 +86,10 @@ def seal(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapp
 
 
 def _sealed(folder: Folder, campaign: Campaign, chosen: Sequence[Trial], tool: Mapping[str, Any]) -> dict[str, str]:
+    if campaign.size == WORLDS and (tool["changed"] is not False or not tool["commit"]):
+        raise InputError("kinds of effects that development must not see", key="size", expected="a tool as committed",
+                         found="a tool with changes, or outside its repository",
+                         remedy=f'commit and run from a clone, or choose the size "{KNOWN_WORLDS}"')
     register = folder.register or {"schema": "idic.trial/1", "size": campaign.size, "seed": campaign.seed,
                                    "tool": dict(tool), "truths": {}, "runs": []}
     if (register["size"], register["seed"]) != (campaign.size, campaign.seed):

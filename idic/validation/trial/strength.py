@@ -117,7 +117,7 @@ class Bench:
 
 def apparent(scene: Scene, motion: Motion, k: int) -> np.ndarray:
     """Image motion of the nodes between the reference and frame k  # (n, 2) px"""
-    nodes, known = motion.mesh.nodes, camera()
+    nodes, known = motion.mesh.nodes, camera(scene.view)
 
     def seen(frame: int, u: np.ndarray) -> np.ndarray:
         view: Camera = known if scene.camera is None else scene.camera(known, frame)
@@ -136,13 +136,14 @@ def at_nodes(points: np.ndarray, values: np.ndarray, nodes: np.ndarray) -> np.nd
     return found
 
 
-def calibrated(measure: Callable[[float], Seen], strength: str, most: float, start: float) -> tuple[float, Seen]:
+def calibrated(measure: Callable[[float], Seen], strength: str, most: float, start: float,
+               limit: int = MAX_MEASUREMENTS) -> tuple[float, Seen]:
     """The amplitude at which an effect has a strength, and its figures there.
 
     Secant steps of the logarithms; an effect that cannot reach the strength stays at its largest amplitude.
     """
     a, slope, before, best = min(start, most), 1.0, None, None
-    for _ in range(MAX_MEASUREMENTS):
+    for _ in range(limit):
         seen = measure(a)
         size = max(seen.reaches(strength), 1e-6)
         if best is None or abs(np.log(size)) < best[0]:

@@ -1,6 +1,7 @@
 """Motion and force of a scene by CalculiX, with its own laws, independent of the mechanics of the tool.
 
-CalculiX expands plane elements to solids; 1/100 of the thickness keeps the stress plane. The kinematics are those of
+CalculiX expands plane elements to solids; 1/100 of the thickness keeps the stress plane. A solid scene has bricks over
+half its real thickness, and finite strains. Otherwise the kinematics are those of
 the built-in law of the same name. Linear elasticity of small strains takes one step per frame; every other law one step
 with the frames as time points.
 """
@@ -19,8 +20,9 @@ from idic.fe.external.inp_writer import inp_text
 from idic.fe.external.solver_output import Wanted, gathered
 from idic.fe.mesh.mesh import Mesh
 from idic.materials import get_law
-from idic.validation.trial.scenes.scene import THICKNESS_MM, Scene
+from idic.validation.trial.scenes.scene import Scene
 from idic.validation.trial.scenes.solve import Motion, element_factors, end_dofs, true_mesh
+from idic.validation.trial.scenes.specimens import bricks, partners_of
 
 try:
     import resource
@@ -68,10 +70,10 @@ def solve_with_calculix(scene: Scene) -> Motion:
             raise NotConverged(f"CalculiX ended with exit code {done.returncode} (it has {MAX_CPU_S} s of processor "
                                f"time): {done.stdout[-400:]}")
         start = scene.times[0]
-        wanted = Wanted(mesh.node_labels, 2, scene.times[1:] - start, ("RIGHT.x",), mesh.node_sets,
-                        scene.geometry.length)
+        force = f"RIGHT.{scene.along}"
+        wanted = Wanted(mesh.node_labels, 2, scene.times[1:] - start, (force,), mesh.node_sets, scene.geometry.length)
         found = gathered("calculix_dat", path, JOB, wanted)
-    return Motion(mesh, found.u, THICKNESS_DIVISOR * found.forces["RIGHT.x"])
+    return Motion(mesh, found.u, (2.0 if scene.solid else THICKNESS_DIVISOR) * found.forces[force])
 
 
 def _limited() -> None:
@@ -82,14 +84,16 @@ def deck(scene: Scene, mesh: Mesh) -> str:
     """The input file."""
     times = scene.times - scene.times[0]
     factors = element_factors(scene, mesh)
-    lines = [inp_text(mesh, "scene", {"quad8": "CPS8"}).rstrip()]
+    body = bricks(mesh, 0.5 * scene.thickness) if scene.solid else mesh
+    lines = [inp_text(body, "scene", {"quad8": "CPS8"}).rstrip()]
     lines += ["*ORIENTATION, NAME=GRAIN", _orientation(scene)] if scene.law == "orthotropic" else []
     for k, factor in enumerate(np.unique(factors)):
         labels = mesh.element_labels[factors == factor]
         lines += [f"*ELSET, ELSET=PART{k}", *(f"{label}," for label in labels), f"*MATERIAL, NAME=M{k}",
                   *_material(scene, factor)]
         turned = ", ORIENTATION=GRAIN" if scene.law == "orthotropic" else ""
-        lines += [f"*SOLID SECTION, ELSET=PART{k}, MATERIAL=M{k}{turned}", f"{THICKNESS_MM / THICKNESS_DIVISOR:.9g}"]
+        depth = "" if scene.solid else f"{scene.thickness / THICKNESS_DIVISOR:.9g}"
+        lines += [f"*SOLID SECTION, ELSET=PART{k}, MATERIAL=M{k}{turned}", *([depth] if depth else [])]
     dofs, courses = end_dofs(scene, mesh)
     histories, place = np.unique(courses, axis=1, return_inverse=True)
     for j, course in enumerate(histories.T):
@@ -99,10 +103,12 @@ def deck(scene: Scene, mesh: Mesh) -> str:
         course = scene.warmth(np.zeros((1, 2)))[:, 0]
         lines += ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", "ALL, 0.", "*AMPLITUDE, NAME=WARM, TIME=TOTAL TIME",
                   *(f"{t:.9g}, {w:.12g}" for t, w in zip(times, course, strict=True))]
-    held = []
+    held = ["*BOUNDARY", "MIDDLE, 3, 3", "LEFT, 3, 3", "RIGHT, 3, 3"] if scene.solid else []
+    through = partners_of(mesh) if scene.solid else [np.arange(mesh.n_nodes)]
     for j in range(histories.shape[1]):
         held += [f"*BOUNDARY, AMPLITUDE=A{j}"]
-        held += [f"{mesh.node_labels[dof // 2]}, {dof % 2 + 1}, {dof % 2 + 1}, 1." for dof in dofs[place.ravel() == j]]
+        held += [f"{body.node_labels[plane[dof // 2]]}, {dof % 2 + 1}, {dof % 2 + 1}, 1."
+                 for dof in dofs[place.ravel() == j] for plane in through if plane[dof // 2] >= 0]
     if scene.warmth is not None:
         held += ["*TEMPERATURE, AMPLITUDE=WARM", "ALL, 1."]
     lines += _linear_steps(times, held) if _linear(scene) else _one_step(scene, times, held)
@@ -110,7 +116,7 @@ def deck(scene: Scene, mesh: Mesh) -> str:
 
 
 def _linear(scene: Scene) -> bool:
-    return scene.law in ("elastic", "orthotropic") and scene.kinematics != "finite"
+    return scene.law in ("elastic", "orthotropic") and scene.kinematics != "finite" and not scene.solid
 
 
 def _linear_steps(times: np.ndarray, held: list[str]) -> list[str]:
@@ -124,7 +130,7 @@ def _linear_steps(times: np.ndarray, held: list[str]) -> list[str]:
 
 def _one_step(scene: Scene, times: np.ndarray, held: list[str]) -> list[str]:
     step = MAX_INCREMENT_SHARE * np.diff(times).min()
-    finite = (scene.kinematics or get_law(scene.law).kinematics[0]) == "finite"
+    finite = scene.solid or (scene.kinematics or get_law(scene.law).kinematics[0]) == "finite"
     return ["*TIME POINTS, NAME=FRAMES", *(f"{t:.9g}," for t in times[1:]),
             "*STEP, INC=10000" + (", NLGEOM" if finite else ""),
             "*VISCO, CETOL=1e-4" if scene.law == "creep" else "*STATIC",

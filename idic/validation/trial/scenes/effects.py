@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.validation.trial.scenes.scene import IMAGE_SHAPE_PX, Scene, elapsed, loading
+from idic.images.camera import Camera
+from idic.validation.trial.scenes.scene import IMAGE_SHAPE_PX, Scene, View, elapsed, loading
 
 Change = Callable[[Scene, float, np.random.Generator], Scene]
 
@@ -50,7 +51,7 @@ def _effect(family: str, side: str, null: str, **more) -> Callable[[Change], Cha
 @_effect("plasticity", "bulk", "elastic", most=0.9, calculix=True, begins=True)
 def plasticity(scene, a, rng):
     """Plasticity with a yield stress below the peak stress at the hole."""
-    peak = 3.0 * scene.values["E"] * np.abs(scene.grip).max() / scene.geometry.length
+    peak = scene.values["E"] * scene.peak_strain
     return _body(scene, "j2_linear", yield_stress=peak * (1.0 - a), hardening_modulus=400.0)
 
 
@@ -84,8 +85,7 @@ def creep(scene, a, rng):
 @_effect("damage", "bulk", "elastic", most=0.95, begins=True)
 def damage(scene, a, rng):
     """Damage with a threshold below the peak strain at the hole."""
-    peak = 3.0 * np.abs(scene.grip).max() / scene.geometry.length
-    return _body(scene, "elastic_damage", threshold=peak * (1.0 - a), softening=12.0)
+    return _body(scene, "elastic_damage", threshold=scene.peak_strain * (1.0 - a), softening=12.0)
 
 
 @_effect("elastic_form", "bulk", "elastic", most=2.0, calculix=True)
@@ -117,7 +117,8 @@ def thermal_expansion(scene, a, rng):
 def heterogeneity(scene, a, rng):
     """A softer (positive amplitude) or stiffer spot beside the hole."""
     centre = np.array([rng.uniform(1.9, 3.2) * rng.choice([-1, 1]), rng.uniform(-1.6, 1.6)])
-    radius, factor = rng.uniform(0.8, 1.3), 1.0 - a if a > 0.0 else 1.0 / (1.0 + a)
+    centre, scale = centre * [scene.geometry.length / 10.0, scene.geometry.width / 6.0], scene.geometry.width / 6.0
+    radius, factor = scale * rng.uniform(0.8, 1.3), 1.0 - a if a > 0.0 else 1.0 / (1.0 + a)
     return replace(scene, modulus=lambda X: np.where(np.linalg.norm(X - centre, axis=1) < radius, factor, 1.0))
 
 
@@ -125,7 +126,7 @@ def heterogeneity(scene, a, rng):
 @_effect("boundary", "boundary", "elastic", calculix=True, begins=True)
 def grip_slip(scene, a, rng):
     start = float(rng.uniform(0.15, 0.6))
-    return scene.moved("RIGHT", "x", -0.05 * a * np.maximum(elapsed(scene) - start, 0.0) / (1.0 - start))
+    return scene.moved("RIGHT", scene.along, -0.05 * a * np.maximum(elapsed(scene) - start, 0.0) / (1.0 - start))
 
 
 @_effect("boundary", "boundary", "elastic", signed=True, calculix=True)
@@ -139,21 +140,21 @@ def machine_compliance(scene, a, rng):
 
 
 # the camera ---------------------------------------------------------------------------------------
-def centre_px() -> np.ndarray:
-    return np.array([(IMAGE_SHAPE_PX[1] - 1) / 2, (IMAGE_SHAPE_PX[0] - 1) / 2])
+def centre_px(view: View = View()) -> np.ndarray:  # noqa: B008  (a constant)
+    return view.centre_px
 
 
 @_effect("camera", "camera", "elastic", signed=True)
 def lens_distortion(scene, a, rng):
-    return replace(scene, camera=lambda camera, k: replace(camera, k1=3e-5 * a, centre_px=centre_px()))
+    return replace(scene, camera=lambda camera, k: replace(
+        camera, k1=3e-5 * a * _finer(scene), centre_px=centre_px(scene.view)))
 
 
 @_effect("camera", "camera", "elastic", signed=True)
 def magnification(scene, a, rng):
     def seen(camera, k):
         factor = 1.0 + 0.01 * a * elapsed(scene)[k]
-        return replace(camera, matrix=factor * camera.matrix,
-                       origin_px=centre_px() + factor * (camera.origin_px - centre_px()))
+        return enlarged(camera, factor, centre_px(scene.view))
 
     return replace(scene, camera=seen)
 
@@ -167,7 +168,8 @@ def camera_motion(scene, a, rng):
 
 @_effect("camera", "camera", "elastic", signed=True)
 def illumination(scene, a, rng):
-    x = (np.arange(IMAGE_SHAPE_PX[1]) - IMAGE_SHAPE_PX[1] / 2) / IMAGE_SHAPE_PX[1]
+    columns = scene.view.shape[1]
+    x = (np.arange(columns) - columns / 2) / columns
     return replace(scene, image=lambda image, k: image * (1.0 + 0.5 * a * elapsed(scene)[k] * x))
 
 
@@ -201,6 +203,16 @@ def force_scale(scene, a, rng):
 @_effect("force", "force", "elastic", signed=True)
 def frame_time_offset(scene, a, rng):
     return replace(scene, late=0.8 * a)
+
+
+def enlarged(camera: Camera, factor: float, about_px: np.ndarray) -> Camera:
+    """The camera with a larger image, about a point of it."""
+    return replace(camera, matrix=factor * camera.matrix, origin_px=about_px + factor * (camera.origin_px - about_px))
+
+
+def _finer(scene: Scene) -> float:
+    """Factor of k1 (1/px²) for the same distortion of a finer image."""
+    return (IMAGE_SHAPE_PX[1] / scene.view.shape[1]) ** 2
 
 
 def _body(scene: Scene, law: str, **values: float) -> Scene:

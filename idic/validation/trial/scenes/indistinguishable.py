@@ -25,7 +25,7 @@ RELAXATION_TIME_S = 20.0  # at amplitude 1
 
 
 def grip_slip(scene, a, rng):
-    return scene.moved("RIGHT", "x", -0.05 * a * elapsed(scene))
+    return scene.moved("RIGHT", scene.along, -0.05 * a * elapsed(scene))
 
 
 def creep(scene, a, rng):

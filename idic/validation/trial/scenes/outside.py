@@ -17,7 +17,9 @@ def slit(scene: Scene, a, rng):
 
 def heat_haze(scene: Scene, a, rng):
     """Air of changing density: every frame is seen through another smooth random field."""
-    waves = rng.uniform(2.0 * np.pi / 70.0, 2.0 * np.pi / 30.0, (len(scene.times), 6)) * rng.choice([-1, 1], (1, 6))
+    larger = scene.view.shape[1] / IMAGE_SHAPE_PX[1]
+    lengths = rng.uniform(2.0 * np.pi / 70.0, 2.0 * np.pi / 30.0, (len(scene.times), 6))
+    waves = lengths / larger * rng.choice([-1, 1], (1, 6))
     angles, phases = rng.uniform(0.0, np.pi, (2, len(scene.times), 6))
     sizes = 0.1 * a * rng.standard_normal((len(scene.times), 6, 2))
     sizes[0] = 0.0
@@ -42,12 +44,13 @@ def travelling_band(scene: Scene, a, rng):
 
 def buckle(scene: Scene, a, rng):
     """Buckling: a bulge towards the camera that grows with the load."""
-    at = centre_px() + rng.uniform(-0.25, 0.25, 2) * np.array([IMAGE_SHAPE_PX[1], IMAGE_SHAPE_PX[0]])
+    at = centre_px(scene.view) + rng.uniform(-0.25, 0.25, 2) * np.array(scene.view.shape[::-1])
+    width = 18.0 * scene.view.shape[1] / IMAGE_SHAPE_PX[1]
     course = loading(scene) ** 2
 
     def bent(points, k):
         d = points - at
-        return points + a * course[k] * 0.1 * d * np.exp(-(d**2).sum(axis=1) / (2.0 * 18.0**2))[:, None]
+        return points + a * course[k] * 0.1 * d * np.exp(-(d**2).sum(axis=1) / (2.0 * width**2))[:, None]
 
     return replace(scene, warp=bent)
 

@@ -16,17 +16,17 @@ from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle
 from idic.images.stack import ArrayStack
-from idic.validation.trial.scenes.effects import centre_px
-from idic.validation.trial.scenes.scene import (FORCE_NOISE, GRIP_NOISE, IMAGE_SHAPE_PX, NULLS, PIXEL_MM,
-                                                THICKNESS_MM, Geometry, Scene)
+from idic.validation.trial.scenes.scene import FORCE_NOISE, GRIP_NOISE, NULLS, Geometry, Scene, View
 from idic.validation.trial.scenes.solve import Motion
 from idic.virtual_tests.experiment_files import write_loads
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.validation.trial.scenes.specimens import specimen_mesh
+from idic.virtual_tests.meshes import write_inp
 from idic.virtual_tests.render import Sensor, Texture, clean_image, painted, record
 
 BACKGROUND_GREY = 30.0
 IMAGES = "images.npy"
-MODEL = ("quad8", 3, 3, 2)
+MODEL = (3, 3, 2)
+FINER_FROM_PX = 220  # columns from which the user's mesh is twice as fine
 
 TOML = """
 [experiment]
@@ -50,12 +50,12 @@ uy = 0.0
 
 [[boundary]]
 nodes = "RIGHT"
-ux = {{ column = "grip_mm", noise_std = {grip} }}
-uy = 0.0
+u{along} = {{ column = "grip_mm", noise_std = {grip} }}
+u{across} = 0.0
 
 [[channel]]
 column = "force_N"
-simulated = {{ reaction = "RIGHT", component = "x" }}
+simulated = {{ reaction = "RIGHT", component = "{along}" }}
 noise_std = {force:.6g}
 """
 
@@ -70,14 +70,15 @@ class Paint:
     noise_gv: float = 2.0
 
 
-def camera() -> Camera:
+def camera(view: View) -> Camera:
     """The camera of the user's model, the centre of the strip at the centre of the image."""
-    return Camera.from_table(PIXEL_MM, tuple(centre_px() + 0.3), centre=tuple(centre_px()))
+    return Camera.from_table(view.pixel, tuple(view.centre_px + 0.3), centre=tuple(view.centre_px))
 
 
-def model_mesh(geometry: Geometry) -> Mesh:
+def model_mesh(geometry: Geometry, view: View) -> Mesh:
     """The user's mesh."""
-    return strip_with_hole(geometry.length, geometry.width, geometry.radius, *MODEL, name="BODY")
+    factor = 2 if view.shape[1] >= FINER_FROM_PX else 1
+    return specimen_mesh(geometry, tuple(factor * n for n in MODEL), "BODY")
 
 
 def logged(scene: Scene, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
@@ -90,9 +91,9 @@ def logged(scene: Scene, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
 
 def clean_images(scene: Scene, motion: Motion, paint: Paint) -> Iterator[np.ndarray]:
     """Images without noise, one per frame  # (ny, nx) float"""
-    known = camera()
+    known = camera(scene.view)
     first = known if scene.camera is None else scene.camera(known, 0)
-    sensor, texture = Sensor(IMAGE_SHAPE_PX, background=BACKGROUND_GREY), _texture(paint, first)
+    sensor, texture = Sensor(scene.view.shape, background=BACKGROUND_GREY), _texture(paint, first, scene.view)
     for k, u in enumerate(motion.u):
         seen = known if scene.camera is None else scene.camera(known, k)
         if scene.warp is not None:
@@ -101,9 +102,27 @@ def clean_images(scene: Scene, motion: Motion, paint: Paint) -> Iterator[np.ndar
         yield image if scene.image is None else scene.image(image, k)
 
 
-def _texture(paint: Paint, first: Camera) -> Texture:
-    speckle = dense_speckle(np.random.default_rng(paint.texture), paint.dots_px, 30.0, 225.0, extent_px=400.0)
+def _texture(paint: Paint, first: Camera, view: View) -> Texture:
+    extent = max(400.0, 2.0 * max(view.shape))
+    speckle = dense_speckle(np.random.default_rng(paint.texture), paint.dots_px, 30.0, 225.0, extent_px=extent)
     return painted(speckle, first)
+
+
+def _white(image: np.ndarray, frame: int, rng: np.random.Generator) -> np.ndarray:
+    return image
+
+
+def _flicker(image: np.ndarray, frame: int, rng: np.random.Generator) -> np.ndarray:
+    """A lamp whose gain and offset differ from frame to frame."""
+    return image * (1.0 + 0.01 * rng.standard_normal()) + rng.standard_normal()
+
+
+def _photons(image: np.ndarray, frame: int, rng: np.random.Generator) -> np.ndarray:
+    """Noise whose variance grows with the grey value, on top of that of the sensor: twice its variance at 255."""
+    return image + 2.0 * np.sqrt(np.maximum(image, 0.0) / 255.0) * rng.standard_normal(image.shape)
+
+
+NOISES = {"white": _white, "flicker": _flicker, "photons": _photons}  # what happens before the sensor's own noise
 
 
 class _Bent:
@@ -131,8 +150,10 @@ def write_public(folder: Path, scene: Scene, motion: Motion, paint: Paint) -> Ar
     The images are one NumPy file, not TIFF: a campaign has hundreds of tests.
     """
     rng = np.random.default_rng(paint.noise)
-    sensor = Sensor(IMAGE_SHAPE_PX, noise_std=paint.noise_gv, background=BACKGROUND_GREY)
-    images = np.array([record(image, sensor, rng) for image in clean_images(scene, motion, paint)])
+    sensor = Sensor(scene.view.shape, noise_std=paint.noise_gv, background=BACKGROUND_GREY)
+    disturb = NOISES[scene.noise]
+    images = np.array([record(disturb(image, k, rng), sensor, rng)
+                       for k, image in enumerate(clean_images(scene, motion, paint))])
     force, grip = logged(scene, motion)
     noise = max(FORCE_NOISE * np.abs(motion.force).max(), 1e-6)
     moving = np.arange(len(scene.times)) > 0
@@ -140,16 +161,18 @@ def write_public(folder: Path, scene: Scene, motion: Motion, paint: Paint) -> Ar
     write_loads(folder, scene.times, {
         "force_N": force + noise * rng.standard_normal(len(force)),
         "grip_mm": grip - grip[0] + GRIP_NOISE * rng.standard_normal(len(grip)) * moving})
-    write_inp(model_mesh(scene.geometry), folder / "mesh.inp", "trial")
+    write_inp(model_mesh(scene.geometry, scene.view), folder / "mesh.inp", "trial")
     (folder / "experiment.toml").write_text(toml_text(scene, sensor.total_noise_std, noise), encoding="utf-8")
     np.save(folder / IMAGES, images)
     return ArrayStack(images)
 
 
 def toml_text(scene: Scene, noise_gv: float, force_noise: float) -> str:
-    column, row = centre_px() + 0.3
-    return TOML.format(thickness=THICKNESS_MM, pixel=PIXEL_MM, column=column, row=row, noise=noise_gv, grip=GRIP_NOISE,
-                       material=NULLS[scene.null].table, force=force_noise)
+    column, row = scene.view.centre_px + 0.3
+    table = NULLS[scene.null].table + ('kinematics = "finite"\n' if scene.finite else "")
+    return TOML.format(thickness=scene.thickness, pixel=scene.view.pixel, column=column, row=row, noise=noise_gv,
+                       grip=GRIP_NOISE, material=table, force=force_noise, along=scene.along,
+                       across="y" if scene.along == "x" else "x")
 
 
 def as_logged(scene: Scene, plain: Scene, motion: Motion) -> Scene:

@@ -76,11 +76,29 @@ nu = { value = 0.3, identify = true }
 
 @dataclass(frozen=True)
 class Geometry:
-    """A strip along x with a central hole, mm."""
+    """A specimen along x, mm: a strip with a central hole, or a kind of `idic.validation.trial.scenes.specimens`.
+
+    radius : of the hole, or of another feature of this kind; concentration : largest strain over that of the ends
+    """
 
     length: float = 10.0
     width: float = 6.0
     radius: float = 1.0
+    kind: str = "hole"
+    concentration: float = 3.0
+
+
+@dataclass(frozen=True)
+class View:
+    """What the camera sees, the origin of the specimen at its centre: shape (rows, columns) px, pixel (mm)."""
+
+    shape: tuple[int, int] = IMAGE_SHAPE_PX
+    pixel: float = PIXEL_MM
+
+    @property
+    def centre_px(self) -> np.ndarray:
+        """Column and row."""
+        return np.array([(self.shape[1] - 1) / 2, (self.shape[0] - 1) / 2])
 
 
 @dataclass(frozen=True)
@@ -99,6 +117,8 @@ class Scene:
         px, the point that a pixel shows
     force : (T,) -> (T,) shown by the load cell; late : s by which the log lags; compliance : mm/N of the machine, in
         the log
+    view, thickness (mm); along : direction of the grip; solid : bricks of this thickness, finite strains; finite : the
+        user's elastic law is one of finite strains; noise : key of `recording.NOISES`
     """
 
     null: str
@@ -118,6 +138,17 @@ class Scene:
     force: Callable[[np.ndarray], np.ndarray] | None = None
     late: float = 0.0
     compliance: float = 0.0
+    view: View = View()
+    thickness: float = THICKNESS_MM
+    along: str = "x"
+    solid: bool = False
+    finite: bool = False
+    noise: str = "white"
+
+    @property
+    def peak_strain(self) -> float:
+        """Largest strain of the test, about."""
+        return self.geometry.concentration * float(np.abs(self.grip).max()) / self.geometry.length
 
     def moved(self, nodes: str, component: str, *terms: np.ndarray) -> Scene:
         """The scene with further motion of an end: courses (T,) mm of 1, y, y^3."""
@@ -131,7 +162,7 @@ class Scene:
         """Displacement of points of an end at heights y (mm)  # (T, n) mm"""
         eta = y / (0.5 * self.geometry.width)
         found = np.zeros((len(self.times), len(y)))
-        if (nodes, component) == ("RIGHT", "x"):
+        if (nodes, component) == ("RIGHT", self.along):
             found += self.grip[:, None]
         terms = self.motion.get((nodes, component))
         return found if terms is None else found + terms @ np.array([np.ones_like(eta), eta, eta**3])

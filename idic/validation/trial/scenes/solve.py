@@ -10,8 +10,8 @@ from idic.fe.march import march
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.materials.core.compilation import compile as compile_law
-from idic.validation.trial.scenes.scene import THICKNESS_MM, Geometry, Scene
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.validation.trial.scenes.scene import Geometry, Scene
+from idic.validation.trial.scenes.specimens import specimen_mesh
 
 SUBSTEPS_PER_FRAME = 3
 BODY = "BODY"
@@ -31,7 +31,7 @@ class Motion:
 
 def true_mesh(geometry: Geometry, slit: float = 0.0) -> Mesh:
     """Eight-node quadrilaterals."""
-    mesh = strip_with_hole(geometry.length, geometry.width, geometry.radius, "quad8", *DIVISIONS, name=BODY)
+    mesh = specimen_mesh(geometry, DIVISIONS, BODY)
     return mesh if slit == 0.0 else _slit(mesh, geometry, slit)
 
 
@@ -80,6 +80,7 @@ def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
         Without equilibrium along the path.
     """
     mesh = true_mesh(scene.geometry, scene.slit) if mesh is None else mesh
+    pulled = 2 * mesh.node_sets["RIGHT"] + "xy".index(scene.along)
     factors = element_factors(scene, mesh)
     law = compile_law(scene.law, scene.kinematics)
     warmth = None if scene.warmth is None else scene.warmth(mesh.nodes)
@@ -93,8 +94,8 @@ def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
     histories, place = np.unique(courses, axis=1, return_inverse=True)
     basis = np.zeros((len(dofs), histories.shape[1]))
     basis[np.arange(len(dofs)), place.ravel()] = 1.0
-    model = Model(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=THICKNESS_MM,
-                  constraints=Constraints(dofs, basis, histories), channels=(Reaction(2 * mesh.node_sets["RIGHT"]),),
+    model = Model(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=scene.thickness,
+                  constraints=Constraints(dofs, basis, histories), channels=(Reaction(pulled),),
                   **({} if warmth is None else {"temperature": warmth}))
     states = [(s.u.copy(), float(s.channels[0]))
               for s in march(model, values, scene.times, substeps=SUBSTEPS_PER_FRAME)]
