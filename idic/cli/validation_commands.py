@@ -46,6 +46,9 @@ def trial(
         help="singles | clean | outside | pairs | indistinguishable, or the beginning of a trial's name. "
         "May be repeated.")] = None,
     sketch: Annotated[bool, typer.Option("--sketch", help="One trial of each kind, at one strength.")] = False,
+    worlds: Annotated[bool, typer.Option("--worlds", help="Drawn specimens, images, programmes and noise; all kinds of "
+                                         "effects, from a committed tool only.")] = False,
+    known: Annotated[bool, typer.Option("--known", help="With --worlds: only kinds that development may see.")] = False,
     seed: Seed = 1,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -56,7 +59,12 @@ def trial(
         with _study_console(out, ("sealing truths", "trials", "evaluating answers")) as console:
             from idic_flows.blind_trial import run_blind_trial
 
-            page = run_blind_trial(out, "sketch" if sketch else "full", seed, only, workers, scheduler, resume, console)
+            size = ("worlds-known" if known else "worlds") if worlds else "sketch" if sketch else "full"
+            page = run_blind_trial(out, size, seed, only, workers, scheduler, resume, console)
+        from idic.validation.trial.pool import records_of, target_table
+        from idic.validation.trial.seal import Folder
+
+        typer.echo(target_table(records_of([Folder(out)])))
         typer.echo(f"{user_path(page)} written")
 
 

@@ -29,7 +29,7 @@ NOT_GENERATED = "not_generated"  # verdict where the simulation of the truth fai
 
 @dataclass(frozen=True)
 class TrialJob:
-    """A trial to run: folder of the trials, ID; with_ablations : with ablations and decoys, some seconds more."""
+    """A trial to run: folder of the trials, ID; with_ablations : with ablations and decoys, never in a drawn world."""
 
     out: str
     number: str
@@ -53,7 +53,7 @@ def run_trial(job: TrialJob) -> str:
         except NotConverged as problem:  # no recording
             answer: dict = {"verdict": NOT_GENERATED, "problem": str(problem)}
         else:
-            answer = _answer(Path(public), job.with_ablations)
+            answer = _answer(Path(public), job.with_ablations and not truth.world)
     answer["attempt"] = 1 + _attempts(folder, job.number)
     folder.answer(job.number).parent.mkdir(parents=True, exist_ok=True)
     write_json(folder.answer(job.number), finite(answer))

@@ -55,16 +55,16 @@ def specimen_mesh(geometry, divisions: Sequence[int], name: str) -> Mesh:
     divisions : around an eighth of a hole, outwards from it, beside it
     """
     length, width, radius = geometry.length, geometry.width, geometry.radius
+    around, outwards, beside = divisions
     if geometry.kind == "hole":
-        return strip_with_hole(length, width, radius, "quad8", *divisions, name=name)
+        return strip_with_hole(length, width, radius, "quad8", around, outwards, beside, name=name)
     if geometry.kind == "two_holes":
-        one = strip_with_hole(0.5 * length, width, radius, "quad8", *divisions, name=name)
+        one = strip_with_hole(0.5 * length, width, radius, "quad8", around, outwards, beside, name=name)
         nodes = np.concatenate([one.nodes + [side * 0.25 * length, 0.0] for side in (-1.0, 1.0)])
         cells = np.concatenate([one.blocks[0].connectivity + k * one.n_nodes for k in range(2)])
         _, first, number = np.unique(np.round(nodes / MERGE_DISTANCE).astype(np.int64), axis=0, return_index=True,
                                      return_inverse=True)
         return _with_ends(nodes[first], number.ravel()[cells], length, name)
-    around, outwards, beside = divisions
     bottom, top = _edges(geometry)
 
     def shape(s, t):

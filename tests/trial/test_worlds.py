@@ -1,0 +1,121 @@
+"""Trials in drawn worlds: specimens, bricks, kinds kept from development, scores."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idic.errors import InputError
+from idic.validation.trial.evaluation import TrialRecord
+from idic.validation.trial.kinds import BEYOND, LIBRARY, is_unseen
+from idic.validation.trial.plan import KNOWN_WORLDS, WORLDS, Campaign, Truth, scene_of
+from idic.validation.trial.pool import target_table
+from idic.validation.trial.scenes.scene import NULLS
+from idic.validation.trial.scenes.solve import DIVISIONS, solve
+from idic.validation.trial.scenes.specimens import SPECIMENS, bricks, specimen_mesh
+from idic.validation.trial.scenes.worlds import drawn_world, view_of, world_geometry, world_scene
+from idic.validation.trial.seal import Folder, seal
+from idic.validation.trial.world_scores import world_goals
+
+WORLD = {"specimen": "hole", "columns": 132, "frames": 16, "programme": "monotonic", "thickness": 1.5, "solid": False,
+         "finite": False, "noise": "white"}
+
+
+def area(mesh):
+    """By the corners of the elements."""
+    x = mesh.nodes[mesh.blocks[0].connectivity[:, :4]]
+    a, b = x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]
+    return 0.5 * float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
+
+
+@pytest.mark.parametrize("kind", SPECIMENS)
+def test_a_specimen_fills_its_outline_and_the_image_shows_all_of_it(kind):
+    geometry = world_geometry(WORLD | {"specimen": kind}, 1.0)
+    mesh = specimen_mesh(geometry, DIVISIONS, "BODY")
+    plate, removed = geometry.length * geometry.width, np.pi * geometry.radius**2
+    wanted = {"hole": plate - removed, "two_holes": plate - 2.0 * removed, "bending": plate,
+              # bells of the radius' height and width; a parabola that falls by twice the radius over the half length
+              "notches": plate - 2.0 * np.sqrt(np.pi) * geometry.radius**2,
+              "shear": plate - 2.0 * np.sqrt(np.pi) * geometry.radius**2,
+              "d_shape": plate - geometry.length * (geometry.radius - 2.0 * geometry.radius * (0.25 - 1.0 / 12.0))}
+    assert area(mesh) == pytest.approx(wanted[kind], rel=5e-3)
+    assert {"LEFT", "RIGHT"} <= set(mesh.node_sets) and len(np.unique(mesh.nodes.round(6), axis=0)) == mesh.n_nodes
+    view = view_of(geometry, 200)
+    assert view.shape[1] == 200 and (np.ptp(mesh.nodes, axis=0)[::-1] < np.array(view.shape) * view.pixel).all()
+
+
+def test_bricks_have_the_nodes_of_the_surface_first_and_its_volume():
+    flat = specimen_mesh(world_geometry(WORLD, 1.0), (3, 3, 2), "BODY")
+    solid = bricks(flat, 0.75)
+    np.testing.assert_array_equal(solid.nodes[:flat.n_nodes, :2], flat.nodes)
+    np.testing.assert_array_equal(solid.node_labels[:flat.n_nodes], flat.node_labels)
+    assert (solid.nodes[:flat.n_nodes, 2] == 0.75).all() and (solid.nodes[solid.node_sets["MIDDLE"], 2] == 0.0).all()
+    x = solid.nodes[solid.blocks[0].connectivity[:, :8]]
+    edges = np.stack([x[:, 1] - x[:, 0], x[:, 3] - x[:, 0], x[:, 4] - x[:, 0]], axis=1)
+    assert (np.linalg.det(edges) > 0.0).all()  # corners turn as those of C3D20R do
+
+
+def test_a_right_end_that_moves_across_loads_the_load_cell_across():
+    world = WORLD | {"specimen": "bending", "frames": 3}
+    motion = solve(world_scene(world, "elastic", 1.0, NULLS["elastic"].truth))
+    geometry, E, grip = SPECIMENS["bending"], 2000.0, 4.0 * NULLS["elastic"].grip
+    slender = 12.0 * E * (1.5 * geometry.width**3 / 12.0) * grip / geometry.length**3  # clamped on both sides
+    shear = 1.0 + 2.0 * 1.35 * 1.2 * (geometry.width / geometry.length) ** 2  # Timoshenko, nu 0.35, shear area 5/6
+    assert motion.force[-1] == pytest.approx(slender / shear, rel=0.05)  # the clamps hold the section, 3 % measured
+
+
+def test_a_third_of_the_kinds_is_kept_from_development():
+    kinds = {**LIBRARY, **BEYOND}
+    unseen = {kind for kind in kinds if is_unseen(kind)}
+    assert len(unseen) >= len(kinds) / 3 and unseen & set(LIBRARY) and unseen & set(BEYOND)
+    shown = {name for trial in Campaign(KNOWN_WORLDS).trials for name, _ in trial.effects}
+    assert not shown & unseen
+    assert unseen <= {name for trial in Campaign(WORLDS).trials for name, _ in trial.effects}
+
+
+@pytest.mark.parametrize("tool", [{"commit": "abc", "changed": True}, {"commit": "", "changed": None}])
+def test_unseen_kinds_are_refused_to_a_tool_that_is_not_frozen(tool, tmp_path):
+    with pytest.raises(InputError, match="development must not see"):
+        seal(Folder(tmp_path), Campaign(WORLDS), (), {"version": "0", "thresholds": {}} | tool)
+    seal(Folder(tmp_path), Campaign(WORLDS), (), {"version": "0", "thresholds": {}, "commit": "abc", "changed": False})
+
+
+def test_a_truth_in_a_world_survives_its_file():
+    truth = Truth("singles/orthotropy-clear-0", "elastic", (("orthotropy", "clear"),), "", (0.5,), {"radius": 1.1},
+                  {"E": 2000.0, "nu": 0.35}, {"texture": 1, "noise": 2}, 3, "calculix", WORLD | {"solid": True})
+    assert Truth.read(json.loads(json.dumps(truth.content))) == truth
+    scene = scene_of(truth)
+    assert scene.solid and scene.law == "orthotropic" and len(scene.times) == 16
+    assert not scene_of(replace(truth, world=WORLD)).solid
+
+
+def test_damage_is_never_drawn_without_unloading():
+    rng = np.random.default_rng(1)
+    assert {drawn_world(rng, ["damage"], "elastic")["programme"] for _ in range(20)} == {"unloading"}
+
+
+def record(key, truth, named=(), verdict="single", **more):
+    """A made-up record; more : its other fields."""
+    given = {"strength": "clear", "solver": "", "reported": named, "alarm": verdict != "none", "family_first": False,
+             "inside": bool(truth) and set(truth) <= set(named), "as_set": False, "side_right": False,
+             "onset_error": None, "overlap": None, "excess_ratio": None, "drop_ratio": None, "bias_before": None,
+             "bias_ratio": None, "blocks_better": None, "cpu_s": 1.0, "attempt": 1, "ablations": None, "sentence": "",
+             "world": WORLD}
+    return TrialRecord(key=key, number="0", truth=tuple(truth), verdict=verdict, named=tuple(named), **given | more)
+
+
+def test_the_scores_count_what_they_say():
+    records = [
+        record("singles/creep-clear-0", ["creep"], ["creep"], probability=0.9, intervals=(2, 2)),
+        record("singles/creep-clear-1", ["creep"], ["damage"], probability=0.8, false_physics=True, unseen=True),
+        record("singles/creep-clear-2", ["creep"], [], "outside_library", side_right=True),
+        record("clean/0", [], [], "none", probability=1.0, intervals=(1, 2)), record("clean/1", [], ["creep"])]
+    got = {goal.what.partition(":")[0].partition(" (")[0]: goal for goal in world_goals(records)}
+    assert got["alarms on clean recordings"].got.startswith("1 of 2")
+    assert got["false physics"].got.startswith("1 of 5") and not got["false physics"].met
+    assert got["cause in the set, or its side flagged"].got.startswith("2 of 3")
+    assert got["95 % intervals of the last model that hold the truth"].got.startswith("3 of 4")
+    assert got["Brier score of the probability"].got == "0.217 (n = 3)"  # 0.01, 0.64 and 0 by three
+    header, *rows = target_table(records).splitlines()
+    assert "unseen kinds" in header and any("≤ 3 %" in row and "1 of 1" in row for row in rows)
