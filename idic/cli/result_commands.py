@@ -44,8 +44,8 @@ def clean(
         from idic.store.clean import clean_run
 
         typer.echo(f"{clean_run(run, results_only) / 1e6:.1f} MB freed; "
-                   + ("pages, tables and results are left" if results_only
-                      else f"idic report {user_path(run)} makes them again"))
+                   + ("pages, tables and results are kept" if results_only
+                      else f"idic report {user_path(run)} makes figures and ParaView files again"))
 
 
 @app.command()
