@@ -35,8 +35,29 @@ def practice_table(record: RunRecord) -> tuple[Rows, ...]:
     facts = record.practice
     if facts is None:
         return ()
-    return (Rows("Images", _images(record, facts)), Rows("Correlation", _correlation(record, facts)),
+    data = Rows("Fields", _points(record, facts)) if _is_field(record) else Rows("Images", _images(record, facts))
+    return (data, Rows("Correlation", _correlation(record, facts)),
             Rows("Noise floor", _floors(record, facts)), Rows("Laboratory", _setup(facts)))
+
+
+def _is_field(record: RunRecord) -> bool:
+    return record.result.get("quantity") == "displacement"
+
+
+def _points(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], ...]:
+    """Of displacements that another system measured."""
+    pitch = record.pixel_size_mm
+    statuses = [frame.get("status") for frame in record.result.get("frames", ())]
+    return (
+        _row("quantity", "displacements of points, by another system"),
+        _row("grid of the points", f"{facts.columns} × {facts.rows} places"),
+        _row("field of view", None if pitch is None else f"{facts.columns * pitch:.4g} × {facts.rows * pitch:.4g} mm"),
+        _row("distance of neighbours", None if pitch is None else f"{pitch:.4g} mm"),
+        _row("time between stages", None if facts.frame_s is None else f"{facts.frame_s:.4g} s", "no times are known"),
+        _row("stages", f"{len(statuses)}, of which {statuses.count('ok')} were used"),
+        _row("reference", facts.reference if facts.n_references == 1
+             else f"{facts.reference}, mean of {facts.n_references} stages"),
+    )
 
 
 def _images(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], ...]:
@@ -75,9 +96,12 @@ def _depth(facts: Practice) -> str:
 
 def _correlation(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], ...]:
     px = record.pixel_size_mm
-    side = f"{facts.element_px:.3g} px" + ("" if px is None else f" = {facts.element_px * px:.3g} mm")
+    field = _is_field(record)
+    side = (f"{facts.element_px * px:.3g} mm" if field and px is not None else
+            f"{facts.element_px:.3g} px" + ("" if px is None else f" = {facts.element_px * px:.3g} mm"))
+    smallest = f"{facts.smallest_px * px:.3g} mm" if field and px is not None else f"{facts.smallest_px:.3g} px"
     smoothing = ("no element is compared with a free FE-DIC" if record.free is None
-                 else f"of the free FE-DIC: waves below {record.free.length_px:.0f} px are smoothed")
+                 else f"of the free FE-DIC: waves below {_wave(record, record.free.length_px)} are smoothed")
     interpolant = ORDERS.get(facts.interpolation, facts.interpolation)
     lowpass = f"Gaussian, standard deviation {facts.lowpass_px:g} px" if facts.lowpass_px else "none"
     return (
@@ -85,15 +109,15 @@ def _correlation(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bo
         _row("method", "integrated DIC in time: all frames and channels at once, displacement from the model "
              f"({facts.kind.replace('_', ' ')})"),
         _row("elements (for subsets)", f"{facts.n_elements} × {facts.cell}, mean side {side}, smallest "
-             f"{facts.smallest_px:.3g} px"),
-        _row("step", "none: every pixel on the mesh is compared"),
-        _row("pixels compared", f"{facts.n_pixels} per frame"
-             + (f"; not along the edges ({facts.edge_margin_px} px)" if facts.edge_margin_px else "")),
+             f"{smallest}"),
+        *([_row("components compared", f"{facts.n_pixels} per stage")] if field else [
+            _row("step", "none: every pixel on the mesh is compared"),
+            _row("pixels compared", f"{facts.n_pixels} per frame"
+                 + (f"; not along the edges ({facts.edge_margin_px} px)" if facts.edge_margin_px else ""))]),
         _row("shape function", "that of the elements, moved by the simulation"),
-        _row("criterion", "sum of squared differences over noise; brightness: "
-             + BRIGHTNESS.get(facts.brightness, facts.brightness)),
-        _row("image filter", lowpass),
-        _row("interpolant", interpolant),
+        _row("criterion", "sum of squared differences over noise" + (
+            "" if field else f"; brightness: {BRIGHTNESS.get(facts.brightness, facts.brightness)}")),
+        *([] if field else [_row("image filter", lowpass), _row("interpolant", interpolant)]),
         _row("strain", "derivative of the simulated displacement, no strain window; " + smoothing),
         _row("estimator", f"{facts.estimator} least squares"),
     )
@@ -107,10 +131,12 @@ def _floors(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], 
     model = None if floor.model_strain is None else _strain(floor.model_strain)
     frame = "" if floor.model_frame is None else f" (frame {floor.model_frame})"
     rows = [
-        _row("grey value" if record.value_unit == "grey values" else "height", grey, "not known"),
-        _row("displacement, identified model", _length(floor.model_px, px, frame), "not known"),
-        _row("displacement, free FE-DIC", _length(floor.free_px, px, ", from a still image with this noise"),
-             "not measured"),
+        _row("grey value" if record.value_unit == "grey values" else
+             "component of a point" if _is_field(record) else "height", grey, "not known"),
+        _row("displacement, identified model", _length(floor.model_px, px, frame, _is_field(record)),
+             "not known"),
+        _row("displacement, free FE-DIC",
+             _length(floor.free_px, px, ", from a still image with this noise", _is_field(record)), "not measured"),
         _row("displacement, camera", _camera_floor(record), "not known: no frame is at rest"),
         *([] if floor.free_rise is None else [
             _row("height, free FE-DIC", f"{floor.free_rise:.2g} {record.value_unit}, from such a still image")]),
@@ -134,17 +160,28 @@ def _camera_floor(record: RunRecord) -> str | None:
         furthest = found["labels"][found["drift_px"].index(drift)]
         where += f"; {furthest} has moved by {drift:.2g} px against the reference"
     if not found["px"]:
-        return f"below {found['bound_px']:.2g} px{where}"
-    return _length(found["px"], record.pixel_size_mm, where)
+        bound, field = found["bound_px"], _is_field(record) and record.pixel_size_mm is not None
+        return (f"below {1e3 * bound * record.pixel_size_mm:.2g} µm{where}" if field  # type: ignore[operator]
+                else f"below {bound:.2g} px{where}")
+    return _length(found["px"], record.pixel_size_mm, where, _is_field(record))
+
+
+def _wave(record: RunRecord, length_px: float) -> str:
+    """A length in px, of points in mm."""
+    known = _is_field(record) and record.pixel_size_mm is not None
+    return f"{length_px * record.pixel_size_mm:.2g} mm" if known else f"{length_px:.0f} px"  # type: ignore[operator]
 
 
 def _origin(source: str) -> str:
     return "as given in the experiment file" if source == "given" else f"from its {source}"
 
 
-def _length(value: float | None, pixel_size_mm: float | None, tail: str) -> str | None:
+def _length(value: float | None, pixel_size_mm: float | None, tail: str, alone: bool = False) -> str | None:
+    """A motion in px and µm; alone : in µm only"""
     if value is None:
         return None
+    if alone and pixel_size_mm is not None:
+        return f"{1e3 * value * pixel_size_mm:.2g} µm{tail}"
     scaled = "" if pixel_size_mm is None else f" = {1e3 * value * pixel_size_mm:.2g} µm"
     return f"{value:.2g} px{scaled}{tail}"
 

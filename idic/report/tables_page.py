@@ -9,7 +9,7 @@ from idic.model.mode_names import is_mode
 from idic.report import words
 from idic.report.batch_page import draw_batch
 from idic.report.figures.matrices import correlation
-from idic.report.fit_words import MAX_P_OF_EQUAL_SPECIMENS
+from idic.report.fit_words import MAX_P_OF_EQUAL_SPECIMENS, in_words_of
 from idic.report.figures.style import Picture
 from idic.report.html import filled_in
 from idic.report.record import RunRecord
@@ -58,8 +58,9 @@ def comparison_tables(content: Mapping) -> list[Table]:
         steps = [Cell(NONE) if d is None else Cell(f"{d:+.1f} std", far=abs(d) > MIN_BOLD_DIFFERENCE_STD)
                  for d in entry["differences"][1:]]
         rows.append((Cell(entry["name"]), *values, *steps))
-    lead = ("Differences in standard deviations of the difference, taken as independent: runs on the same images share "
-            f"their noise and should agree better. Bold: more than {MIN_BOLD_DIFFERENCE_STD:g}.")
+    lead = ("Differences in standard deviations of the difference, taken as independent: runs on the same "
+            f"{_data_words(runs)[2]} share their noise and should agree better. "
+            f"Bold: more than {MIN_BOLD_DIFFERENCE_STD:g}.")
     return [Table("Parameters", header, tuple(rows), lead), _fits(runs)]
 
 
@@ -71,20 +72,38 @@ def comparison_picture(content: Mapping) -> Picture | None:
     return draw_batch({"runs": rows})
 
 
+def of_fields(runs: Sequence[Mapping]) -> bool:
+    """Whether all runs are of measured fields."""
+    return all(run.get("quantity") == "displacement" for run in runs)
+
+
+def _data_words(runs: Sequence[Mapping]) -> tuple[str, str, str]:
+    """Names of the rows of χ², of the rms residual and of the data: of images, of fields, or of either."""
+    if of_fields(runs):
+        return "fields: χ² per component", "fields: rms residual", "fields"
+    if any(run.get("quantity") == "displacement" for run in runs):
+        return "χ² per pixel, of fields per component", "rms residual of images or fields", "images or fields"
+    return "images: χ² per pixel", "images: rms residual", "images"
+
+
 def _fits(runs: Sequence[Mapping]) -> Table:
-    lines = {
+    chi2, rms, data = _data_words(runs)
+    kinds = {"grey": "images", "displacement": "fields", "height": "height images"}
+    mixed = {"measured": [kinds.get(run.get("quantity", "grey"), "images") for run in runs]} if (
+        len({run.get("quantity", "grey") for run in runs}) > 1) else {}
+    lines = mixed | {
         "status": [run["status"].replace("_", " ") for run in runs],
         "model": [", ".join(f"{name}: {law}" for name, law in run["models"].items()) or NONE for run in runs],
         "method": [run.get("method", "integrated").replace("_", " ") for run in runs],
         "free parameters": [str(run["n_free"]) for run in runs],
-        "images: χ² per pixel": [_plain(run["image_chi2_dof"]) for run in runs],
-        "images: rms residual": [_plain(run["image_rms"], run["image_unit"]) for run in runs],
+        chi2: [_plain(run["image_chi2_dof"]) for run in runs],
+        rms: [_plain(run["image_rms"], run["image_unit"]) for run in runs],
     }
     for column in dict.fromkeys(column for run in runs for column in run["channel_chi2_dof"]):
         lines[f"{column}: χ² per value"] = [_plain(run["channel_chi2_dof"].get(column)) for run in runs]
     lines |= {"iterations": [str(run["iterations"]) for run in runs], "wall time": [_plain(run["wall_s"], "s")
                                                                                    for run in runs],
-              "images": ["as the first" if run["same_data"] else "others" for run in runs]}
+              data: ["as the first" if run["same_data"] else "others" for run in runs]}
     rows = tuple((Cell(name), *(Cell(text) for text in texts)) for name, texts in lines.items())
     return Table("Model and fit", ("", *(run["name"] for run in runs)), rows)
 
@@ -124,8 +143,10 @@ def joint_page(result: Mapping) -> str:
     values, *rest = words.headline(result)
     first = [values, f"{words.verdict(result)[1]}.", *rest, *words.between_specimens(result), *words.cautions(result)]
     picture = correlation(RunRecord(result["title"], result))
-    return render_tables(result["title"], [line for line in first if line], tables, [picture] if picture else [],
+    page = render_tables(result["title"], [line for line in first if line], tables, [picture] if picture else [],
                          doubtful=words.verdict(result)[0] != "good")
+    fields = all(part["noise"]["unit"] == result["noise"]["unit"] for part in result["experiments"].values())
+    return in_words_of(result, page) if fields else page
 
 
 def specimen_tables(result: Mapping) -> list[Table]:

@@ -13,6 +13,8 @@ from idic.report.figures.point_maps import point_maps, rms
 from idic.report.fit_words import in_words_of
 from idic.report.page import render_page
 from idic.report.record import PointMaps
+from idic.report.tables_page import comparison_tables
+from idic.run.reporting.compare import headlines
 
 
 @pytest.fixture
@@ -56,3 +58,25 @@ def test_a_modulus_that_only_the_misfit_moves_is_not_determined():
     assert "E (the 95 % interval reaches zero" in words.undetermined(result)
     entry.update(std_noise=16.0, std_model=4.0)  # noise alone: it is found, badly
     assert words.hardly_determined(result) == [] and "E = 17 ± 16" in words.headline(result)[0]
+
+
+def compared(*quantities: str) -> dict:
+    """Content of compare.json of runs on the same data."""
+    run = {"status": "converged", "models": {}, "method": "integrated", "n_free": 1, "image_chi2_dof": 1.0,
+           "image_rms": 0.5, "image_unit": "µm", "channel_chi2_dof": {}, "iterations": 3, "wall_s": 1.0,
+           "same_data": True, "parameters": {}}
+    return {"parameters": [], "runs": [run | {"name": f"run {k}", "quantity": quantity}
+                                       for k, quantity in enumerate(quantities)]}
+
+
+def test_a_comparison_says_what_was_measured():
+    def names(content: dict) -> list[str]:
+        return [row[0].text for row in comparison_tables(content)[1].rows]
+
+    fields, images, both = (compared(*of) for of in (["displacement"] * 2, ["grey"] * 2, ["grey", "displacement"]))
+    assert "fields: χ² per component" in names(fields) and "per component" in headlines(fields)[0]
+    assert "images: χ² per pixel" in names(images) and "per pixel" in headlines(images)[0]
+    assert not any("image" in name or "pixel" in name for name in names(fields))
+    measured = comparison_tables(both)[1].rows[0]
+    assert [cell.text for cell in measured] == ["measured", "images", "fields"]
+    assert "χ² per pixel, of fields per component" in names(both)

@@ -1,6 +1,7 @@
 """Several finished runs side by side: ``compare.json``, ``compare.csv`` and a page.
 
-Keys of ``compare.json`` (schema ``idic.compare/1``): ``runs`` (name, folder, status, models, n_free, fit, parameters)
+Keys of ``compare.json`` (schema ``idic.compare/1``): ``runs`` (name, folder, quantity that was measured, status,
+models, n_free, fit, parameters)
 and ``parameters``: per name the unit, the value of every run and the difference to that of the first run in standard
 deviations of the difference.
 """
@@ -15,7 +16,7 @@ from pathlib import Path
 
 from idic.errors import InputError
 from idic.model.mode_names import is_mode
-from idic.report.tables_page import comparison_picture, comparison_tables, render_tables
+from idic.report.tables_page import comparison_picture, comparison_tables, of_fields, render_tables
 from idic.run.joint_run import folders_of, is_joint
 from idic.run.context import open_run
 from idic.store.result_file import read_result, write_json
@@ -70,7 +71,8 @@ def headlines(content: Mapping) -> list[str]:
     fits = [(run["image_chi2_dof"], run["name"]) for run in runs if run["image_chi2_dof"] is not None]
     if len(fits) > 1 and all(run["same_data"] for run in runs):
         best, worst = min(fits), max(fits)
-        text += f" Of the same images {best[1]} leaves χ² = {best[0]:.4g} per pixel, {worst[1]} {worst[0]:.4g}."
+        data, unit = ("fields", "component") if of_fields(runs) else ("images", "pixel")
+        text += f" Of the same {data} {best[1]} leaves χ² = {best[0]:.4g} per {unit}, {worst[1]} {worst[0]:.4g}."
     return [text]
 
 
@@ -90,7 +92,8 @@ def _run_record(run: Path, name: str) -> dict:
     residual = result["residual"]
     return {
         "name": name, "folder": os.fspath(run), "title": result.get("title", ""), "status": result["status"],
-        "models": models, "data": data, "method": result.get("method", "integrated"),
+        "quantity": result.get("quantity", "grey"), "models": models, "data": data,
+        "method": result.get("method", "integrated"),
         "n_free": sum(1 for p in result["parameters"].values() if p["free"]),
         "image_chi2_dof": residual.get("image_chi2_dof"), "image_rms": residual.get("image_rms_gv"),
         "image_unit": {"grey values": "GV"}.get(result["noise"].get("unit"), result["noise"].get("unit") or "GV"),
