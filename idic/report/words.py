@@ -14,6 +14,8 @@ from idic.report.fit_words import (
 )
 from idic.report.stress_scale import held_stresses, in_ratios
 
+MIN_SHOWN_PX, MIN_SHOWN_SHARE, MIN_SHOWN_ROUGH = 1e-4, 1e-5, 0.05  # of a discrepancy: less is zero to the reader
+
 STATUS = {
     "converged": "Converged in {n}.",
     "stalled": "Stalled after {n}: no trial step reduced the objective, and the last step was not small.",
@@ -90,9 +92,21 @@ def discrepancy(result: Mapping) -> str:
         return ""
     if not found["significant"]:
         return "Nothing beyond noise is left that would widen the intervals."
-    px = max(found["motion_px"].values())
     return (f"The model leaves something unexplained (twice the gain in log-likelihood: "
-            f"{found['likelihood_ratio']:.3g}; smooth motion of about {px:.2g} px): the intervals count it.")
+            f"{found['likelihood_ratio']:.3g}; {_left_unexplained(found)}): the intervals count it.")
+
+
+def _left_unexplained(found: Mapping) -> str:
+    """The parts of a discrepancy that are not zero; of several experiments the largest."""
+    def largest(kind: str) -> float:
+        return max((std for name, std in found["std"].items() if name.split(".")[-1] == kind), default=0.0)
+
+    motion = max(found["motion_px"].values())
+    parts = [f"smooth motion of about {motion:.2g} px" if motion > MIN_SHOWN_PX else "",
+             f"smooth stress of about {100 * largest('stress'):.2g} %" if largest("stress") > MIN_SHOWN_SHARE else "",
+             f"channels of about {100 * largest('channel'):.2g} %" if largest("channel") > MIN_SHOWN_SHARE else "",
+             f"finer motion {largest('rough'):.2g} times the noise" if largest("rough") > MIN_SHOWN_ROUGH else ""]
+    return ", ".join(part for part in parts if part)
 
 
 def short_names(names) -> dict[str, str]:

@@ -47,13 +47,25 @@ def test_the_true_flow_stress_saturates():
     assert early == 200.0 and late == pytest.approx(200.0 + 300.0 + 25.0 * drawn.size, abs=1e-4)
 
 
+def test_the_spot_of_the_metal_lies_beside_the_hole_and_scales_every_stress():
+    for seed in range(4):
+        drawn = draw("spot", seed)
+        assert 3.0 <= np.hypot(*drawn.place) <= 8.0
+        truth, law = _truth_of(drawn), compile_law("j2_linear", "finite")
+        (body, spot), values = _sections(truth, law)
+        assert 0 < len(spot.elements) < 0.2 * len(body.elements)
+        ratio = dict(zip(law.spec.parameter_names, values["spot"] / values["sheet"], strict=True))
+        assert ratio["nu"] == 1.0
+        assert ratio["E"] == ratio["yield_stress"] == ratio["hardening_modulus"] == pytest.approx(1.0 + 0.2 * drawn.size)
+
+
 def test_the_rim_of_the_off_axis_composite_is_softer_or_stiffer_in_all_moduli():
     drawn = draw("off_axis", 0)
     truth, law = _truth_of(drawn), compile_law("orthotropic", "finite")
     (body, rim), values = _sections(truth, law)
     assert len(np.intersect1d(body.elements, rim.elements)) == 0
     assert len(body.elements) + len(rim.elements) == len(truth.mesh.element_sets["sheet"])
-    ratio = dict(zip(law.spec.parameter_names, values["rim"] / values["sheet"], strict=True))
+    ratio = dict(zip(law.spec.parameter_names, values["spot"] / values["sheet"], strict=True))
     assert ratio["nu12"] == ratio["angle"] == 1.0
     assert ratio["E1"] == ratio["E2"] == ratio["G12"] == pytest.approx(1.0 + 0.2 * drawn.size)
     free = {name for name, entry in drawn.overrides["material"]["sheet"].items() if isinstance(entry, dict)

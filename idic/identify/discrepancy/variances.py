@@ -2,16 +2,17 @@
 
 With P the inverse of M over the determined directions, the part of y that no parameter explains is
 
-    z = y - A P b,      z ~ N(0, C + sum_c v_c (G - A P A^T) K_c (G - A P A^T)^T)   (docs/method.md, equation 14.5)
+    z = y - A P b,      z ~ N(0, (1 + v_0) C + sum_c v_c (G - A P A^T) K_c (G - A P A^T)^T)  (docs/method.md, 14.5)
 
-with C its noise. The parameters have taken their share of the discrepancy into their values; z holds the rest alone, so
-the variances v_c are those of the whole. They add
+with C its noise. v_0 is the rough part: what is finer than the fields reaches the sums as noise does. The parameters
+have taken their share of the discrepancy into their values; z holds the rest alone, so the variances are those of the
+whole. They add
 
-    Cov_model(b) = A^T (sum_c v_c K_c) A                                                    (14.6)
+    Cov_model(b) = A^T (sum_c v_c K_c) A + v_0 Cov(b)                                       (14.6)
 
-to the covariance of b. v_c >= 0; none is left where noise alone has that likelihood (Self and Liang 1987,
-doi:10.1080/01621459.1987.10478472; Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545). The error m of b by a
-coarse mesh adds m m^T (14.7).
+to the covariance of b. All v >= 0; none is left where noise alone has the likelihood of the smooth fields (Self and
+Liang 1987, doi:10.1080/01621459.1987.10478472; Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545), and no rough
+part where the smooth fields alone have its likelihood. The error m of b by a coarse mesh adds m m^T (14.7).
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from scipy.optimize import minimize
 
 from idic.identify.discrepancy.normal_equations import DiscrepancySystem
 
-MIN_LIKELIHOOD_RATIO = 6.0  # twice the gain in log-likelihood: by noise alone in about one recording of a hundred
+ROUGH = "rough"  # name of the part finer than the fields; its unit is the standard deviation of the noise
+MIN_LIKELIHOOD_RATIO = 6.0  # twice the gain: of smooth fields by noise alone in about one recording of a hundred
 # of the largest eigenvalue of the noise of z: less is a direction that parameters take but for rounding
 MIN_NOISE_SHARE = 1e-5
 STARTS = (0.01, 1.0)  # of the mean variance of noise
@@ -34,8 +36,8 @@ STARTS = (0.01, 1.0)  # of the mean variance of noise
 class Variances:
     """The estimate.
 
-    std : per component, in its unit; likelihood_ratio : twice the gain in log-likelihood over noise alone;
-    covariance : (n, n) Cov_model(b), scaled
+    std : per component, in its unit, and of the rough part; likelihood_ratio : twice the gain in log-likelihood of the
+    smooth fields over noise alone; covariance : (n, n) Cov_model(b), scaled
     """
 
     std: dict[str, float]
@@ -67,14 +69,18 @@ def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray,
     fields = _split(white @ G, system)
     likelihood = _Likelihood(white @ z, tuple(part @ part.T for part in fields))
     variances, ratio = likelihood.maximum()
-    covariance = np.zeros((n, n))
+    rough, covariance = 0.0, np.zeros((n, n))
     if ratio > MIN_LIKELIHOOD_RATIO:
+        several, with_rough = likelihood.with_rough().maximum()
+        if with_rough - ratio > MIN_LIKELIHOOD_RATIO:
+            *variances, rough = several
+        covariance += rough * slopes[:, None] * system.noise[:n, :n] * slopes
         for v, part in zip(variances, _split(A.T, system), strict=True):
             covariance += v * part @ part.T
     if system.mesh_error is not None:
         covariance += np.outer(slopes * system.mesh_error, slopes * system.mesh_error)
     std = {c.name: float(np.sqrt(v)) for c, v in zip(system.components, variances, strict=True)}
-    return Variances(std, ratio, covariance)
+    return Variances(std | {ROUGH: float(np.sqrt(rough))}, ratio, covariance)
 
 
 def _split(columns: np.ndarray, system: DiscrepancySystem) -> list[np.ndarray]:
@@ -99,6 +105,10 @@ class _Likelihood:
 
     z: np.ndarray
     parts: tuple[np.ndarray, ...]
+
+    def with_rough(self) -> _Likelihood:
+        """A further part that is as the noise is."""
+        return _Likelihood(self.z, (*self.parts, np.eye(len(self.z))))
 
     def maximum(self) -> tuple[np.ndarray, float]:
         """Variances (>= 0) of the largest likelihood, and twice its logarithm's gain over none."""

@@ -25,7 +25,7 @@ PLAIN = {"sheet.E": "E", "sheet.nu": "ν", "sheet.yield_stress": "σy", "sheet.h
 IN_WORDS = {"metal": "right model, metal", "polymer": "right model, polymer", "solid": "three-dimensional truth",
             "coarse": "coarse linear mesh", "hardening": "wrong hardening form", "orthotropy": "orthotropy to 5 %",
             "rotation": "rotated grip", "lens": "lens distortion",
-            "off_axis": "off-axis composite, other rim of the hole"}
+            "off_axis": "off-axis composite, other rim of the hole", "spot": "soft or stiff spot"}
 MAX_SHOWN_ERROR = 8.0  # standard deviations
 
 

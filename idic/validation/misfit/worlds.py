@@ -10,6 +10,7 @@ rotation      the moving grip turns in the plane; the model holds it straight
 lens          barrel or cushion; the model has none
 orthotropy    Young's modulus across other than along the load, which E and nu mean; the model is isotropic
 off_axis      composite with fibres at 30 degrees to the load; the rim of its hole is softer or stiffer than the model's
+spot          metal with a round spot somewhere that is softer or stiffer; values mean the metal beside it
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest, medium_sp
 METAL_SIZE = Size(0.2, (100, 152), (3, 3, 4), (3, 4, 2), (5, 7, 3), 1)
 POLYMER_SIZE = replace(METAL_SIZE, pixel=0.1, shape=(200, 304), user=(8, 10, 5), true=(10, 14, 6))  # the error of both
 # meshes together: 0.2 standard deviations of nu by noise; 1.4 with (4, 6, 3), which the discrepancy finds
-RIGHT, WRONG = ("metal", "polymer"), ("solid", "coarse", "hardening", "orthotropy", "rotation", "lens", "off_axis")
+RIGHT, WRONG = ("metal", "polymer"), ("solid", "coarse", "hardening", "orthotropy", "rotation", "lens", "off_axis",
+                                       "spot")
 ELASTIC = ("polymer", "orthotropy", "off_axis")
 MIN_SIZE = 0.25  # of the largest error: draws are uniform from there, of either sign
 MAX_SATURATION_MPA, SATURATION_RATE = 25.0, 80.0  # of Voce's term
@@ -44,6 +46,7 @@ COMPOSITE_TABLE = {"law": "orthotropic", "kinematics": "finite", "angle": {"valu
     for name, value in COMPOSITE.items()}  # [material.sheet]
 # of the moduli at the hole's rim; where the rim ends, over the radius of the hole
 MAX_RIM_CHANGE, RIM_RADIUS = 0.2, 1.4
+MAX_SPOT_CHANGE, SPOT_RADIUS_MM = 0.2, 2.0  # of all stresses in a spot between the rim of the hole and the edges
 MAX_ROTATION = 5e-4  # rad at the end of the test: 0.02 px at the corners of the grip
 MAX_K1 = 2.5e-6  # 1/px²: a point at the edge of the image is seen 1.1 px off
 THICKNESSES_MM, LAYERS, SOLID_MESH = (1.0, 1.5, 2.0, 3.0), 2, (4, 6, 3)
@@ -54,13 +57,15 @@ COARSE_MESHES = ((3, 5, 2), (4, 6, 3), (4, 8, 3), (5, 7, 4))  # around, radial, 
 class Draw:
     """A draw of a world.
 
-    size : the error over the largest one, of either sign; thickness_mm; coarse : mesh of the user where it is coarse
+    size : the error over the largest one, of either sign; thickness_mm; coarse : mesh of the user where it is coarse;
+    place : mm, of a spot
     """
 
     world: str
     size: float
     thickness_mm: float
     coarse: tuple[int, int, int]
+    place: tuple[float, float] = (0.0, 0.0)
 
     @property
     def elastic(self) -> bool:
@@ -82,7 +87,9 @@ def draw(world: str, seed: int) -> Draw:
     rng = np.random.default_rng((seed, sum(world.encode())))
     size = float(rng.choice([-1.0, 1.0]) * rng.uniform(MIN_SIZE, 1.0))
     thickness = float(rng.choice(THICKNESSES_MM)) if world == "solid" else THICKNESS
-    return Draw(world, size, thickness, COARSE_MESHES[int(rng.integers(len(COARSE_MESHES)))])
+    coarse = COARSE_MESHES[int(rng.integers(len(COARSE_MESHES)))]
+    away, angle = (rng.uniform(RADIUS, 0.5 * WIDTH), rng.uniform(0.0, 2.0 * np.pi)) if world == "spot" else (0.0, 0.0)
+    return Draw(world, size, thickness, coarse, (float(away * np.cos(angle)), float(away * np.sin(angle))))
 
 
 def flow_stress(drawn: Draw, plastic_strain: float) -> float:
@@ -116,15 +123,25 @@ def virtual_test(drawn: Draw) -> VirtualTest:
 
 
 @dataclass(frozen=True)
+class _Spot:
+    """change : of some parameters in the circle, over their values elsewhere; centre and radius in mm"""
+
+    change: float
+    parameters: tuple[str, ...]
+    centre: tuple[float, float]
+    radius: float
+
+
+@dataclass(frozen=True)
 class _Truth:
-    """What happens in the laboratory; rim : change of the moduli around the hole, over those elsewhere."""
+    """What happens in the laboratory; spot : where the material is another."""
 
     mesh: Mesh
     law: str
     values: Mapping[str, float]
     kind: str = "plane_stress"
     rotation: float = 0.0
-    rim: float = 0.0
+    spot: _Spot | None = None
 
 
 def _truth_of(drawn: Draw) -> _Truth:
@@ -141,7 +158,12 @@ def _truth_of(drawn: Draw) -> _Truth:
                       {"E1": along, "E2": across, "nu12": polymer["nu"], "G12": shear, "angle": 0.0})
     if drawn.world == "off_axis":
         stiffness = {name.partition(".")[2]: value for name, value in COMPOSITE.items()}
-        return _Truth(mesh, "orthotropic", stiffness | {"angle": FIBRES_DEG}, rim=MAX_RIM_CHANGE * drawn.size)
+        rim = _Spot(MAX_RIM_CHANGE * drawn.size, ("E1", "E2", "G12"), (0.0, 0.0), RIM_RADIUS * RADIUS)
+        return _Truth(mesh, "orthotropic", stiffness | {"angle": FIBRES_DEG}, spot=rim)
+    if drawn.world == "spot":
+        stresses = ("E", "yield_stress", "hardening_modulus")
+        spot = _Spot(MAX_SPOT_CHANGE * drawn.size, stresses, drawn.place, SPOT_RADIUS_MM)
+        return _Truth(mesh, "j2_linear", metal, spot=spot)
     if drawn.world == "hardening":
         return _Truth(mesh, "j2_voce", metal | {"Q": MAX_SATURATION_MPA * drawn.size, "b": SATURATION_RATE})
     if drawn.world == "solid":
@@ -171,16 +193,16 @@ def _solved(truth: _Truth, grip: np.ndarray, times: np.ndarray, thickness: float
 
 
 def _sections(truth: _Truth, law: CompiledLaw) -> tuple[tuple[Section, ...], dict[str, np.ndarray]]:
-    """The strip, and the rim of its hole where that differs; with the values of both."""
+    """The strip, and the spot that differs; with the values of both."""
     whole = truth.mesh.element_sets["sheet"]
     values = np.array([truth.values[name] for name in law.spec.parameter_names])
-    if not truth.rim:
+    if truth.spot is None:
         return (Section("sheet", law, whole),), {"sheet": values}
     centres = np.concatenate([truth.mesh.nodes[block.connectivity].mean(axis=1) for block in truth.mesh.blocks])
-    near = np.hypot(*centres[whole].T) < RIM_RADIUS * RADIUS
-    moduli = np.array([name in ("E1", "E2", "G12") for name in law.spec.parameter_names])
-    return ((Section("sheet", law, whole[~near]), Section("rim", law, whole[near])),
-            {"sheet": values, "rim": np.where(moduli, (1.0 + truth.rim) * values, values)})
+    near = np.hypot(*(centres[whole] - truth.spot.centre).T) < truth.spot.radius
+    changed = np.isin(law.spec.parameter_names, truth.spot.parameters)
+    return ((Section("sheet", law, whole[~near]), Section("spot", law, whole[near])),
+            {"sheet": values, "spot": np.where(changed, (1.0 + truth.spot.change) * values, values)})
 
 
 def _solid(thickness: float) -> Mesh:
