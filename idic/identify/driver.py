@@ -12,7 +12,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from idic.identify.loop import advance, trial_states
-from idic.identify.step.state import Evaluation, LoopState
+from idic.identify.step.state import HALF_RATE, Evaluation, LoopState
 from idic.model.experiment import Experiment
 
 StageHook = Callable[..., Any]  # stage(name, function, *arguments): calls the function and returns its result
@@ -91,6 +91,8 @@ def next_local(state: LoopState, point: Evaluation, local: np.ndarray, names: Se
     array (n_frames, m) mm
     """
     predicted = local.copy()
+    if state.increments.per_frame == HALF_RATE:
+        return predicted  # beside a known simulation
     change = np.array([state.trial.values[name] - state.accepted.values[name] for name in names])
     for record in point.system.frames:
         predicted[record.frame] += record.local_step + record.local_slope @ change
@@ -149,7 +151,7 @@ def describe_evaluation(entry: Mapping) -> str:
         then = "" if entry.get("passed_over") else "; step halved"
         return f"evaluation {entry['evaluation']:3d}  no simulation: {reason}{then}"
     rms = "" if entry.get("rms_gv") is None else f"  residual {entry['rms_gv']:.4g} (rms)"
-    judged = ("" if entry.get("accepted") else "  with shorter increments, for comparison" if entry.get("compared")
+    judged = ("" if entry.get("accepted") else "  with other increments, for comparison" if entry.get("compared")
               else "  passed over" if entry.get("passed_over") else "  rejected")
     return f"evaluation {entry['evaluation']:3d}  objective {entry['phi']:.6g}{rms}{judged}"
 

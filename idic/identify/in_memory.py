@@ -32,6 +32,7 @@ from idic.identify.result import build_result
 from idic.identify.systematic.discretisation import is_coarse, with_mesh_error
 from idic.identify.step.state import (
     GENERALISED,
+    HALF_RATE,
     ORDINARY,
     EstimatorChoice,
     Evaluation,
@@ -256,6 +257,9 @@ def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps
                increments: int | None) -> Iterator[tuple[FrameResponse, Sequence[float] | np.ndarray]]:
     """Every frame of the simulation, and the increments (s) so far; of a known point without simulating it."""
     forward, values = setup.forward, parameters.as_values()
+    if increments == HALF_RATE:
+        yield from _without_time_error(forward, parameters, local, known)
+        return
     if known is not None and known.is_at(values, local, steps):
         for response in known.frames:
             yield response, known.steps  # type: ignore[misc]
@@ -265,6 +269,16 @@ def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps
         ways = {"warm_start": None if known is None else known.predicted_at(values, local), "increments": increments}
     for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, **ways):
         yield response_of(at, setup.experiment.reference), at.steps.times
+
+
+def _without_time_error(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray,
+                        known: Path | None) -> Iterator[tuple[FrameResponse, np.ndarray]]:
+    """Every frame of the known simulation of this point, extrapolated in time; its derivatives are kept."""
+    if known is None or not known.is_at(parameters.as_values(), local, known.steps):
+        raise NotConverged("the simulation of the accepted point was not kept")
+    moved = forward.without_time_error(parameters, local, lambda: ((at.u, at.channels) for at in known.frames))
+    for response, (u, channels) in zip(known.frames, moved, strict=True):
+        yield replace(response, u=u, channels=channels), known.steps
 
 
 def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> CorrelationContext:

@@ -85,10 +85,12 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
     stage, re_evaluation = stages[state.schedule.stage], state.trial.re_evaluation
     if state.increments.status == COMPARED:
         compared = with_comparison_judged(state, experiment, stage, evaluated, accepted, image_noise)
+        entry = _history_entry(state, evaluated, False, True) | {"compared": True}
+        judged = replace(compared, evaluations=state.evaluations + 1, history=(*state.history, entry))
         if compared.increments.per_frame is None:
-            entry = _history_entry(state, evaluated, False, True) | {"compared": True}
-            return leave_schedule(replace(compared, evaluations=state.evaluations + 1, history=(*state.history, entry)),
-                                  experiment, stage, accepted, image_noise, state.end)
+            return leave_schedule(judged, experiment, stage, accepted, image_noise, state.end)
+        if compared.increments.status == COMPARED:  # steps of two frames do not decide
+            return judged
         state = compared
     points, tried, ordinary_damping = (evaluated, *parallel), trial_states(state), state.trust.damping
     halvings = max([0, *(other.halvings for other in state.trial.parallel)][:len(points)])

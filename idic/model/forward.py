@@ -6,7 +6,7 @@ same input gives the same output to the last bit.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from idic.errors import InputError
 from idic.fe.boundary import dead_pressure, face_area, traction
 from idic.fe.equilibrium import Control
 from idic.fe.extrapolation import increments_to_try, is_extrapolated, march_extrapolated
+from idic.fe.half_rate import Motion, at_frames, every_second, without_time_error
 from idic.fe.march import FrameState, StepList, march
 from idic.fe.model import Constraints, Direction, Loads, Model, Reaction, Section, validate
 from idic.materials.core.compilation import compile as compile_law
@@ -231,10 +232,30 @@ class ForwardModel:
             yield replace(state, du=np.stack([du[name] for name in names], axis=-1),
                           dchannels=np.stack([dchannels[name] for name in names], axis=-1))
 
+    def without_time_error(self, parameters: ParameterSet, local: np.ndarray,
+                           known: Callable[[], Iterable[Motion]]) -> Iterator[Motion]:
+        """Motion of the seen surface and channels of every frame, extrapolated in time from a known simulation of this
+        point with one increment per frame and a simulation in steps of two frames (`idic.fe.half_rate`).
+
+        Parameters
+        ----------
+        local : (n_frames, m) mm; known : gives the known simulation anew at every call, the reference first
+
+        Raises
+        ------
+        NotConverged
+            If equilibrium is not found in steps of two frames however small the increments.
+        """
+        kept = set(every_second(len(self.frames)).tolist())
+        near = (u for number, (u, _) in enumerate(known()) if number in kept)
+        coarse = self._march(parameters, (), local, None, False, near, frames=every_second(len(self.frames)))
+        return without_time_error(self.model, known(), coarse)
+
     def _march(self, parameters: ParameterSet, names: Sequence[str], local: np.ndarray | None,
                steps: np.ndarray | None, influence: bool, warm_start: Iterable[np.ndarray] | None = None,
-               may_cut: bool = False, increments: int | None = None) -> Iterator[FrameState]:
-        """One simulation, differentiated directly."""
+               may_cut: bool = False, increments: int | None = None,
+               frames: np.ndarray | None = None) -> Iterator[FrameState]:
+        """One simulation, differentiated directly; frames : numbers of those that end an increment, None: all."""
         model = self.model_at(parameters, local)
         if influence:
             places = np.argsort(self.drives.loads.solver_order)
@@ -242,6 +263,8 @@ class ForwardModel:
                             local_loads=tuple(int(places[load]) for load in self.drives.loads.local))
         directions = tuple(self.direction(name, parameters) for name in names)
         times = self.experiment.times[self.experiment.reference:]
+        if frames is not None:
+            model, times = at_frames(model, frames), times[frames]
         frozen = None if steps is None else StepList(tuple(float(t) for t in steps))
         arguments = (model, self.law_values(parameters), times, directions, frozen)
         ways = {"control": self.control, "warm_start": warm_start, "may_cut": may_cut}
@@ -249,6 +272,8 @@ class ForwardModel:
             states = march_extrapolated(*arguments, increments=increments or 2, **ways)
         else:
             states = march(*arguments, substeps=self.experiment.options.substeps or 1, **ways)
+        if frames is not None:
+            states = (replace(state, frame=int(frames[state.frame])) for state in states)
         if self.readings is None:
             yield from states
             return

@@ -21,11 +21,13 @@ from idic.errors import NotConverged
 from idic.fe.solver.threads import solver_threads
 from idic.identify.discrepancy.normal_equations import discrepancy_system
 from idic.identify.in_memory import evaluate_at
+from idic.identify.step.state import HALF_RATE
 from idic.identify.systematic.discretisation import is_coarse, with_mesh_error
 from idic.model.experiment import Stage
 from idic.model.forward import tried_increments
 from idic.parameters import ParameterSet
 from idic.run.context import RunContext, correlation_context, open_run
+from idic.run.half_rate import write_without_time_error
 from idic.run.warm_start import first_order_prediction, repeated
 from idic.store.arrays import FrameArrays, read_array, write_array
 from idic.store.checkpoint import to_hex
@@ -109,8 +111,12 @@ def simulate(job: SimulationJob) -> SimulationReport:
     for attempt in _attempts(context, job):
         try:
             with solver_threads(job.threads), context.store.building(name, ident, once=True) as folder:
-                steps = _write_frames(context, attempt, parameters, local, folder)
-                write_array(folder, "steps", steps)
+                if attempt.increments == HALF_RATE:
+                    near = context.store.finished(group_name(attempt.warm_start[0], attempt.label))
+                    steps = write_without_time_error(context, near, parameters, local, folder)
+                else:
+                    steps = _write_frames(context, attempt, parameters, local, folder)
+                    write_array(folder, "steps", steps)
             return SimulationReport(job.label, "", tuple(steps), time.perf_counter() - began)
         except NotConverged as problem:
             reason = str(problem)

@@ -1,10 +1,13 @@
 """Extrapolation in time: order of convergence of the laws that depend on time, derivatives, frozen increments."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from idic.errors import InputError
 from idic.fe.extrapolation import increments_to_try, march_extrapolated, split, time_order
+from idic.fe.half_rate import at_frames, every_second, without_time_error
 from idic.fe.march import StepList, march
 from idic.fe.mesh.mesh import make_mesh
 from idic.fe.model import Constraints, Direction, Model, Reaction, Section
@@ -61,6 +64,21 @@ def test_derivatives_are_extrapolated_exactly():
     quotient = (up - down) / (2.0 * eps)
     assert np.array([state.dchannels[0, 0]
                      for state in states]) == pytest.approx(quotient, rel=1e-5, abs=1e-5 * np.abs(quotient).max())
+
+
+def test_steps_of_two_frames_tell_the_error_of_one_increment_per_frame():
+    model, params = bar("creep")
+    times = np.linspace(0.0, 5.0, 22)  # 21 intervals: the last step of the coarse simulation is one frame
+    pulled = replace(model, constraints=replace(model.constraints, histories=0.02 * times[:, None] / times[-1]))
+    fine, frames = list(march(pulled, params, times)), every_second(len(times))
+    coarse = (replace(state, frame=int(frames[state.frame]))
+              for state in march(at_frames(pulled, frames), params, times[frames]))
+    ahead = list(without_time_error(pulled, ((state.u, state.channels) for state in fine), coarse))
+    exact = force(march_extrapolated(pulled, params, times, increments=64))
+    errors = np.array([channels[0] for _, channels in ahead]) - exact
+    assert len(ahead) == len(times) and np.array_equal(ahead[-1][0].ravel()[[2, 4]], [0.02, 0.02])
+    # a quarter: the next order, with steps of a fifth of the relaxation time; the last step counts as twice its length
+    assert np.abs(errors[1:-1]).max() < 0.25 * np.abs(force(fine) - exact).max()
 
 
 def test_frozen_increments_repeat_the_simulation_to_the_last_bit():

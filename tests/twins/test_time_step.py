@@ -19,6 +19,7 @@ from idic.identify.covariance import scaled_system, spectrum
 from idic.identify.in_memory import evaluate_at, identify
 from idic.identify.loop import advance
 from idic.identify.result import Analysis
+from idic.identify.step import increments
 from idic.identify.step.increments import increment_notes, path_dependent_laws
 from idic.identify.step.state import Evaluation, IncrementChoice, Trial
 from idic.identify.systematic.discretisation import time_step_bias
@@ -170,6 +171,37 @@ def test_one_increment_per_frame_stays_to_the_last_bit_where_its_error_is_small(
         assert (entry["value"], entry["std"]) == (known["value"], known["std"]) and known["time_bias"] is None
         if entry["std"] is not None:
             assert abs(entry["time_bias"]) < 0.25 * entry["std"]
+
+
+def test_steps_of_two_frames_spare_the_comparison_with_finer_increments(plastic, monkeypatch):
+    """With forty times the noise their estimate, which is too small with six frames, lies below the limit."""
+    experiment, _, _ = plastic
+    noisy = replace(experiment, noise=replace(experiment.noise, std_gv=40.0 * experiment.noise.std_gv), channels=tuple(
+        replace(channel, noise_std=40.0 * channel.noise_std) for channel in experiment.channels))
+    monkeypatch.setattr(increments, "MIN_HALF_RATE_INTERVALS", 2)
+    found, one = identify(noisy), identify(with_substeps(noisy, 1))
+    compared = [entry for entry in found.state.history if entry.get("compared")]
+    assert len(compared) == 1 and compared[0]["phi"] is not None
+    assert found.state.accepted == one.state.accepted and found.result["increments"]["status"] == "enough"
+    for name, entry in found.result["parameters"].items():
+        known = one.result["parameters"][name]
+        assert (entry["value"], entry["std"]) == (known["value"], known["std"])
+        assert entry["std"] is None or 0.0 < abs(entry["time_bias"]) < 0.25 * entry["std"]
+    undecided = identify(experiment)  # the estimate of the clean recording is far above the limit
+    assert [entry.get("compared", False) for entry in undecided.state.history].count(True) == 1
+    assert undecided.result["increments"]["per_frame"] > 1
+
+
+@pytest.mark.slow
+def test_a_run_compares_with_steps_of_two_frames_as_memory_does(tmp_path):
+    experiment = write_folder(tmp_path / "plastic", PLASTIC, 24, 0.25, 12.0, (2, 2, 1))
+    found, run = identify(experiment), identify_experiment(tmp_path / "plastic" / "experiment.toml", tmp_path / "run")
+    compared = [entry for entry in found.state.history if entry.get("compared")]
+    assert len(compared) == 1 and run["increments"] == found.result["increments"]
+    for name, entry in found.result["parameters"].items():
+        assert run["parameters"][name]["value"] == pytest.approx(entry["value"], rel=1e-6)
+        if entry["std"] is not None:
+            assert run["parameters"][name]["time_bias"] == pytest.approx(entry["time_bias"], rel=1e-3)
 
 
 @pytest.mark.slow

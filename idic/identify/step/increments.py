@@ -11,9 +11,10 @@ increments are frozen. The choice ends where the error that is left,
 after extrapolation of a law of first order, is at most `MAX_ERROR_STD` standard deviations of every parameter.
 
 Laws with a memory but without time are often exact enough with one increment per frame. At the end of their first
-search 1 and 2 per frame are simulated for comparison. The Gauss-Newton step from there is the estimated error of one
-increment. Where it is small enough, the end of the first search is the answer. Otherwise 1 and 2 leave an eighth of it
-at most (docs/time-step.md), and mostly suffice.
+search one increment for two frames is simulated for comparison, beginning at the known solution and without derivatives
+(`idic.fe.half_rate`). The Gauss-Newton step from there is the estimated error of one increment per frame. Where it is
+small, the end of the first search is the answer. Otherwise 1 and 2 per frame are simulated, with the same judgement.
+Where one is not enough, 1 and 2 leave an eighth of its error at most (docs/time-step.md), and mostly suffice.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from idic.identify.step.state import (
     COMPARED,
     ENOUGH,
     FAILED,
+    HALF_RATE,
     OPEN,
     Evaluation,
     IncrementChoice,
@@ -46,6 +48,8 @@ MAX_ERROR_STD = 0.25  # of a parameter by the increments, standard deviations
 REMAINING_SHARE = 1.0 / 3.0  # of the change by halving: the error after it, of second order
 # after 1 and 2 per frame, of the change from 1: laws without time (1/50 to 1/10 measured)
 REMAINING_SHARE_WITHOUT_TIME = 1.0 / 8.0
+MAX_HALF_RATE_SHARE = 0.85  # of the limit, up to which an estimate in steps of two frames is trusted
+MIN_HALF_RATE_INTERVALS = 20  # between frames: with fewer the estimate is up to two times too small (measured)
 MAX_INCREMENTS = 64  # per frame, of the finer simulation
 MAX_INCREMENTS_OF_TEST = 5000  # of the finer simulation, all frames; the first halving is always tried
 MIN_EVALUATIONS = 4  # left for a search with finer increments, that it converges
@@ -99,12 +103,19 @@ def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage
     if experiment.options.max_iterations - state.rounds < MIN_EVALUATIONS:
         return replace(state, increments=replace(choice, status=OPEN))
     if choice == IncrementChoice() and not rate_dependent_laws(experiment):
-        return replace(state, increments=IncrementChoice(finer, COMPARED, dict(here)),
-                       trial=Trial(dict(here), re_evaluation=True, new_increments=True))
+        half_rate = n_intervals(experiment) >= MIN_HALF_RATE_INTERVALS
+        return _to_compare(state, HALF_RATE if half_rate else finer)
     end = None if status == TOO_COARSE else dict(here)
     return replace(state, increments=IncrementChoice(finer, OPEN, end, choice.change), trust=TrustRegion(),
                    schedule=SchedulePosition(state.schedule.stage),
                    trial=Trial(dict(here), re_evaluation=True, new_increments=True))
+
+
+def _to_compare(state: LoopState, increments: int) -> LoopState:
+    """The state that simulates its accepted point once more, for comparison."""
+    here = dict(state.accepted.values)
+    return replace(state, increments=IncrementChoice(increments, COMPARED, here),
+                   trial=Trial(here, re_evaluation=True, new_increments=True))
 
 
 def is_too_coarse(state: LoopState, experiment: Experiment) -> bool:
@@ -121,14 +132,17 @@ def is_too_coarse(state: LoopState, experiment: Experiment) -> bool:
 def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage, finer: Evaluation,
                            accepted: Evaluation,
                            image_noise: float) -> LoopState:
-    """The state after finer increments were simulated for comparison: back to one increment per frame where that is
-    enough, on with the finer ones otherwise.
+    """The state after other increments were simulated for comparison: back to one increment per frame where that is
+    enough; otherwise on with finer ones, which are to be compared after steps of two frames.
 
     Parameters
     ----------
-    last : stage of the schedule; finer, accepted : evaluations of the accepted values, with finer increments and with
-    one
+    last : stage of the schedule; finer, accepted : evaluations of the accepted values, extrapolated in time and with
+    one increment per frame
     """
+    half_rate = state.increments.per_frame == HALF_RATE
+    if finer.system is None and half_rate:
+        return _to_compare(state, 2)
     if finer.system is None:
         return replace(state, increments=IncrementChoice(None, FAILED), trial=Trial(dict(state.accepted.values)))
     here = experiment.parameters.with_values(state.accepted.values)
@@ -139,7 +153,10 @@ def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage
     moved = parameters.unpack(parameters.pack() + steps[0] - steps[1])
     change = {name: (moved[name].value if name in moved else value) - value for name, value in here.as_values().items()}
     one = IncrementChoice(None, ENOUGH, None, change)
-    if largest_change(one, state, experiment, last, accepted, image_noise) > max_change(experiment, one):
+    largest = largest_change(one, state, experiment, last, accepted, image_noise)
+    if half_rate and largest > MAX_HALF_RATE_SHARE * max_change(experiment, one):
+        return _to_compare(state, 2)
+    if largest > max_change(experiment, one):
         return replace(state, increments=replace(state.increments, status=OPEN), trust=TrustRegion(),
                        schedule=SchedulePosition(state.schedule.stage))
     return replace(state, increments=one, trial=Trial(dict(state.accepted.values)))
@@ -160,8 +177,12 @@ def max_change(experiment: Experiment, choice: IncrementChoice) -> float:
 
 def max_increments(experiment: Experiment) -> int:
     """The limit of increments per frame: `MAX_INCREMENTS`, fewer in a test of many frames."""
-    intervals = max(experiment.n_frames - 1 - experiment.reference, 1)
-    return max(2, min(MAX_INCREMENTS, MAX_INCREMENTS_OF_TEST // intervals))
+    return max(2, min(MAX_INCREMENTS, MAX_INCREMENTS_OF_TEST // n_intervals(experiment)))
+
+
+def n_intervals(experiment: Experiment) -> int:
+    """Intervals between the simulated frames."""
+    return max(experiment.n_frames - 1 - experiment.reference, 1)
 
 
 def largest_change(choice: IncrementChoice, state: LoopState, experiment: Experiment, last: Stage, point: Evaluation,

@@ -12,6 +12,7 @@ from idic.correlation.system import CorrelationSystem
 ORDINARY, GENERALISED, GENERALISED_REJECTED = "ordinary", "generalised", "generalised_rejected"
 AS_GIVEN, COMPARED, OPEN, ENOUGH = "as_given", "compared", "open", "enough"
 AT_LIMIT, FAILED = "at_limit", "failed"
+HALF_RATE = 1  # increments per frame of a known simulation that is extrapolated in time with steps of two frames
 
 
 @dataclass(frozen=True)
@@ -103,8 +104,8 @@ class EstimatorChoice:
 class IncrementChoice:
     """The increments of the present search (`idic.identify.step.increments`).
 
-    per_frame : of the fine one of two simulations that are extrapolated in time; None: one simulation, as the options
-    say
+    per_frame : of the fine one of two simulations that are extrapolated in time, HALF_RATE: of the known one, beside
+    one in steps of two frames (`idic.fe.half_rate`); None: one simulation, as the options say
     status : AS_GIVEN before any choice, COMPARED while one increment per frame is compared with finer ones, OPEN while
     the choice is made, ENOUGH, or why it ended before: AT_LIMIT, FAILED
     coarser : values where the search ended with half as many, None where none has

@@ -1,0 +1,63 @@
+"""The error of one increment per frame, estimated from one increment for two frames.
+
+Backward Euler errs by C h in every frame, h the length of an increment (docs/method.md, equation 12.8). A second
+simulation in steps of two frames errs by 2 C h; the difference of the two is the error of the first
+
+    u - u(no time error) = (u_2h - u_h) / (2^p - 1),   p = 1
+
+at the frames that both have; in between it is taken as linear in time. The second simulation has half the increments,
+no derivatives, and begins at the first one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from idic.fe.extrapolation import time_order
+from idic.fe.march import FrameState
+from idic.fe.model import Model
+
+Motion = tuple[np.ndarray, np.ndarray]  # (n_nodes, d) mm and channels (n_channels,) of a frame
+
+
+def every_second(n_frames: int) -> np.ndarray:
+    """Numbers of every second frame, and of the last one."""
+    return np.unique(np.append(np.arange(0, n_frames, 2), n_frames - 1))
+
+
+def at_frames(model: Model, frames: np.ndarray) -> Model:
+    """The model with its histories at some frames."""
+    def own(histories: np.ndarray | None) -> np.ndarray | None:
+        return None if histories is None else histories[frames]
+
+    loads = replace(model.loads, dead_histories=own(model.loads.dead_histories),
+                    pressure_histories=own(model.loads.pressure_histories))
+    return replace(model, constraints=replace(model.constraints, histories=model.constraints.histories[frames]),
+                   loads=loads, temperature=own(model.temperature))
+
+
+def without_time_error(model: Model, fine: Iterable[Motion], coarse: Iterable[FrameState]) -> Iterator[Motion]:
+    """Motion and channels of every frame, extrapolated in time from a simulation and one in steps of two frames.
+
+    Parameters
+    ----------
+    fine : every frame, the reference first
+    coarse : some of them, numbered as those of `fine`, the reference and the last one included
+    """
+    share, frames = 1.0 / (2.0 ** time_order(model) - 1.0), iter(fine)
+    first = next(frames)
+    yield first
+    last, before = 0, tuple(np.zeros_like(part) for part in first)
+    for state in coarse:
+        if state.frame == 0:
+            continue
+        between = [next(frames) for _ in range(last, state.frame)]
+        there = tuple(share * (own - other)
+                      for own, other in zip(between[-1], (state.seen_u, state.channels), strict=True))
+        for number, motion in enumerate(between, start=1):
+            part = number / (state.frame - last)
+            yield tuple(own + (1.0 - part) * a + part * b for own, a, b in zip(motion, before, there, strict=True))
+        last, before = state.frame, there
