@@ -27,8 +27,7 @@ from idic.model.experiment import Stage
 from idic.model.forward import tried_increments
 from idic.parameters import ParameterSet
 from idic.run.context import RunContext, correlation_context, open_run
-from idic.run.half_rate import write_without_time_error
-from idic.run.warm_start import first_order_prediction, repeated
+from idic.run.warm_start import first_order_prediction, repeated, write_without_time_error
 from idic.store.arrays import FrameArrays, read_array, write_array
 from idic.store.checkpoint import to_hex
 from idic.store.discrepancy_store import save_discrepancy
@@ -113,7 +112,7 @@ def simulate(job: SimulationJob) -> SimulationReport:
             with solver_threads(job.threads), context.store.building(name, ident, once=True) as folder:
                 if attempt.increments == HALF_RATE:
                     near = context.store.finished(group_name(attempt.warm_start[0], attempt.label))
-                    steps = write_without_time_error(context, near, parameters, local, folder)
+                    steps = write_without_time_error(context.forward, near, parameters, local, folder)
                 else:
                     steps = _write_frames(context, attempt, parameters, local, folder)
                     write_array(folder, "steps", steps)
