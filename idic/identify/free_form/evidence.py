@@ -7,9 +7,10 @@ linear restriction T, and its evidence follows in closed form (Laplace; exact wh
 
 Q are the unknowns of unit density: the other parameters, the first and the last value of the curve, and the bends.
 The penalty for knots that the data do not need is in the determinants. MacKay, Neural Comput. 4 (1992) 415,
-doi:10.1162/neco.1992.4.3.415. Of the numbers against which the evidence is not strong the largest is taken: the
-chords of fewer knots leave an error that no band shows. Strong: ln Z lower by 3, odds of 20; Kass & Raftery, J. Am.
-Stat. Assoc. 90 (1995) 773, doi:10.1080/01621459.1995.10476572.
+doi:10.1162/neco.1992.4.3.415. Of the numbers against which the evidence is not strong the smallest is taken whose curve
+is that of the largest within a part of its standard deviation: the chords of fewer knots leave an error that no band
+shows. Strong: ln Z lower by 3, odds of 20; Kass & Raftery, J. Am. Stat. Assoc. 90 (1995) 773,
+doi:10.1080/01621459.1995.10476572.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ NUMBERS = (4, 6, 8, 10, 12, 16, 20, 24)  # of knots
 MOST_KNOTS = NUMBERS[-1]  # of the curve that is identified first
 STRENGTHS = (0.03, 0.1, 0.3, 1.0, 3.0)
 STRONG = 3.0  # of ln Z
+SAME_CURVE = 0.3  # of a standard deviation, at every knot of the finer curve
 ROOT_HANDICAP = 8.0  # ln of the prior odds against a curve of infinite slope at its beginning
 MAX_STD = 1e3  # scaled: of other parameters that the data leave open
 
@@ -74,14 +76,18 @@ def choose_knots(M: np.ndarray, b: np.ndarray, values: np.ndarray, slopes: np.nd
         for over in curve.over:
             for strength in STRENGTHS:
                 smoothness = Smoothness(strength, over)
-                found[n, smoothness] = _evidence(data, pull, bends(knots(curve.last, n), curve.size, smoothness))
-    handicapped = {key: ln_z - ROOT_HANDICAP * (key[1].over == ROOT) for key, (ln_z, _) in found.items()}
+                found[n, smoothness] = _judged(data, pull, bends(knots(curve.last, n), curve.size, smoothness))
+    handicapped = {key: ln_z - ROOT_HANDICAP * (key[1].over == ROOT) for key, (ln_z, *_) in found.items()}
     over = max(handicapped, key=lambda key: handicapped[key])[1].over
     best = {n: max((found[n, Smoothness(s, over)][0], Smoothness(s, over)) for s in STRENGTHS)[1] for n in numbers}
     top = max(found[n, best[n]][0] for n in numbers)
     evidence = {n: found[n, best[n]][0] - top for n in numbers}
-    n = max(n for n in numbers if evidence[n] >= -STRONG)
-    return ChosenKnots(n, best[n], found[n, best[n]][1][-n:], evidence)
+    possible = sorted(n for n in numbers if evidence[n] >= -STRONG)
+    finest = possible[-1]
+    at, (_, fine, stds) = knots(curve.last, finest), found[finest, best[finest]]
+    n = next(n for n in possible if np.all(
+        np.abs(basis(at, curve.last, n) @ found[n, best[n]][1] - fine) <= SAME_CURVE * stds))
+    return ChosenKnots(n, best[n], found[n, best[n]][1], evidence)
 
 
 def _restriction(n_all: int, curve: FreeCurve, n: int, slopes: np.ndarray) -> np.ndarray:
@@ -94,8 +100,8 @@ def _restriction(n_all: int, curve: FreeCurve, n: int, slopes: np.ndarray) -> np
     return T
 
 
-def _evidence(data: np.ndarray, pull: np.ndarray, rows: np.ndarray) -> tuple[float, np.ndarray]:
-    """ln Z up to what all restrictions share, and the most probable unknowns."""
+def _judged(data: np.ndarray, pull: np.ndarray, rows: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """ln Z up to what all restrictions share, the most probable values of the curve (n,) and their stds (n,)"""
     n = rows.shape[1]
     others = len(pull) - n
     A = data.copy()
@@ -107,4 +113,5 @@ def _evidence(data: np.ndarray, pull: np.ndarray, rows: np.ndarray) -> tuple[flo
     unit[others + 2:, others:] = rows
     found = np.linalg.lstsq(A, pull, rcond=None)[0]
     volume = np.linalg.slogdet(unit)[1] - 0.5 * np.linalg.slogdet(A)[1]
-    return float(0.5 * found @ pull + volume), found
+    stds = np.sqrt(np.diagonal(np.linalg.pinv(A, hermitian=True))[others:])
+    return float(0.5 * found @ pull + volume), found[others:], stds

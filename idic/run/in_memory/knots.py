@@ -103,9 +103,10 @@ def _with_knots(table: Mapping, curve: StatedCurve, chosen: ChosenKnots, paramet
         numbers[int(curve.key[-1]) - 1] = str(chosen.n)
         law = f"{name}({'+'.join(numbers)})"
     made = {key: value for key, value in table.items() if key not in short[chosen.n:]} | {"law": law}
-    for key, level in zip(short, chosen.levels, strict=False):
-        old = table[key] if isinstance(table[key], Mapping) else {}
-        made[key] = {**old, "value": float(level) / parameters[f"{curve.names[0].partition('.')[0]}.{key}"].factor}
+    for name, key, level in zip(curve.names, short, chosen.levels, strict=False):
+        if parameters[name].transform == "log":  # the start of another one is its scale
+            old = table[key] if isinstance(table[key], Mapping) else {}
+            made[key] = {**old, "value": float(level) / parameters[name].factor}
     own = {"strength": chosen.smoothness.strength, "over": chosen.smoothness.over, "size": curve.size,
            "evidence": {str(n): round(float(ln_z), 2) for n, ln_z in chosen.evidence.items()}}
     return made | {"smoothness": {**table["smoothness"], curve.key: own}}
