@@ -14,6 +14,7 @@ from idic.fe.boundary import dofs_of
 from idic.fe.march import march
 from idic.fe.model import Direction, Model, Reaction, Section
 from idic.materials import compile
+from idic.materials.core import points
 from idic.materials.core.crack_band import element_sizes
 
 LENGTH, STIFF, THRESHOLD, SOFTENING = 3.0, 1000.0, 0.004, 100.0
@@ -97,6 +98,20 @@ def test_derivatives_past_the_peak_are_those_of_perturbed_bars():
                                 steps=states[-1].steps)[0])
         quotient = (found[0] - found[1]) / (2e-6 * values["BODY"][place])
         np.testing.assert_allclose(exact[:, k], quotient, atol=1e-5 * np.abs(quotient).max())
+
+
+@pytest.mark.parametrize("ratio", [0.8, 3.0])  # length over size
+@pytest.mark.parametrize("threshold", [0.004, 0.03])  # before and behind 1 / softening
+def test_derivatives_of_a_point_behind_the_peak_are_those_of_differences(ratio, threshold):
+    law = compile("elastic_damage", "small")
+    params = np.array([STIFF, 0.2, threshold, 60.0, 0.5, ratio])
+    F, state = np.diag([1.05, 1.0, 0.99])[None], law.initial_state(0)[None]
+    exact, _, ok = points.directional(law, 0, F, state, params, 1.0, np.zeros((1, 6, 3, 3)), None, np.eye(6))
+    assert ok
+    for k in range(6):
+        step = 1e-6 * params * (np.arange(6) == k)
+        ahead, behind = (points.stress(law, 0, F, state, params + sign * step, 1.0)[0] for sign in (1.0, -1.0))
+        np.testing.assert_allclose(exact[:, k] * params[k], (ahead - behind) / 2e-6, atol=1e-6 * STIFF * 0.05)
 
 
 def test_an_element_that_would_snap_back_is_named_with_the_size_that_would_not():
