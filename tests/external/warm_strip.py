@@ -97,20 +97,25 @@ def truth_by_calculix(folder: Path) -> strip.Truth:
         left=course(half - half / stretch), right=course((half + GRIP) / stretch - half),
         shrink=course(1.0 / stretch - 1.0),  # linear between frames: off by 6e-8
         heights="\n".join(f"{n + 1}, 2, 2, {mesh.nodes[n, 1]:.12g}" for n in held), end=len(GRIP) - 1))
-    done = subprocess.run(["ccx", "-i", "strip"], cwd=folder, capture_output=True, text=True, timeout=1200, check=False)
+    u, force = solved(folder, "strip", mesh.n_nodes)
+    own = stretch[:, None, None]
+    return strip.Truth(mesh, own * (mesh.nodes + u) - mesh.nodes, stretch**2 * force, np.zeros(0))
+
+
+def solved(folder: Path, job: str, n_nodes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Motion (n_frames, n_nodes, 2) mm and force (n_frames,) N of RIGHT that CalculiX prints for `job`."""
+    done = subprocess.run(["ccx", "-i", job], cwd=folder, capture_output=True, text=True, timeout=1200, check=False)
     assert done.returncode == 0, done.stdout[-2000:]
-    u, force = [np.zeros((mesh.n_nodes, 2))], [0.0]
-    rows = [line.split() for line in (folder / "strip.dat").read_text().splitlines()]
-    for row in rows:
+    u, force = [np.zeros((n_nodes, 2))], [0.0]
+    for row in (line.split() for line in (folder / f"{job}.dat").read_text().splitlines()):
         if row[:1] == ["displacements"]:
-            u.append(np.zeros((mesh.n_nodes, 2)))
+            u.append(np.zeros((n_nodes, 2)))
         elif len(row) == 4 and row[0].isdigit():
             u[-1][int(row[0]) - 1] = float(row[1]), float(row[2])
         elif len(row) == 3 and row[0][0] in "-0123456789":
             force.append(THIN * float(row[0]))
-    assert len(u) == len(force) == len(GRIP)
-    own = stretch[:, None, None]
-    return strip.Truth(mesh, own * (mesh.nodes + np.array(u)) - mesh.nodes, stretch**2 * np.array(force), np.zeros(0))
+    assert len(u) == len(force)
+    return np.array(u), np.array(force)
 
 
 def write_folder(folder: Path, truth: strip.Truth, seed: int = 0) -> Path:
