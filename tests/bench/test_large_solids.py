@@ -19,23 +19,32 @@ pytestmark = [pytest.mark.bench, pytest.mark.slow]
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "CCX_NPROC_EQUATION_SOLVER": "1"}
 
 
-def evaluate(solver: str, n: int, n_frames: int) -> tuple[int, float, float, float]:
-    """Equations, CPU seconds, peak memory (MB) and force (N) of one evaluation in a process of its own."""
-    done = subprocess.run([sys.executable, "solid_job.py", solver, str(n), str(n_frames)], cwd=Path(__file__).parent,
-                          env=os.environ | ONE_THREAD, capture_output=True, text=True, check=True)
-    equations, seconds, memory, force = done.stdout.split()
-    return int(equations), float(seconds), float(memory), float(force)
+def evaluate(solver: str, n: int, n_frames: int, n_threads: int = 1) -> tuple[int, float, float, float, float]:
+    """Equations, CPU seconds, peak memory (MB), force (N) and seconds of one evaluation in a process of its own."""
+    done = subprocess.run([sys.executable, "solid_job.py", solver, *map(str, (n, n_frames, n_threads))],
+                          cwd=Path(__file__).parent, env=os.environ | ONE_THREAD, capture_output=True, text=True,
+                          check=True)
+    equations, *others = done.stdout.split()
+    return int(equations), *map(float, others)
 
 
 @pytest.mark.parametrize("n, gain", [(14, 1.5), (20, 3.0)])
 def test_fronts_are_faster_than_superlu_and_take_less_memory(n, gain, measured):
-    equations, seconds, memory, force = evaluate("fronts", n, 4)
-    _, before, memory_before, force_before = evaluate("superlu", n, 4)
+    equations, seconds, memory, force, _ = evaluate("fronts", n, 4)
+    _, before, memory_before, force_before, _ = evaluate("superlu", n, 4)
     measured(f"{equations} equations, hex8, elastoplastic, 3 frames, 4 sensitivities",
              f"{seconds:.1f} CPU s, {memory:.0f} MB",
              f"SuperLU, minimum degree {before:.1f} CPU s, {memory_before:.0f} MB: {before / seconds:.1f} x")
     assert force == pytest.approx(force_before, rel=1e-8)  # Newton's tolerance is 1e-9
     assert before > gain * seconds and memory < memory_before
+
+
+def test_a_hundred_thousand_equations_take_thirty_frames_within_six_gigabytes(measured):
+    """About ten minutes; alone:  pytest tests/bench -m bench -s -k hundred."""
+    equations, seconds, memory, _, wall = evaluate("fronts", 32, 31, n_threads=2)
+    measured(f"{equations} equations, hex8, elastoplastic, 30 frames, 4 sensitivities, two threads",
+             f"{wall / 60:.1f} min, {seconds / 60:.1f} CPU min, {memory:.0f} MB", "goal 10 min, 6 GB on 2 cores")
+    assert equations > 100_000 and memory < 6000.0
 
 
 def deck(mesh, grip: np.ndarray, yield_stress: float) -> str:
