@@ -13,9 +13,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "twins"))
 import open_hole as plate  # noqa: E402
+from test_material_cards import pulled_by_calculix  # noqa: E402
 from warm_strip import THIN, solved  # noqa: E402
 
 from idic.images.pattern import dense_speckle  # noqa: E402
+from idic.materials import compile, get_law, point  # noqa: E402
+from idic.materials.composed.material_card import material_card  # noqa: E402
 from idic.virtual_tests.experiment_files import write_images, write_loads  # noqa: E402
 from idic.virtual_tests.meshes import strip_with_hole, write_inp  # noqa: E402
 from idic.virtual_tests.render import Sensor, clean_image, painted, record  # noqa: E402
@@ -76,6 +79,24 @@ def truth_by_calculix(folder: Path):
         E=E, nu=NU, kinematic=table(C), isotropic=table(H), thickness=plate.THICKNESS / THIN, end=len(GRIP) - 1,
         grip="\n".join(f"{k}, {v:.9g}" for k, v in enumerate(GRIP))))
     return mesh, *solved(folder, "plate", mesh.n_nodes)
+
+
+def fitted_to_one_element(folder: Path) -> dict[str, float]:
+    """E, yield_stress, H and C with which the law follows one element of CalculiX best, through 2 and -1.5 % and back.
+
+    Not those of the card: CalculiX has the Cauchy stress in the yield condition, and convects its back stress.
+    """
+    law = get_law("elastoplastic(linear+prager)")
+    values = np.array([E, NU, YIELD, H, C])
+    card = material_card("M", law.name, dict(zip(law.parameter_names, values, strict=True)), "calculix", reached=0.5)
+    strain = np.concatenate([np.linspace(0.0, 0.02, 41), np.linspace(0.02, -0.015, 61)[1:],
+                             np.linspace(-0.015, 0.0, 41)[1:]])
+    theirs, free = pulled_by_calculix(folder, card.text, strain), np.array([0, 2, 3, 4])
+    for _ in range(5):  # Gauss and Newton
+        curve = point.uniaxial(compile(law.name), values, strain)
+        slopes = curve.dP[1:, free, 0, 0] * values[free]
+        values[free] *= 1.0 + np.linalg.lstsq(slopes, theirs - curve.P[1:, 0, 0], rcond=None)[0]
+    return {law.parameter_names[k]: float(values[k]) for k in free}
 
 
 def write_folder(folder: Path, truth, seed: int = 0) -> Path:
