@@ -226,3 +226,20 @@ def test_a_wrong_smoothness_is_told(changes, key):
     with pytest.raises(InputError) as error:
         read(hardening=[{"kind": "free", "range": 0.1} | changes])
     assert error.value.key == f"material.SPECIMEN.hardening[0].{key}"
+
+
+def test_knots_by_evidence_of_a_curve_with_a_locked_value_are_refused():
+    from types import SimpleNamespace
+
+    from idic.experiment_file.laws.free_curves import free_curves
+    from idic.parameters import ParameterSet
+    from idic.run.in_memory.knots import chosen_tables
+
+    raw = with_overrides(tables(yield_stress=200.0, hardening=[{"kind": "free", "knots": "evidence", "range": 0.1}]), None)
+    table = validated(raw, "e").material["SPECIMEN"]
+    record, found, _ = material("SPECIMEN", table, "e")
+    experiment = SimpleNamespace(parameters=ParameterSet(found),
+                                 extras={"free_curves": free_curves([record], {"SPECIMEN": table}, found)})
+    with pytest.raises(InputError) as error:
+        chosen_tables(experiment, raw)
+    assert error.value.key == "material.SPECIMEN.yield_stress"

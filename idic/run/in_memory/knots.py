@@ -61,7 +61,18 @@ def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda tex
     Parameters
     ----------
     tables : of the experiment, composed laws with flat parameters
+
+    Raises
+    ------
+    InputError
+        A value of the curve that is not identified.
     """
+    for curve in by_evidence(experiment):
+        locked = [name for name in curve.names if not experiment.parameters[name].free]
+        if locked:
+            raise InputError("knots by evidence need a curve that is free", key=f"material.{locked[0]}",
+                             expected="identify = true", found="a locked value",
+                             remedy="identify it, or give a number of knots")
     say("knots of free curves by their evidence: a first identification with the most knots")
     prepared = prepare(experiment, say)
     found = identify(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
