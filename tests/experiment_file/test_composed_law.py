@@ -235,7 +235,8 @@ def test_knots_by_evidence_of_a_curve_with_a_locked_value_are_refused():
     from idic.parameters import ParameterSet
     from idic.run.in_memory.knots import chosen_tables
 
-    raw = with_overrides(tables(yield_stress=200.0, hardening=[{"kind": "free", "knots": "evidence", "range": 0.1}]), None)
+    term = {"kind": "free", "knots": "evidence", "range": 0.1}
+    raw = with_overrides(tables(yield_stress=200.0, hardening=[term]), None)
     table = validated(raw, "e").material["SPECIMEN"]
     record, found, _ = material("SPECIMEN", table, "e")
     experiment = SimpleNamespace(parameters=ParameterSet(found),
