@@ -26,7 +26,8 @@ def test_a_plate_with_a_hole_of_a_foreign_code_gives_its_parameters_back(plate):
     assert result["status"] == "converged"
     off = {name.rpartition(".")[2]: result["parameters"][name]["value"] / value - 1.0 for name, value in truth.items()}
     assert abs(off["E"]) < 0.01 and abs(off["yield_stress"]) < 0.01  # 0.2 and 0.1 % measured; 1 % is wanted
-    assert abs(off["nu"]) < 0.0125  # 1.06 % measured, 0.8 % with one increment per frame; 0.5 % is wanted
+    # 1.06 % measured with chosen increments, 0.8 % with one per frame (std: 1.3 %); 0.5 % is wanted
+    assert abs(off["nu"]) < 0.0125
     assert abs(off["hardening_modulus"]) < 0.03  # 2.5 % measured by generalised least squares; 3 % is wanted
 
 
