@@ -93,7 +93,7 @@ def discrepancy(result: Mapping) -> str:
     if not found["significant"]:
         return "Nothing beyond noise is left that would widen the intervals."
     return (f"The model leaves something unexplained (twice the gain in log-likelihood: "
-            f"{found['likelihood_ratio']:.3g}; {_left_unexplained(found)}): the intervals count it.")
+            f"{found['likelihood_ratio']:.0f}; {_left_unexplained(found)}): the intervals count it.")
 
 
 def _left_unexplained(found: Mapping) -> str:

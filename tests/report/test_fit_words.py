@@ -114,3 +114,11 @@ def test_error_bars_that_count_the_model_are_not_said_to_leave_it_out():
         result["discrepancy"] = {"significant": True}
         said = " ".join([*words.advice(result), words.explained(result)])
         assert "do not include" not in said and "count it as a smooth error" in said
+
+
+def test_the_parts_of_a_discrepancy_are_named_where_they_are_not_zero():
+    found = {"significant": True, "likelihood_ratio": 1749.2, "motion_px": {"a.motion": 0.0, "b.motion": 0.0077},
+             "std": {"a.motion": 0.0, "b.motion": 0.005, "a.stress": 0.0046, "a.channel": 0.0, "rough": 2.955}}
+    text = words.discrepancy({"discrepancy": found})
+    assert "log-likelihood: 1749; smooth motion of about 0.0077 px, smooth stress of about 0.46 %, finer" in text
+    assert "finer motion 3 times the noise)" in text and "channel" not in text
