@@ -91,6 +91,7 @@ TRUTHS = {
     "kinematic_hardening": Truth("j2_kinematic", FLOW | {"hardening_modulus": 150.0, "C": 150.0, "gamma": 0.0},
                                  "plastic"),
     "pressure_dependence": Truth("j2_pressure", FLOW | {"friction": 0.15}, "plastic"),
+    "anisotropic_yielding": Truth("j2_hill", FLOW | {"r0": 1.3, "r45": 0.9, "r90": 1.6}, "plastic"),
     "rate_dependence_of_flow": Truth("viscoplastic", FLOW | {"eta": 800.0, "m": 1.0}, "plastic"),
     "clean_rubber": Truth("neo_hookean", {"C10": 0.4, "kappa": 20.0}, "rubber"),
     "second_invariant": Truth("mooney_rivlin", {"C10": 0.38, "C01": 0.02, "kappa": 20.0}, "rubber"),

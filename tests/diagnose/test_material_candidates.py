@@ -20,20 +20,26 @@ from idic.virtual_tests.meshes import strip_with_hole, write_inp
 
 MATERIAL = {"plasticity", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
             "viscoelasticity", "creep", "damage", "orthotropy", "poisson_ratio", "geometric_nonlinearity",
-            "second_invariant", "thermal_expansion", "nonlinear_elasticity"}
+            "second_invariant", "thermal_expansion", "nonlinear_elasticity", "anisotropic_yielding"}
 CONTRACT = {"plasticity", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
             "viscoelasticity", "creep", "damage", "orthotropy", "poisson_ratio", "geometric_nonlinearity",
             "heterogeneity", "thermal_expansion", "grip_slip", "grip_rotation", "machine_compliance", "force_scale",
             "force_offset", "force_drift", "frame_time_offset", "illumination", "lens_distortion", "magnification",
             "camera_motion", "defocus", "pixel_size", "camera_rotation", "origin", "hole_geometry", "thickness",
             "seating",
-            "friction", "load_cell_curvature", "nonlinear_elasticity", "parallax"}
+            "friction", "load_cell_curvature", "nonlinear_elasticity", "parallax", "anisotropic_yielding"}
 ALSO = {
     "finite": NullModel('law = "elastic"\nkinematics = "finite"\nK = 2222.0\nG = { value = 740.0, identify = true }\n',
                    ELASTIC.grip),
     "perfect": NullModel('law = "j2_linear"\nE = { value = 1.9, unit = "GPa", identify = true, bounds = [1.0, 3.0] }\n'
                     'nu = 0.35\nyield_stress = { value = 28, unit = "MPa", identify = true, prior = { mean = 30.0, '
                     'std = 3.0 } }\n', PLASTIC.grip),
+    "composed": NullModel('law = "elastoplastic"\nE = { value = 2000, identify = true }\nnu = { value = 0.35, identify = '
+                          'true }\nyield_stress = { value = 28, identify = true }\nhardening = [{ kind = "voce", Q = '
+                          '{ value = 5, identify = true }, b = 80 }, { kind = "linear", H = 100 }]\n', PLASTIC.grip),
+    "composed_hill": NullModel('law = "elastoplastic"\nE = { value = 2000, identify = true }\nnu = { value = 0.35, '
+                               'identify = true }\nyield_stress = { value = 28, identify = true }\nyield_surface = '
+                               '{ kind = "hill48", r0 = 1.1, r45 = 1.0, r90 = 1.0 }\n', PLASTIC.grip),
     "power": NullModel('law = "j2_power"\nE = 2000\nnu = 0.35\nyield_stress = { value = 28, identify = true }\n'
                   'K = { value = 60, identify = true }\nn = 0.5\n', PLASTIC.grip),
     "prager": NullModel('law = "j2_kinematic"\nE = 2000\nnu = 0.35\nyield_stress = { value = 28, identify = true }\n'
@@ -50,14 +56,16 @@ APPLY = {  # which of MATERIAL a null leaves open
     "held": {"nonlinear_elasticity", "plasticity", "rate_dependence", "viscoelasticity", "creep", "damage",
              "orthotropy", "poisson_ratio",
              "geometric_nonlinearity", "thermal_expansion"},
-    "plastic": {"hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
+    "plastic": {"anisotropic_yielding", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
                 "thermal_expansion"},
     "rubber": {"plasticity", "rate_dependence", "viscoelasticity", "creep", "second_invariant", "thermal_expansion"},
     "finite": {"nonlinear_elasticity", "plasticity", "rate_dependence", "viscoelasticity", "creep", "damage",
                "orthotropy",
                "thermal_expansion"},
-    "perfect": {"hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
+    "perfect": {"anisotropic_yielding", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
                 "poisson_ratio", "thermal_expansion"},
+    "composed": {"anisotropic_yielding", "thermal_expansion"},
+    "composed_hill": {"thermal_expansion"},
     "power": {"hardening_curvature", "poisson_ratio", "thermal_expansion"},
     "prager": {"hardening_curvature", "poisson_ratio", "thermal_expansion"},
     "one_branch": {"viscoelasticity", "poisson_ratio", "thermal_expansion"},
