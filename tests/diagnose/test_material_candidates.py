@@ -34,9 +34,10 @@ ALSO = {
     "perfect": NullModel('law = "j2_linear"\nE = { value = 1.9, unit = "GPa", identify = true, bounds = [1.0, 3.0] }\n'
                     'nu = 0.35\nyield_stress = { value = 28, unit = "MPa", identify = true, prior = { mean = 30.0, '
                     'std = 3.0 } }\n', PLASTIC.grip),
-    "composed": NullModel('law = "elastoplastic"\nE = { value = 2000, identify = true }\nnu = { value = 0.35, identify = '
-                          'true }\nyield_stress = { value = 28, identify = true }\nhardening = [{ kind = "voce", Q = '
-                          '{ value = 5, identify = true }, b = 80 }, { kind = "linear", H = 100 }]\n', PLASTIC.grip),
+    "composed": NullModel('law = "elastoplastic"\nE = { value = 2000, identify = true }\nnu = { value = 0.35, identify '
+                          '= true }\nyield_stress = { value = 28, identify = true }\nhardening = [{ kind = "voce", '
+                          'Q = { value = 5, identify = true }, b = 80 }, { kind = "linear", H = 100 }]\n',
+                          PLASTIC.grip),
     "composed_hill": NullModel('law = "elastoplastic"\nE = { value = 2000, identify = true }\nnu = { value = 0.35, '
                                'identify = true }\nyield_stress = { value = 28, identify = true }\nyield_surface = '
                                '{ kind = "hill48", r0 = 1.1, r45 = 1.0, r90 = 1.0 }\n', PLASTIC.grip),
@@ -56,13 +57,15 @@ APPLY = {  # which of MATERIAL a null leaves open
     "held": {"nonlinear_elasticity", "plasticity", "rate_dependence", "viscoelasticity", "creep", "damage",
              "orthotropy", "poisson_ratio",
              "geometric_nonlinearity", "thermal_expansion"},
-    "plastic": {"anisotropic_yielding", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
+    "plastic": {"anisotropic_yielding",
+                "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
                 "thermal_expansion"},
     "rubber": {"plasticity", "rate_dependence", "viscoelasticity", "creep", "second_invariant", "thermal_expansion"},
     "finite": {"nonlinear_elasticity", "plasticity", "rate_dependence", "viscoelasticity", "creep", "damage",
                "orthotropy",
                "thermal_expansion"},
-    "perfect": {"anisotropic_yielding", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
+    "perfect": {"anisotropic_yielding",
+                "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
                 "poisson_ratio", "thermal_expansion"},
     "composed": {"anisotropic_yielding", "thermal_expansion"},
     "composed_hill": {"thermal_expansion"},
