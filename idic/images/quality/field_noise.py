@@ -38,7 +38,7 @@ MAX_VARIANCE_RATIO = 2.0  # of what is left of a stage to the median of the stag
 class FieldNoise:
     """Noise of one component of a point.
 
-    std : of a point; sum_std : of independent noise that scatters sums over many points as this one does;
+    std : of a point; sum_std : of independent noise that scatters sums against a uniform strain as this one does;
     correlation : (2 L + 1, 2 L + 1) of points so many rows and columns apart, 1 in the middle
     """
 
@@ -75,7 +75,21 @@ def field_noise(stack: Stack, positions: np.ndarray, frames: Sequence[int], refe
     if not variance > 0.0:  # computed fields
         return None
     correlation = covariance / variance
-    return FieldNoise(float(np.sqrt(variance)), float(np.sqrt(variance * max(correlation.sum(), 1.0))), correlation)
+    sum_variance = variance * _sum_ratio(positions, correlation)
+    return FieldNoise(float(np.sqrt(variance)), float(np.sqrt(sum_variance)), correlation)
+
+
+def _sum_ratio(positions: np.ndarray, correlation: np.ndarray) -> float:
+    """Variance of a sum against a uniform strain over that of independent noise, the mean of both axes.
+
+    Points at an edge, which count most there, have neighbours on one side only: less than the sum of the correlation.
+    """
+    pairs, place = _pairs(positions)
+    shared = np.zeros(int(_lags().max()) + 1)
+    shared[_lags().ravel()] = correlation.ravel()
+    strains = positions - positions.mean(axis=0)
+    products = shared[place] @ (strains[pairs[:, 0]] * strains[pairs[:, 1]])
+    return max(float(np.mean(products / np.maximum((strains**2).sum(axis=0), 1e-300))), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
