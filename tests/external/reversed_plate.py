@@ -112,6 +112,5 @@ def write_folder(folder: Path, truth, seed: int = 0) -> Path:
     write_loads(folder, np.arange(len(u), dtype=float), {"force_N": force + noise, "grip_mm": GRIP})
     write_inp(strip_with_hole(plate.LENGTH, plate.WIDTH, plate.RADIUS, "quad8", **USER), folder / "mesh.inp", "plate")
     text = plate.TOML.replace("NOISE", f"{sensor.total_noise_std:.4f}", 1)
-    start, end = text.index("[material.sheet]"), text.index("[[boundary]]")
-    (folder / "experiment.toml").write_text(text[:start] + text[end:] + MATERIAL)
+    (folder / "experiment.toml").write_text(text[:text.index("[material.sheet]")] + MATERIAL)
     return folder / "experiment.toml"
