@@ -19,8 +19,8 @@ from scipy.interpolate import BSpline
 
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Mesh, boundary_edges
+from idic.fe.mesh.surface_edges import CORNER_COSINE
 
-CORNER_COSINE = 0.8  # an edge that turns by more than 37 degrees has a corner there, where motion may bend sharply
 MODE_DEGREE = 3
 
 

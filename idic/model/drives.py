@@ -12,9 +12,9 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Mesh, boundary_edges, boundary_faces, face_set_nodes
-from idic.fe.mesh.surface_edges import normal_axis, rim_second_differences, seen_first
+from idic.fe.mesh.surface_edges import normal_axis, rim_second_differences, second_difference, seen_first
 from idic.images.placed_camera import PlacedCamera
-from idic.model.boundary_modes import CORNER_COSINE, edge_shapes, start_and_middle, time_courses
+from idic.model.boundary_modes import edge_shapes, start_and_middle, time_courses
 from idic.model.corrections import correction_parameter, corrections_of, pattern
 from idic.model.experiment import Column, Constant, Experiment, Measured, Parametrised, Prescribed
 from idic.model.loads import LoadHistories, build_loads
@@ -336,13 +336,9 @@ def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
         for before, here, after in zip(path, path[1:] + path[:1], path[2:] + path[:2], strict=True):
             if not {before, here, after} <= place.keys():
                 continue
-            first, second = mesh.nodes[here] - mesh.nodes[before], mesh.nodes[after] - mesh.nodes[here]
-            h, k = np.linalg.norm(first), np.linalg.norm(second)
-            if first @ second < CORNER_COSINE * h * k:
-                continue
-            row = np.zeros(len(nodes))
-            row[[place[before], place[here], place[after]]] = 0.5 * (h + k) * np.array([1 / h, -1 / h - 1 / k, 1 / k])
-            rows.append(row)
+            row = second_difference(mesh.nodes, place, before, here, after)
+            if row is not None:
+                rows.append(row)
     return np.array(rows).reshape(-1, len(nodes))
 
 

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.validation.trial.scenes.effects import centre_px
+from idic.validation.trial.scenes.effects import centre_px, enlarged
 from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS, Geometry, Scene, elapsed, plain_scene
+from idic.validation.trial.scenes.setup import direction, late, turned, twice
 from idic.validation.trial.scenes.solve import solve
 
 
@@ -28,49 +29,21 @@ class Confusion:
     null: str = "elastic"
 
 
-def way(scene: Scene) -> np.ndarray:
-    """Direction of the grip, the last one while it rests  # (T,)"""
-    found, last = np.zeros(len(scene.times)), 0.0
-    for k in range(1, len(found)):
-        last = float(np.sign(scene.grip[k] - scene.grip[k - 1])) or last
-        found[k] = last
-    return found
-
-
-def late(scene: Scene) -> np.ndarray:
-    """A course that begins in the middle of the test and ends at one  # (T,)"""
-    return np.maximum(elapsed(scene) - 0.5, 0.0) / 0.5
-
-
-def twice(scene: Scene) -> np.ndarray:
-    """A course with two steps, 1 after each  # (T,)"""
-    return (elapsed(scene) > 0.3) * 1.0 + (elapsed(scene) > 0.8) * 1.0
-
-
-def _larger(camera, factor):
-    return replace(camera, matrix=factor * camera.matrix,
-                   origin_px=centre_px() + factor * (camera.origin_px - centre_px()))
-
-
-def _turned(camera, degrees):
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    turn = np.array([[c, s], [-s, c]])
-    return replace(camera, matrix=turn @ camera.matrix, origin_px=centre_px() + turn @ (camera.origin_px - centre_px()))
-
-
 def _law(scene: Scene, law: str, **values: float) -> Scene:
     return replace(scene, law=law, values={**scene.values, **values})
 
 
 CONFUSIONS = {
     "friction of 2 %": Confusion(
-        "friction", "viscoelasticity", lambda s: replace(s, force=lambda F: F * (1.0 + 0.02 * way(s)))),
+        "friction", "viscoelasticity", lambda s: replace(s, force=lambda F: F * (1.0 + 0.02 * direction(s)))),
     "reversible nonlinear elasticity": Confusion(
         "nonlinear_elasticity", "damage", lambda s: _law(s, "nonlinear_elastic", nonlinearity=8.0)),
     "pixel size 3 % off": Confusion(
-        "pixel_size", "heterogeneity", lambda s: replace(s, camera=lambda camera, k: _larger(camera, 1.03))),
+        "pixel_size", "heterogeneity",
+        lambda s: replace(s, camera=lambda camera, k: enlarged(camera, 1.03, centre_px()))),
     "camera rotated by 0.5 degrees": Confusion(
-        "camera_rotation", "grip_rotation", lambda s: replace(s, camera=lambda camera, k: _turned(camera, 0.5))),
+        "camera_rotation", "grip_rotation",
+        lambda s: replace(s, camera=lambda camera, k: turned(camera, 0.5, centre_px()))),
     "drift from the middle on": Confusion(
         "force_drift", "outside", lambda s: replace(s, force=lambda F: F + 0.06 * np.abs(F).max() * late(s))),
     "grip that begins to turn in a plastic plate": Confusion(

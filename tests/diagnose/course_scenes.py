@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from confusion_scenes import _larger
-
+from idic.validation.trial.scenes.effects import centre_px, enlarged
 from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS, Geometry, Scene, elapsed, plain_scene
 from idic.validation.trial.scenes.solve import solve
@@ -43,7 +42,8 @@ SCENES = {
     "swinging grip": Wandering("grip_rotation", lambda s: s.moved("RIGHT", "x", 0.0, 0.006 * to_and_fro(s))),
     "slip and back": Wandering("grip_slip", lambda s: s.moved("RIGHT", "x", -0.004 * bump(s))),
     "breathing camera": Wandering(
-        "magnification", lambda s: replace(s, camera=lambda c, k: _larger(c, 1.0 + 0.002 * to_and_fro(s)[k]))),
+        "magnification",
+        lambda s: replace(s, camera=lambda c, k: enlarged(c, 1.0 + 0.002 * to_and_fro(s)[k], centre_px()))),
 }
 
 

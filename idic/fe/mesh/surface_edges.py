@@ -1,6 +1,8 @@
-"""Edges of the seen surface of a solid: which nodes of a set the cameras see, and how the others follow them."""
+"""Edges that are measured: second differences along them, and on a solid which nodes of a set the cameras see."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -8,7 +10,7 @@ from scipy.spatial import cKDTree
 from idic.fe.mesh.mesh import Mesh, face_cells, face_set_nodes
 
 MIN_NORMAL_ALONG_AXIS = 0.99  # cosine: a surface that looks along an axis
-CORNER_COSINE = 0.8           # as of plane edges (`idic.model.boundary_modes`): sharper turns of the rim are corners
+CORNER_COSINE = 0.8  # an edge that turns by more than 37 degrees has a corner there, where motion may bend sharply
 
 
 def seen_first(mesh: Mesh, surface: str, nodes: np.ndarray) -> np.ndarray:
@@ -57,15 +59,25 @@ def rim_second_differences(mesh: Mesh, surface: str, nodes: np.ndarray) -> np.nd
         around = neighbours.get(here, [])
         if len(around) != 2 or not set(around) <= place.keys():
             continue
-        before, after = around
-        first, second = mesh.nodes[here] - mesh.nodes[before], mesh.nodes[after] - mesh.nodes[here]
-        h, k = float(np.linalg.norm(first)), float(np.linalg.norm(second))
-        if first @ second < CORNER_COSINE * h * k:
-            continue
-        row = np.zeros(len(nodes))
-        row[[place[before], place[here], place[after]]] = 0.5 * (h + k) * np.array([1 / h, -1 / h - 1 / k, 1 / k])
-        rows.append(row)
+        row = second_difference(mesh.nodes, place, around[0], here, around[1])
+        if row is not None:
+            rows.append(row)
     return np.array(rows).reshape(-1, len(nodes))
+
+
+def second_difference(points: np.ndarray, place: Mapping[int, int], before: int, here: int,
+                      after: int) -> np.ndarray | None:
+    """Second difference of nodal values at a node of an edge, scaled to the mean of the two spacings; None at a corner.
+
+    points : (n_nodes, 2|3); place : position of a node among the values. Returns (len(place),)
+    """
+    first, second = points[here] - points[before], points[after] - points[here]
+    h, k = np.linalg.norm(first), np.linalg.norm(second)
+    if first @ second < CORNER_COSINE * h * k:
+        return None
+    row = np.zeros(len(place))
+    row[[place[before], place[here], place[after]]] = 0.5 * (h + k) * np.array([1 / h, -1 / h - 1 / k, 1 / k])
+    return row
 
 
 def _segments(face: list[int]) -> list[tuple[int, int]]:
