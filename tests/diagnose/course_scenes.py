@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+
 from idic.validation.trial.scenes.effects import centre_px, enlarged
 from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS, Geometry, Scene, elapsed, plain_scene
