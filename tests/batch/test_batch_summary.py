@@ -51,7 +51,7 @@ def test_the_summary_has_every_run_with_status_and_reason(batch):
     assert "3 of 6 runs converged; 1 bad input, 1 max iterations, 1 waiting." in page
     assert "&lt;b&gt;mesh.inp" in page and "<b>mesh" not in page, "what a file says is text, not markup"
     assert 'href="a0/report.html"' in page and "refused/report.html" not in page
-    assert "src=\"http" not in page and "data:image/png" in page
+    assert "src=\"http" not in page and "data:image/webp" in page
 
 
 def test_an_interrupted_batch_says_how_to_go_on(batch):

@@ -183,7 +183,7 @@ def test_a_comparison_lists_the_differences_of_two_runs(pair, together, tmp_path
     turn = next(entry for entry in content["parameters"] if entry["name"] == "second.camera.rotation_deg")
     assert turn["values"][0] is None and turn["differences"][1] is None
     page = write_comparison(content, tmp_path / "out").read_text(encoding="utf-8")
-    assert "BODY.E" in page and "Model and fit" in page and "data:image/png" in page
+    assert "BODY.E" in page and "Model and fit" in page and "data:image/webp" in page
     assert (tmp_path / "out" / "compare.csv").read_text().count("\n") == 1 + len(content["parameters"])
 
 

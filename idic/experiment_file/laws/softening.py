@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idic.fe.external.solver import EXTERNAL
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh
 from idic.materials.core.crack_band import element_sizes
@@ -22,7 +23,7 @@ def softening_notes(materials: Sequence[Material], parameters: Sequence[Paramete
     """
     values, notes = {p.name: p.value for p in parameters}, []
     for material in materials:
-        band = get_law(material.law).crack_band
+        band = None if material.law == EXTERNAL else get_law(material.law).crack_band
         if band is None:
             continue
         sizes = sizes_of(mesh, mesh.element_sets[material.element_set])
