@@ -118,5 +118,5 @@ def test_the_parameters_come_back_from_edges_that_two_cameras_measure(tmp_path):
     # steps, a third of a standard deviation, may not lower the objective
     assert result["status"] in ("converged", "stalled")
     for name, true in TRUTH.items():
-        entry = result["parameters"][f"BODY.{name}"]
+        entry = result["parameters"][name]
         assert abs(entry["value"] - true) < 3.0 * entry["std_noise"], (name, entry)

@@ -50,8 +50,8 @@ BODIES = {
     "mooney_rivlin": lambda **o: experiment("mooney_rivlin", {"C10": 2.0, "C01": 1.0, "kappa": 30.0},
                                             prescribed=pulled(1.2), kinematics="finite", **o),
     "free_rubber": lambda **o: experiment(
-        "free_rubber", {"kappa": 30.0, "I1_range": 1.0, "I1_g1": 2.0, "I1_g2": 2.1, "I1_g3": 2.4, "I1_g4": 3.0},
-        prescribed=pulled(1.6),
+        "free_rubber", {"kappa": 30.0, "I1_range": 0.12, "I1_g1": 2.0, "I1_g2": 2.1, "I1_g3": 2.4, "I1_g4": 3.0},
+        prescribed=pulled(1.2),
         kinematics="finite", **o),
     "j2_swift": lambda **o: experiment("j2_swift", {"E": 1000.0, "nu": 0.3, "K": 10.0, "eps0": 0.01, "n": 0.25},
                                        kinematics="finite", **o),
@@ -68,7 +68,7 @@ BODIES = {
     "creep": lambda **o: experiment("creep", ELASTIC | {"rate": 2e-3, "n": 2.0, "stress": 20.0}, kinematics="finite",
                                     **o),
     "elastic_damage": lambda **o: experiment(
-        "elastic_damage", ELASTIC | {"threshold": 0.004, "softening": 80.0, "compression": 0.7, "length": 1.0},
+        "elastic_damage", ELASTIC | {"threshold": 0.004, "softening": 40.0, "compression": 0.7, "length": 1.0},
         kinematics="finite", **o),
     "nonlinear_elastic": lambda **o: experiment("nonlinear_elastic", ELASTIC | {"nonlinearity": 8.0},
                                                 kinematics="finite", **o),
