@@ -21,7 +21,8 @@ THERE_AND_BACK = (0.0, 0.03, 0.06, 0.09, 0.12, 0.09, 0.05, 0.01, -0.03, -0.06)
 
 
 def identified(tmp_path, law, truth, terms, grip):
-    twin = Twin(law=law, truth=PLASTIC | truth, grip=grip, times=tuple(float(k) for k in range(len(grip))), noise=1.0)
+    twin = Twin(law=law, truth=PLASTIC | truth, grip=grip, times=tuple(float(k) for k in range(len(grip))), noise=1.0,
+                increments=16)
     path = write_folder(tmp_path / "twin", twin, STEEL + terms + GRIPS + FORCE)
     _, result = solved(path)
     assert result["status"] == "converged"

@@ -86,6 +86,7 @@ class Twin:
     log_late: float = 0.0  # s by which the log lags behind the images
     gains: tuple = ()
     seed: int = 0
+    increments: int = 1  # of the truth, per frame
 
     def motion(self):
         """Clean displacements (n_frames, n_nodes, 2) and force (n_frames,) on the fine mesh."""
@@ -99,11 +100,14 @@ def simulate(twin: Twin, grip: np.ndarray):
     basis = np.zeros((len(dofs), 1))
     basis[:len(right)] = 1.0
     law = compile_law(twin.law, None)
+    frames, fine = np.arange(len(grip)), np.linspace(0, len(grip) - 1, (len(grip) - 1) * twin.increments + 1)
+    grip, times = np.interp(fine, frames, grip), np.interp(fine, frames, np.array(twin.times))
     model = Model(mesh=mesh, kind="plane_stress", sections=(Section("BODY", law, mesh.element_sets["BODY"]),),
                   thickness=THICKNESS, constraints=Constraints(dofs, basis, grip[:, None]),
                   channels=(Reaction(2 * right),))
     values = np.array([twin.truth[name] for name in law.spec.parameter_names])
-    states = [(s.u.copy(), s.channels[0]) for s in march(model, {"BODY": values}, np.array(twin.times))]
+    states = [(s.u.copy(), s.channels[0]) for s in march(model, {"BODY": values}, times)]
+    states = states[::twin.increments]
     return mesh, np.array([u for u, _ in states]), np.array([f for _, f in states])
 
 
