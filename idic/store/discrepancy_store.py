@@ -16,7 +16,8 @@ def save_discrepancy(store: RunStore, number: int, found: DiscrepancySystem | st
     """Store the normal equations of the evaluated point `number`, or why they were not made."""
     made = not isinstance(found, str)
     ident = ({"reason": "", "names": list(found.names), "components": [c.name for c in found.components],
-              "motion_px": dict(found.motion_px)} if made else {"reason": found})
+              "motion_px": dict(found.motion_px), "may_be_rough": found.may_be_rough}
+             if made else {"reason": found})
     with store.building(group_name(number, LABEL), ident) as folder:
         if made:
             for name in ("M", "b", "noise", "channel_rows"):
@@ -40,4 +41,4 @@ def load_discrepancy(store: RunStore, number: int) -> DiscrepancySystem | str:
     return DiscrepancySystem(tuple(kind["names"]), read_array(folder, "M"), read_array(folder, "b"),
                              read_array(folder, "noise"), components, dict(kind["motion_px"]),
                              read_array(folder, "channel_rows"),
-                             mesh_error)
+                             mesh_error, bool(kind.get("may_be_rough", True)))

@@ -57,7 +57,9 @@ class DiscrepancySystem:
     by the name of the component that it is the unit of; channel_rows : (n_frames, n_channels, n + q) derivatives of the
     simulated channels, None where they are not known; of several experiments: frames and channels of one after the
     other;
-    mesh_error : (n,) the error of b by a coarse mesh, None where it was not estimated (`idic.identify.systematic`)
+    mesh_error : (n,) the error of b by a coarse mesh, None where it was not estimated (`idic.identify.systematic`);
+    may_be_rough : whether what is finer than the fields may count as noise does. Not on solids: the error of a coarse
+    mesh, which moves parameters by more than noise of that size would, is not estimated there
     """
 
     names: tuple[str, ...]
@@ -68,6 +70,7 @@ class DiscrepancySystem:
     motion_px: Mapping[str, float]
     channel_rows: np.ndarray | None = None
     mesh_error: np.ndarray | None = None
+    may_be_rough: bool = True
 
     @property
     def n(self) -> int:
@@ -125,7 +128,8 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
     system, gram = closed_system(wide, reduce_systems(systems()))
     return DiscrepancySystem(context.names, system.M, system.b, system.spread + context.weights.image_noise**2 * gram,
                              fields.components, {MOTION: last[0] / experiment.camera.pixel_size},
-                             np.array([record.channel_columns for record in system.frames]))
+                             np.array([record.channel_columns for record in system.frames]),
+                             may_be_rough=experiment.n_dim == 2)
 
 
 def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
@@ -161,7 +165,8 @@ def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
     return DiscrepancySystem(tuple(free), M, b, noise, tuple(components),
                              {f"{name}.{key}": px for name, part in made.items() for key, px in part.motion_px.items()},
                              _one_after_the_other(rows) if len(rows) == len(made) else None,
-                             mesh_error if any(part.mesh_error is not None for part in made.values()) else None)
+                             mesh_error if any(part.mesh_error is not None for part in made.values()) else None,
+                             all(part.may_be_rough for part in made.values()))
 
 
 def _one_after_the_other(rows: Sequence[np.ndarray]) -> np.ndarray:

@@ -71,7 +71,7 @@ def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray,
     variances, ratio = likelihood.maximum()
     rough, covariance = 0.0, np.zeros((n, n))
     if ratio > MIN_LIKELIHOOD_RATIO:
-        several, with_rough = likelihood.with_rough().maximum()
+        several, with_rough = likelihood.with_rough().maximum() if system.may_be_rough else (variances, ratio)
         if with_rough - ratio > MIN_LIKELIHOOD_RATIO:
             *variances, rough = several
         covariance += rough * slopes[:, None] * system.noise[:n, :n] * slopes
