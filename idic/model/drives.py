@@ -254,6 +254,11 @@ class _Builder:
             return
         mesh, surface = self.experiment.mesh, self.experiment.surface
         leaders = np.arange(len(nodes)) if mesh.n_dim == 2 else seen_first(mesh, surface, nodes)
+        if not len(leaders):
+            raise InputError("hidden nodes without a seen one to follow", file="experiment.toml", key=stem,
+                             expected="one [[boundary]] for the seen and the hidden nodes of an edge",
+                             found=f"{len(nodes)} nodes whose seen neighbours an earlier [[boundary]] measures",
+                             remedy="measure both in one set")
         own = np.unique(leaders)
         for leader in own:
             index = self._drive(f"{stem}.node{mesh.node_labels[nodes[leader]]}", np.zeros(self.frames))

@@ -105,6 +105,15 @@ def test_an_edge_that_no_camera_sees_is_refused(experiment):
         build_drives(hidden)
 
 
+def test_hidden_nodes_whose_seen_neighbours_are_measured_elsewhere_are_refused(experiment):
+    mesh, nodes = experiment.mesh, set_nodes(experiment, "RIGHT")
+    front = nodes[np.abs(mesh.nodes[nodes, 2]) < 1e-9]
+    split = replace(experiment, mesh=replace(mesh, node_sets={**mesh.node_sets, "SEEN": front}),
+                    prescribed=(Prescribed("SEEN", "x", Measured()), Prescribed("RIGHT", "x", Measured())))
+    with pytest.raises(InputError, match="without a seen one"):
+        build_drives(split)
+
+
 @pytest.mark.slow
 def test_the_parameters_come_back_from_edges_that_two_cameras_measure(tmp_path):
     folder = tmp_path / "test"
