@@ -24,7 +24,7 @@ except ImportError:  # not on Windows; without either, the process number in the
     msvcrt = None  # type: ignore[assignment]
 
 LOCK_NAME = "run.lock"
-# Windows locks this byte, and nobody else can read it; the holder's process number lies before it
+# On Windows no other process can read a locked byte: the lock is here, behind the process number of its holder
 LOCKED_BYTE = 1 << 30
 
 

@@ -1,7 +1,7 @@
 """Significance in words, to where it means something.
 
-Beyond eight standard deviations, and below a probability of one in a million, the figures are those of the noise
-model's tails, which nobody has measured: the limits are printed in their place. Files keep the numbers.
+Beyond eight standard deviations, and below a probability of one in a million, a figure rests on the tails of the
+normal distribution, which are not measured: pages print the limit instead of the figure. Files keep the figure.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Noise of a measured field, from the stages themselves: its size, and how it is correlated between neighbours.
 
 Subsets of a DIC overlap and filters smooth, so that neighbouring points share their noise. A stage is predicted from
-the stages before and after it and from a polynomial of the second degree in the place; what is left is noise:
+the stages before and after it and from a quadratic polynomial of the position; the rest is noise:
 
     v_t = a v_(t-1) + b v_(t+1) + polynomial + noise,      variance s² [1 + a² + b² + (1 - a - b)²/N]
 
