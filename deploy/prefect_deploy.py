@@ -3,13 +3,14 @@
     PREFECT_API_URL=http://127.0.0.1:4200/api python deploy/prefect_deploy.py [POOL] [--at-a-time N]
 
 The pool (default "idic", type process) is made where it is not there yet. A deployment names a function of the
-installed package; the worker needs the same idic, and nothing else. With N, at most so many runs of a deployment go on at
-a time; further ones wait.
+installed package; the worker needs the same idic, and nothing else. With N, at most so many runs of a deployment go on
+at a time; further ones wait.
 """
 
 from __future__ import annotations
 
 import argparse
+from contextlib import suppress
 
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import WorkPoolCreate
@@ -24,10 +25,8 @@ NAME = "idic"
 def main(pool: str, at_a_time: int | None) -> None:
     """Make the pool and the deployments, or bring them up to date."""
     with get_client(sync_client=True) as client:
-        try:
+        with suppress(ObjectAlreadyExists):
             client.create_work_pool(WorkPoolCreate(name=pool, type="process"))
-        except ObjectAlreadyExists:
-            pass
     for flow in FLOWS:
         deployment = flow.to_deployment(NAME, work_pool_name=pool, entrypoint_type=EntrypointType.MODULE_PATH,
                                         concurrency_limit=at_a_time)

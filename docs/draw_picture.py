@@ -1,4 +1,4 @@
-"""Makes draw.png and draw-run.png: the page of `idic draw` on the images and the log of the demo, before and after the run.
+"""Makes draw.png and draw-run.png: the page of `idic draw` on images and log of the demo, before and after the run.
 
     python docs/draw_picture.py
 """
@@ -29,7 +29,8 @@ def main() -> None:
         write_example("demo", folder)
         for name in ("mesh.inp", "experiment.toml", "truth.json"):
             (folder / name).unlink()
-        program = subprocess.Popen([sys.executable, "-m", "idic", "draw", str(folder), "--no-browser"], stdout=subprocess.PIPE, text=True)
+        program = subprocess.Popen([sys.executable, "-m", "idic", "draw", str(folder), "--no-browser"],
+                                   stdout=subprocess.PIPE, text=True)
         try:
             with Browser(program.stdout.readline().split()[1], 1200, 800) as page:
                 page.wait('document.body?.dataset.ready === "yes"')

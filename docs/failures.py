@@ -24,15 +24,15 @@ STRIP = ("example", "demo", "--reduced", "--out", "strip")
 IDENTIFY = ("identify", "strip", "--out", "run", "--workers", "0")
 HEAD = """# Failures and their messages
 
-A small test is broken in one way at a time. All cases start from the same virtual test, an open-hole strip of metal that
-yields ([tutorial.md](tutorial.md)):
+A small test is broken in one way at a time. All cases start from the same virtual test, an open-hole strip of metal
+that yields ([tutorial.md](tutorial.md)):
 
 ```sh
 idic example demo --reduced --out strip
 ```
 
-`python docs/failures.py FOLDER` breaks the tests, runs the commands and writes their outputs into this page. Times are those
-of a loaded machine.
+`python docs/failures.py FOLDER` breaks the tests, runs the commands and writes their outputs into this page. Times are
+those of a loaded machine.
 
 | error | symptom |
 | --- | --- |
@@ -134,7 +134,8 @@ CASES = (
          example=(*STRIP, "--noise", "0.5")),
     Case("no-force", "No force", "The channel of the force is missing: images alone contain no stress.",
          (CHECK, IDENTIFY), "warning of `check`; \"no force: only ratios\"",
-         "Ratios and Poisson's ratio are determined. For values in MPa compare a force, or lock one modulus at a known value.",
+         "Ratios and Poisson's ratio are determined. For values in MPa compare a force, or lock one modulus at a known "
+         "value.",
          spoil=without_force),
     Case("twins", "Two parameters with the same effect", "Thickness and stiffness are identified together.",
          (IDENTIFY,), "the partners and their correlation are named",
@@ -153,7 +154,8 @@ CASES = (
     Case("upside-down", "A mirrored mesh",
          "`axes` lets mesh y point down in the image; it points up.",
          (IDENTIFY,), "none: this specimen is symmetric",
-         "The mirror image of a symmetric test is the same test. With any other specimen look at the picture of `idic check`.",
+         "The mirror image of a symmetric test is the same test. With any other specimen look at the picture of "
+         "`idic check`.",
          spoil=edit('axes = ["+col", "-row"]', 'axes = ["+col", "+row"]')),
     Case("lost-frame", "A frame is black", "The lamp failed in one image.",
          (CHECK, IDENTIFY), "warning of `check`; the frame is listed and left out of the verdict",
@@ -164,16 +166,19 @@ CASES = (
          "`corrections = [{ kind = \"slip\", start_s = 6.0 }]` at the boundary, or `ux = \"measured\"`.",
          spoil=slipping),
     Case("torn-image", "A file is damaged", "One image file is truncated.", (CHECK, IDENTIFY),
-         "exit code 2, the file is named, nothing is written", "Follow the message; nothing was written.", spoil=torn_image),
+         "exit code 2, the file is named, nothing is written", "Follow the message; nothing was written.",
+         spoil=torn_image),
     Case("missing-image", "An image is missing", "One image is missing, the log still has its row.", (IDENTIFY,),
          "exit code 2, both numbers are named", "Follow the message; nothing was written.", spoil=missing_image),
     Case("no-value", "A gap in the log", "One value of the force is empty.", (IDENTIFY,),
-         "exit code 2, file, column and row are named", "Follow the message; nothing was written.", spoil=without_value),
+         "exit code 2, file, column and row are named", "Follow the message; nothing was written.",
+         spoil=without_value),
     Case("wrong-column", "A missing column", "The log has another name for the grip.", (IDENTIFY,),
          "exit code 2, the columns of the log are listed", "Follow the message; nothing was written.",
          spoil=edit('column = "grip_displacement_mm"', 'column = "grip_mm"')),
     Case("wrong-key", "A misspelt key", "`yeild_stress` in place of `yield_stress`.", (IDENTIFY,),
-         "exit code 2, the nearest key is named", "Follow the message; nothing was written.", spoil=edit("yield_stress", "yeild_stress")),
+         "exit code 2, the nearest key is named", "Follow the message; nothing was written.",
+         spoil=edit("yield_stress", "yeild_stress")),
     Case("wrong-set", "A missing set", "The boundary is called GRIP in experiment.toml, RIGHT in the mesh.",
          (IDENTIFY,), "exit code 2, the sets of the mesh are listed", "Follow the message; nothing was written.",
          spoil=edit('nodes = "RIGHT"', 'nodes = "GRIP"')),
@@ -207,7 +212,7 @@ def section(case: Case, said: list[dict]) -> str:
     if case.example != STRIP:
         lines += ["```sh", "idic " + " ".join(case.example), "```", ""]
     for own in said:
-        text = re.sub(r"[ \t]+$", "", own["said"].strip("\n"), flags=re.M).replace(own["folder"] + "/", "")
+        text = re.sub(r"[ \t]+$", "", own["said"].strip("\n"), flags=re.MULTILINE).replace(own["folder"] + "/", "")
         lines += ["```", "$ idic " + " ".join(own["command"]), text, f"exit code {own['code']}", "```", ""]
     return "\n".join([*lines, f"**What to do.** {case.remedy}", ""])
 

@@ -19,7 +19,8 @@ from driver import Browser  # noqa: E402
 
 COLOURS = 256  # of the picture: half of the bytes
 SET = """(() => { const part = (name) => document.querySelector(`#field-viewer [data-is="${name}"]`);
-  const choose = (name, pick) => { const box = part(name), option = [...box.options].find((o) => pick.test(o.textContent));
+  const choose = (name, pick) => { const box = part(name);
+    const option = [...box.options].find((o) => pick.test(o.textContent));
     box.value = option.value; box.dispatchEvent(new Event("change", { bubbles: true })); };
   choose("quantity", /^strain xx$/); choose("shape", /× 10$/);
   const frame = part("frame"); frame.value = frame.max; frame.dispatchEvent(new Event("input", { bubbles: true }));

@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import psutil
@@ -40,7 +41,7 @@ def write_strip(folder: Path) -> Path:
     edges = [-100.0, *(-14.0 + 28.0 * k / SLICES for k in range(1, SLICES)), 100.0]  # mm
     bounds = [
         f"x >= {low:.4f} and x < {high:.4f} and y {side} 0"
-        for low, high in zip(edges, edges[1:])
+        for low, high in pairwise(edges)
         for side in ("<", ">=")
     ]
     pieces = [

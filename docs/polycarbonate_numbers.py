@@ -69,27 +69,32 @@ def causes(size: Size) -> None:
     shown = {n: _images(size, n) for n in (1, 5)}
     for label, samples, overrides in (("as the study", 1, {}),
                                       ("low-pass of 0.6 px", 1, blurred | {"options.camera_blur_px": 0.0}),
-                                      ("up to the border, 3 px from edges", 1, near), ("pixels that integrate over their area", 5, {}),
+                                      ("up to the border, 3 px from edges", 1, near),
+                                      ("pixels that integrate over their area", 5, {}),
                                       ("all three", 5, blurred | near)):
         _print_step(label, shown[samples], 0, overrides)
 
 
 def misfit(size: Size) -> None:
     """chi^2 of images of 8 bit at the true motion: mean over every seventh frame, and the last of them."""
-    matched, border = {"options.camera_blur_px": 0.0}, {"options.lowpass_px": 0.0, "options.border_px": 6, "options.edge_margin_px": 6}
-    for samples, kinds in ((3, {"the defaults": {}, "no border left out": {"options.border_px": 0}, "no low-pass": border}),
+    matched = {"options.camera_blur_px": 0.0}
+    border = {"options.lowpass_px": 0.0, "options.border_px": 6, "options.edge_margin_px": 6}
+    for samples, kinds in ((3, {"the defaults": {}, "no border left out": {"options.border_px": 0},
+                                "no low-pass": border}),
                            (1, {"camera_blur_px = 0": matched, "no low-pass": border})):
         test, stack = _images(size, samples)
         for label, overrides in kinds.items():
             for name, found in _misfits(test, RoundedStack(stack, 8), overrides).items():
-                print(f"| {samples} x {samples} | {label}, {name} | {np.mean(found):.2f} | {found[-1]:.2f} |", flush=True)
+                print(f"| {samples} x {samples} | {label}, {name} | {np.mean(found):.2f} | {found[-1]:.2f} |",
+                      flush=True)
 
 
 def _misfits(test, stack, overrides: Mapping[str, object]) -> dict[str, list[float]]:
     with TemporaryDirectory() as folder:
         write_virtual_model(Path(folder), test, floor_gv=SPLINE_FLOOR)
         experiment = load_rendered(folder, stack, {"options.element_order": "as_given", **overrides})
-    nodes, project, own = experiment.mesh.nodes, experiment.camera.project, build_reference(experiment, experiment.camera)
+    nodes, project = experiment.mesh.nodes, experiment.camera.project
+    own = build_reference(experiment, experiment.camera)
     found: dict[str, list[float]] = {"blur matched": [], "blur as it is": []}
     for frame in range(7, stack.n_frames, 7):
         u = project(nodes + np.pad(test.displacements[frame][:len(nodes)], ((0, 0), (0, 1)))) - project(nodes)

@@ -1,5 +1,5 @@
-"""The documentation as a site with search: the pages of docs/, one per law and per candidate, executed examples, the Python
-reference, the gallery.
+"""The documentation as a site with search: the pages of docs/, one per law and per candidate, executed examples, the
+Python reference, the gallery.
 
     pip install ".[docs]"
     python docs/site_pages.py site --gallery gallery     # site/html/index.html; gallery: written by idic gallery
@@ -24,14 +24,15 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 EXAMPLES = DOCS / "examples"  # scripts; the build runs them
 REPOSITORY_PAGES = {"README.md": "readme", "CONTRIBUTING.md": "contributing", "CHANGELOG.md": "changelog",
-                    "deploy/README.md": "deploy", "deploy/slurm.md": "deploy-slurm", "deploy/compose.md": "deploy-compose",
-                    "deploy/kubernetes.md": "deploy-kubernetes", "deploy/prefect.md": "deploy-prefect"}
+                    "deploy/README.md": "deploy", "deploy/slurm.md": "deploy-slurm",
+                    "deploy/compose.md": "deploy-compose", "deploy/kubernetes.md": "deploy-kubernetes",
+                    "deploy/prefect.md": "deploy-prefect"}
 WRAPPED = ".highlight-text pre { white-space: pre-wrap; }"
 PYTHON = {  # title -> modules of the reference
     "From Python objects": ("idic.notebook.experiment", "idic.notebook.identify", "idic.notebook.result",
                             "idic.notebook.estimates"),
-    "From folders": ("idic.experiment_file.load", "idic.run.plain", "idic.run.reporting.write", "idic.run.reporting.export",
-                     "idic.run.design"),
+    "From folders": ("idic.experiment_file.load", "idic.run.plain", "idic.run.reporting.write",
+                     "idic.run.reporting.export", "idic.run.design"),
     "Experiment and simulation": ("idic.model.experiment", "idic.model.gauges", "idic.model.forward", "idic.parameters",
                                   "idic.images.camera"),
     "Fields": ("idic.fields.strain", "idic.fields.series", "idic.fields.readings", "idic.fields.free"),
@@ -42,8 +43,8 @@ PYTHON = {  # title -> modules of the reference
 
 
 def write_source(folder: Path, gallery: Path | None = None, pictures: bool = True) -> None:
-    """The pages as Sphinx reads them; gallery : a folder that ``idic gallery`` wrote; pictures : of the laws and examples,
-    which are executed for them."""
+    """The pages as Sphinx reads them; gallery : a folder that ``idic gallery`` wrote; pictures : of the laws and
+    examples, which are executed for them."""
     if folder.exists():
         shutil.rmtree(folder)
     shutil.copytree(DOCS, folder, ignore=shutil.ignore_patterns("*.py", "README.md", "__pycache__", "examples"))
@@ -52,7 +53,8 @@ def write_source(folder: Path, gallery: Path | None = None, pictures: bool = Tru
     _write(folder / "static" / "site.css", WRAPPED)
     for page in folder.rglob("*.md"):
         place = DOCS / page.parent.relative_to(folder)
-        page.write_text(_with_links(page.read_text(encoding="utf-8"), place, page.parent.relative_to(folder)), encoding="utf-8")
+        text = _with_links(page.read_text(encoding="utf-8"), place, page.parent.relative_to(folder))
+        page.write_text(text, encoding="utf-8")
     for name, target in REPOSITORY_PAGES.items():
         text = (ROOT / name).read_text(encoding="utf-8")
         (folder / f"{target}.md").write_text(_with_links(text, (ROOT / name).parent), encoding="utf-8")
@@ -106,7 +108,8 @@ def _law_pages(folder: Path, pictures: bool) -> Iterator[str]:
         if states := [state for state in law.state_names if not re.search(r"\d\d(-1)?$", state)]:
             parts.append("State: " + ", ".join(f"`{state}`" for state in states) + ".")
         parts += [_toml(name, law.parameters), f"![Uniaxial stress and its sensitivities]({name}.png)",
-                  "Above: uniaxial stress, loading and reversed. Below: its change for a relative change of one parameter."]
+                  "Above: uniaxial stress, loading and reversed. Below: its change for a relative change of one "
+                  "parameter."]
         if doc := _text(inspect.getmodule(next(iter(law.updates.values())))):
             parts.append(f"## In the source\n\n{doc}")
         _write(folder / f"{name}.md", "\n\n".join(parts))
@@ -128,8 +131,8 @@ def _example_pages(folder: Path, execute: bool) -> Iterator[str]:
         if execute:
             place = folder / script.stem
             place.mkdir(parents=True)
-            done = subprocess.run([sys.executable, str(script)], cwd=place, check=True, stdout=subprocess.PIPE, text=True,
-                                  encoding="utf-8")
+            done = subprocess.run([sys.executable, str(script)], cwd=place, check=True, stdout=subprocess.PIPE,
+                                  text=True, encoding="utf-8")
             parts.append(f"```text\n{done.stdout.rstrip()}\n```")
             parts += [f"![{picture.stem}]({script.stem}/{picture.name})" for picture in sorted(place.glob("*.png"))]
         _write(folder / f"{script.stem}.md", "\n\n".join(parts))
@@ -138,7 +141,8 @@ def _example_pages(folder: Path, execute: bool) -> Iterator[str]:
 
 def _toml(name: str, parameters: Sequence) -> str:
     lines = [f"{p.name} = {{ value = {p.default:g}, unit = \"{p.unit}\", identify = true }}" if p.unit not in ("", "-")
-             else f"{p.name} = {{ value = {p.default:g}, identify = true }}" for p in parameters if p.default is not None]
+             else f"{p.name} = {{ value = {p.default:g}, identify = true }}"
+             for p in parameters if p.default is not None]
     return "```toml\n[material.SPECIMEN]\nlaw = \"" + name + "\"\n" + "\n".join(lines) + "\n```"
 
 
@@ -148,9 +152,11 @@ def _candidate_pages(folder: Path) -> Iterator[str]:
 
     known = {candidate.name: candidate for candidate in candidates()}
     for name, one in known.items():
-        rivals = [(f"[{rival}]({rival}.md)" if rival in known else f"`{rival}`", why) for rival, why in one.rivals.items()]
+        rivals = [(f"[{rival}]({rival}.md)" if rival in known else f"`{rival}`", why)
+                  for rival, why in one.rivals.items()]
         parts = [f"# {one.title}", (f"{one.paraphrase[0].upper()}{one.paraphrase[1:]}." if one.paraphrase else ""),
-                 _table(("name", "family", "side", "absent at"), [(f"`{name}`", one.family.replace("_", " "), one.side, one.null)])]
+                 _table(("name", "family", "side", "absent at"),
+                        [(f"`{name}`", one.family.replace("_", " "), one.side, one.null)])]
         if rivals:
             parts.append("## Rivals\n\n" + _table(("physics", "what tells them apart"), rivals))
         if one.separating_tests:
@@ -166,11 +172,13 @@ def _reference(name: str) -> str:
     module = importlib.import_module(name)
     parts = [f"## {name}", _text(module)]
     for key, one in vars(module).items():
-        if key.startswith("_") or getattr(one, "__module__", None) != name or not (inspect.isfunction(one) or inspect.isclass(one)):
+        own = not key.startswith("_") and getattr(one, "__module__", None) == name
+        if not own or not (inspect.isfunction(one) or inspect.isclass(one)):
             continue
         parts.append(f"### {key}\n\n```python\n{key}{_signature(one)}\n```\n\n{_text(one)}")
-        methods = [(label, method) for label, method in vars(one).items() if not label.startswith("_")] if inspect.isclass(one) else []
-        for label, method in methods:
+        for label, method in vars(one).items() if inspect.isclass(one) else ():
+            if label.startswith("_"):
+                continue
             held = method.fget if isinstance(method, property) else getattr(method, "__func__", method)
             if inspect.isfunction(held) and inspect.getdoc(held):
                 call = "" if isinstance(method, property) else _signature(held)
@@ -196,10 +204,12 @@ def _text(one: object) -> str:
 
 def _write_gallery(folder: Path, gallery: Path | None) -> None:
     """The finished reports, or how to make them."""
-    text = ("# Gallery\n\nSmall virtual tests with known truth and their finished reports, as `idic gallery` makes them: a plate "
-            "with a hole, a composite, a bulge test, a polymer that necks, two speeds together, and a model that lacks a physics.")
+    text = ("# Gallery\n\nSmall virtual tests with known truth and their finished reports, as `idic gallery` makes "
+            "them: a plate with a hole, a composite, a bulge test, a polymer that necks, two speeds together, and a model that "
+            "lacks a physics.")
     if gallery is None:
-        text += "\n\nThis site was built without them:\n\n```sh\nidic gallery --out gallery\npython docs/site_pages.py site --gallery gallery\n```"
+        text += ("\n\nThis site was built without them:\n\n```sh\nidic gallery --out gallery\n"
+                 "python docs/site_pages.py site --gallery gallery\n```")
     else:
         pages = sorted(page.relative_to(gallery) for page in gallery.rglob("*.html"))
         for page in pages:
@@ -213,16 +223,21 @@ def _write_gallery(folder: Path, gallery: Path | None) -> None:
 
 def _index(laws: Sequence[str], candidates: Sequence[str], examples: Sequence[str]) -> str:
     """The first page: the map of docs/README.md as tables of contents."""
-    parts = ["# idic", "From images and forces to material parameters with error bars: time-resolved integrated digital image "
-             "correlation. The search finds every key of `experiment.toml`, every quantity of a report and every message."]
+    parts = ["# idic", "From images and forces to material parameters with error bars: time-resolved integrated "
+             "digital image correlation. The search finds every key of `experiment.toml`, every quantity of a report "
+             "and every message."]
     for block in (DOCS / "README.md").read_text(encoding="utf-8").split("\n\n"):
-        heading, names = re.match(r"\| (to [^|]*|special tests) \|", block), re.findall(r"^\| \[[^\]]*\]\(([\w/-]+)\.md\)", block, re.MULTILINE)
+        heading = re.match(r"\| (to [^|]*|special tests) \|", block)
+        names = re.findall(r"^\| \[[^\]]*\]\(([\w/-]+)\.md\)", block, re.MULTILINE)
         if heading and names:
             first = ["readme"] if "begin" in heading.group(1) else []
             parts.append(_toctree(heading.group(1).strip().capitalize(), [*first, *names]))
-    parts += [_toctree("Examples", [f"examples/{name}" for name in examples]), _toctree("Laws", [f"laws/{name}" for name in laws]), _toctree("Candidate physics", [f"candidates/{name}" for name in candidates]),
+    parts += [_toctree("Examples", [f"examples/{name}" for name in examples]),
+              _toctree("Laws", [f"laws/{name}" for name in laws]),
+              _toctree("Candidate physics", [f"candidates/{name}" for name in candidates]),
               _toctree("Python", [f"python/{_slug(title)}" for title in PYTHON]),
-              _toctree("More", ["gallery-of-reports", *(name for page, name in REPOSITORY_PAGES.items() if page != "README.md")])]
+              _toctree("More", ["gallery-of-reports",
+                                *(name for page, name in REPOSITORY_PAGES.items() if page != "README.md")])]
     return "\n\n".join(parts)
 
 

@@ -1,8 +1,8 @@
 """Numbers of docs/error-bars.md: chi^2 at the true motion of a stretched speckle, by the blur of the reference.
 
 Run with ``python docs/stretch_numbers.py``; prints the table. Speckle of 1.6 px on pixels with an area, no noise in the
-images; chi^2 is 1 plus the mean square of the residual over that of a noise of 1 GV. Stretch along the columns, and turned
-by 35 degrees; the contraction across is that of a body of constant volume.
+images; chi^2 is 1 plus the mean square of the residual over that of a noise of 1 GV. Stretch along the columns, and
+turned by 35 degrees; the contraction across is that of a body of constant volume.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ def main() -> None:
     sharp, blurred = build(still, 0.0), build(still, LOWPASS_PX)
     ways = {"low-pass of both images along their axes": replace(blurred, image_gv=None), "no low-pass": sharp,
             "low-pass that follows the stretch": blurred}
-    print("| stretch | " + " | ".join(f"{100 * (s - 1):.0f} %" for s in STRETCHES) + " |\n|" + " --- |" * (len(STRETCHES) + 1))
+    print("| stretch | " + " | ".join(f"{100 * (s - 1):.0f} %" for s in STRETCHES) + " |\n|" +
+          " --- |" * (len(STRETCHES) + 1))
     for label, reference in ways.items():
         rows = [[1.0 + misfit(reference, pattern, stretched(s, degrees)) for degrees in (0.0, 35.0)] for s in STRETCHES]
         print(f"| {label} | " + " | ".join(f"{a:.2f}, {b:.2f}" for a, b in rows) + " |")
@@ -59,7 +60,8 @@ def build(image: np.ndarray, lowpass_px: float) -> ReferenceImage:
     k = np.arange(49).reshape(7, 7)
     quads = np.stack([k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]], axis=-1).reshape(-1, 4)
     camera = Camera.from_table(1.0, axes=("+col", "+row"))
-    pixel_map = build_pixel_map(np.column_stack([x.ravel(), y.ravel()]), [Block("quad4", quads, 0)], camera, image.shape)
+    nodes = np.column_stack([x.ravel(), y.ravel()])
+    pixel_map = build_pixel_map(nodes, [Block("quad4", quads, 0)], camera, image.shape)
     return build_reference(pixel_map, image, 5, lowpass_px=lowpass_px)
 
 

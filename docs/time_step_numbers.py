@@ -2,9 +2,10 @@
 
     python docs/time_step_numbers.py [LAW ...]
 
-A strip with a hole is pulled (or pulled and held, or loaded and partly unloaded) in 16 frames. Displacements at the nodes
-count with 0.5 micrometre and the force with 0.1 % of its largest value: those give the standard deviations. The truth has
-128 increments per frame, extrapolated. One Gauss-Newton step tells what the error of a simulation does to the parameters.
+A strip with a hole is pulled (or pulled and held, or loaded and partly unloaded) in 16 frames. Displacements at the
+nodes count with 0.5 micrometre and the force with 0.1 % of its largest value: those give the standard deviations. The
+truth has 128 increments per frame, extrapolated. One Gauss-Newton step tells what the error of a simulation does to
+the parameters.
 """
 
 import sys
@@ -26,11 +27,11 @@ CASES = {  # law, parameters that differ from their defaults, identified ones, c
     "viscoplastic, pulled": ("viscoplastic", {"E": 2000.0, "nu": 0.35, "yield_stress": 20.0, "hardening_modulus": 300.0,
                                               "eta": 2000.0, "m": 1.0},
                              ("E", "yield_stress", "hardening_modulus", "eta"), 0.05 * PULL),
-    "viscoplastic, unloaded": ("viscoplastic", {"E": 2000.0, "nu": 0.35, "yield_stress": 20.0, "hardening_modulus": 300.0,
-                                                "eta": 100.0, "m": 3.0},
+    "viscoplastic, unloaded": ("viscoplastic", {"E": 2000.0, "nu": 0.35, "yield_stress": 20.0,
+                                                "hardening_modulus": 300.0, "eta": 100.0, "m": 3.0},
                                ("E", "yield_stress", "hardening_modulus", "eta", "m"), 0.04 * CYCLE),
-    "maxwell, held": ("maxwell", {"E": 2000.0, "nu": 0.35, "g_1": 0.3, "tau_1": 1.5, "g_2": 0.2, "tau_2": 8.0, "g_3": 0.0,
-                                  "tau_3": 0.0}, ("E", "g_1", "tau_1", "g_2", "tau_2"), 0.03 * HOLD),
+    "maxwell, held": ("maxwell", {"E": 2000.0, "nu": 0.35, "g_1": 0.3, "tau_1": 1.5, "g_2": 0.2, "tau_2": 8.0,
+                                  "g_3": 0.0, "tau_3": 0.0}, ("E", "g_1", "tau_1", "g_2", "tau_2"), 0.03 * HOLD),
     "creep, pulled": ("creep", {"E": 2000.0, "nu": 0.35, "rate": 1e-3, "n": 4.0, "stress": 20.0}, ("E", "rate", "n"),
                       0.05 * PULL),
     "creep, held": ("creep", {"E": 2000.0, "nu": 0.35, "rate": 1e-3, "n": 4.0, "stress": 20.0}, ("E", "rate", "n"),
@@ -49,8 +50,9 @@ def problem(law, given, free, grip):
     basis = np.zeros((len(dofs), 1))
     basis[:len(right)] = 1.0
     compiled = compile_law(law, "finite")
-    model = Model(mesh=mesh, kind="plane_stress", sections=(Section("B", compiled, mesh.element_sets["B"]),), thickness=1.0,
-                  constraints=Constraints(dofs, basis, LENGTH * grip[:, None]), channels=(Reaction(2 * right),))
+    model = Model(mesh=mesh, kind="plane_stress", sections=(Section("B", compiled, mesh.element_sets["B"]),),
+                  thickness=1.0, constraints=Constraints(dofs, basis, LENGTH * grip[:, None]),
+                  channels=(Reaction(2 * right),))
     names = compiled.spec.parameter_names
     values = np.array([given.get(p.name, p.default or 0.0) for p in compiled.spec.parameters], float)
     directions = tuple(Direction(name, material=(0, names.index(name))) for name in free)
@@ -65,7 +67,8 @@ def table(name):
     scale = np.concatenate([np.full(len(exact) - len(TIMES), MOTION_STD_MM), np.full(len(TIMES), force)])
     states = list(march(model, values, TIMES, directions, substeps=4))
     slopes = np.concatenate([np.array([s.du for s in states]).reshape(-1, len(free)),
-                             np.array([s.dchannels for s in states]).reshape(-1, len(free))]) * free_values / scale[:, None]
+                             np.array([s.dchannels for s in states]).reshape(-1, len(free))])
+    slopes *= free_values / scale[:, None]
     covariance = np.linalg.inv(slopes.T @ slopes)
 
     def error(outcome):

@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 
 PAGE = Path(__file__).parent / "tutorial.md"
-BLOCK = re.compile(r"(?:<!-- file: (?P<file>\S+) -->\n)?```(?P<kind>\w+)\n(?P<text>.*?)```\n", re.S)
+BLOCK = re.compile(r"(?:<!-- file: (?P<file>\S+) -->\n)?```(?P<kind>\w+)\n(?P<text>.*?)```\n", re.DOTALL)
 
 
 def run_tutorial(folder: Path, page: str) -> str:
@@ -40,7 +40,8 @@ def run_tutorial(folder: Path, page: str) -> str:
             done = subprocess.run(["bash", "-ec", text], cwd=folder, capture_output=True, text=True, env=environment)
             if done.returncode:
                 raise subprocess.CalledProcessError(done.returncode, text, done.stdout, done.stderr)
-            printed = re.sub(r"[ \t]+$", "", done.stdout.strip("\n"), flags=re.M).replace(f"{folder.resolve()}/", "")
+            printed = re.sub(r"[ \t]+$", "", done.stdout.strip("\n"), flags=re.MULTILINE)
+            printed = printed.replace(f"{folder.resolve()}/", "")
         elif kind == "text":
             return f"```text\n{printed}\n```\n"
         return match[0]

@@ -7,8 +7,8 @@ import matplotlib
 import numpy as np
 
 matplotlib.use("Agg")
-from matplotlib import pyplot as plt  # noqa: E402
-from matplotlib.patches import Rectangle  # noqa: E402
+from matplotlib import pyplot as plt
+from matplotlib.patches import Rectangle
 
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent / "tests" / "twins"))

@@ -1,4 +1,4 @@
-"""Start the deployed identification with a pause after its first stage, wait for the pause, resume it, wait for the end.
+"""Start the deployed identification with a pause after its first stage, await the pause, resume it, await the end.
 
     python resume_paused_run.py EXPERIMENT RUN SECONDS
 """

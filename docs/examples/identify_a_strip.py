@@ -1,6 +1,6 @@
 """A strip with a hole: from images, mesh and log to parameters, in memory.
 
-`write_example` stands for the laboratory: it writes the images, the log and the mesh of a virtual test with known truth.
+`write_example` stands for the laboratory: it writes images, log and mesh of a virtual test with known truth.
 """
 
 import json

@@ -2,8 +2,8 @@
 
     python docs/real-cameras/held_out.py EXPERIMENT FRAME [FRAME ...] [--set key=value ...]
 
-FRAME counts from 0. The table gives the residual (rms, grey values) of every frame: of the free FE-DIC, of the fit to all
-frames, of the fit without the held-out ones. Edges are measured in every frame from its own image in all three.
+FRAME counts from 0. The table gives the residual (rms, grey values) of every frame: of the free FE-DIC, of the fit to
+all frames, of the fit without the held-out ones. Edges are measured in every frame from its own image in all three.
 """
 
 from __future__ import annotations
