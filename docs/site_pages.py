@@ -205,8 +205,8 @@ def _text(one: object) -> str:
 def _write_gallery(folder: Path, gallery: Path | None) -> None:
     """The finished reports, or how to make them."""
     text = ("# Gallery\n\nSmall virtual tests with known truth and their finished reports, as `idic gallery` makes "
-            "them: a plate with a hole, a composite, a bulge test, a polymer that necks, two speeds together, and a model that "
-            "lacks a physics.")
+            "them: a plate with a hole, a composite, a bulge test, a polymer that necks, two speeds together, and a "
+            "model that lacks a physics.")
     if gallery is None:
         text += ("\n\nThis site was built without them:\n\n```sh\nidic gallery --out gallery\n"
                  "python docs/site_pages.py site --gallery gallery\n```")
