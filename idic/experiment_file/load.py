@@ -42,6 +42,7 @@ from idic.model.experiment import (
     Column, Experiment, FieldPoints, FurtherCamera, Material, Noise, Options, Prescribed, Stage,
 )
 from idic.parameters import Parameter, ParameterSet
+from idic.read_once import read_once
 from idic.readers.fields.series import FieldStack
 from idic.readers.meshes import read_mesh_file
 from idic.readers.paths import existing_file
@@ -258,7 +259,7 @@ class ExperimentFolder(RecordedFolder):
 
     def meshed(self, name: str) -> RawMesh:
         """The mesh with the cells, sets and lengths of the file."""
-        return read_mesh_file(existing_file(self.folder, name, file=self.file, key="experiment.mesh"))
+        return read_once(read_mesh_file, existing_file(self.folder, name, file=self.file, key="experiment.mesh"))
 
     def materials(self, mesh: Mesh) -> tuple[tuple[Material, ...], list[Parameter], Mesh, list[str]]:
         made, parameters, notes = [], [], []

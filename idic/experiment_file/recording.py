@@ -21,6 +21,7 @@ from idic.experiment_file.tables.temperatures import temperature_images
 from idic.materials.core.user_laws import source_of
 from idic.model.gauges import KINDS
 from idic.model.experiment import FieldPoints
+from idic.read_once import read_once
 from idic.readers.fields.series import FieldStack
 from idic.readers.frame_names import frame_indices, frame_numbers
 from idic.readers.images import FileStack, open_stack, read_image
@@ -299,12 +300,11 @@ def fingerprints(raw: Mapping, files: Iterable[Path], images: Iterable[Path]) ->
     digest = hashlib.sha256(b"idic.experiment/1\n" + json.dumps(tables, sort_keys=True, default=str).encode())
     earlier = digest.copy()
     for path in files:
-        content = path.read_bytes()
-        for own, read in ((digest, _without_comments(path, content)), (earlier, content)):
-            own.update(f"\nfile {path.name} ".encode() + hashlib.sha256(read).digest())
+        for own, read in zip((digest, earlier), read_once(_small_file, path), strict=True):
+            own.update(f"\nfile {path.name} ".encode() + read)
     for path in images:
         facts = image_facts(path)
-        size, ends = ends_of(path) if facts is None else (facts.size, facts.ends_sha256)
+        size, ends = read_once(ends_of, path) if facts is None else (facts.size, facts.ends_sha256)
         for own in (digest, earlier):
             own.update(f"\nimage {path.name} {size} ".encode() + bytes.fromhex(ends))
     return digest.hexdigest(), earlier.hexdigest()
@@ -318,6 +318,12 @@ def ends_of(path: Path) -> tuple[int, str]:
         stream.seek(max(size - _HASHED_AT_EACH_END, 0))
         tail = stream.read(_HASHED_AT_EACH_END)
     return size, hashlib.sha256(head + tail).hexdigest()
+
+
+def _small_file(path: Path) -> tuple[bytes, bytes]:
+    """sha256 of what of a file decides the result, and of its whole content."""
+    content = path.read_bytes()
+    return hashlib.sha256(_without_comments(path, content)).digest(), hashlib.sha256(content).digest()
 
 
 def _without_comments(path: Path, content: bytes) -> bytes:

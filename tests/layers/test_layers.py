@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 
 # Lower layers first. A room imports from lower layers and from itself; rooms of one layer do not see each other.
 LAYERS = [
-    ["idic.errors", "idic.expressions", "idic.parameters", "idic.remote_files"],
+    ["idic.errors", "idic.expressions", "idic.parameters", "idic.read_once", "idic.remote_files"],
     ["idic.images", "idic.materials"],
     ["idic.fe"],
     ["idic.model", "idic.readers"],

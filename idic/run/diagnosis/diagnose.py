@@ -15,6 +15,7 @@ from idic.diagnose.residual.margin import Margin
 from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.selection.block_step import BlockJudgement
 from idic.diagnose.selection.rounds import Stage, silent
+from idic.read_once import files_read_once
 from idic.run.diagnosis.enriched import write_enriched
 from idic.run.diagnosis.files import titles_of, write_diagnosis
 from idic.run.diagnosis.page import write_page
@@ -46,11 +47,12 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
     NotConverged
         If the identified model finds no equilibrium on a copy of the recording.
     """
-    source, found = open_source(run)
-    accepted = found.state.accepted
-    floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)  # type: ignore[union-attr]
-    return diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage, seed,
-                                   library, margin=Margin(floor), quick=quick)
+    with files_read_once():
+        source, found = open_source(run)
+        accepted = found.state.accepted
+        floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)  # type: ignore[union-attr]
+        return diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage,
+                                       seed, library, margin=Margin(floor), quick=quick)
 
 
 def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,
