@@ -184,8 +184,7 @@ def _window(image: np.ndarray, outline: list, holes: list) -> tuple[np.ndarray, 
     """A part of the outline, half as wide and high, and its pixels outside of round holes: the part with most of
     them."""
     ny, nx = image.shape
-    points = np.array(outline or [[0, 0], [nx - 1, ny - 1]], dtype=float)
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = segments_of(outline).box() if outline else np.array([[0, 0], [nx - 1, ny - 1]], dtype=float)
     half = np.minimum(high - low, 2 * NOISE_WINDOW_PX) / 4
     found = []
     for share in ((0.5, 0.5), (0.28, 0.28), (0.72, 0.28), (0.28, 0.72), (0.72, 0.72)):

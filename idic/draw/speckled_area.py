@@ -5,11 +5,13 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from idic.draw.round_edges import circle_of, lines_and_arcs
 from idic.draw.texture import Texture
 
 MIN_AREA_SHARE = 0.005  # of the image: a smaller part is no specimen
 MIN_HOLE_SHARE = 0.002  # of the area: smaller gaps are filled
 MIN_RECTANGLE_SHARE = 0.93  # of a rectangle around it that an area fills to be taken for one
+MAX_DENT = 3.0  # blocks: of its edge; a notch is deeper
 MIN_ROUNDNESS = 0.84  # 4 pi area / perimeter² of a round hole (a square has 0.79), with the steps of the blocks
 TOLERANCE = 1.2  # blocks: of the corners of the outline
 FINER = 4  # contours lie between the blocks
@@ -24,7 +26,8 @@ def speckled_area(image: np.ndarray, texture: Texture) -> tuple[list, list]:
     """Outline and holes of the largest connected part of the image with a pattern, in px.
 
     The logarithm of the gradient energy of the blocks falls into two classes (Otsu 1979, doi
-    10.1109/TSMC.1979.4310076). Rectangles and round holes are placed to the pixel, other outlines to the block.
+    10.1109/TSMC.1979.4310076). Rectangles, discs and round holes are placed to the pixel, other outlines, with arcs
+    where they are round, to the block.
 
     Returns
     -------
@@ -73,13 +76,18 @@ def _to_px(points: np.ndarray, texture: Texture) -> np.ndarray:
 
 def _outline(loop: np.ndarray, image: np.ndarray, texture: Texture) -> list:
     px = _to_px(loop, texture)
-    if cv2.contourArea(px) > MIN_RECTANGLE_SHARE * float(np.prod(np.ptp(px, axis=0))):
-        low, high = np.percentile(px, 2, axis=0), np.percentile(px, 98, axis=0)
+    low, high = np.percentile(px, 2, axis=0), np.percentile(px, 98, axis=0)
+    inside = np.minimum(px - low, high - px).min(axis=1)
+    fills = cv2.contourArea(px) > MIN_RECTANGLE_SHARE * float(np.prod(np.ptp(px, axis=0)))
+    if fills and np.percentile(inside, 98) < MAX_DENT * texture.block:
         (x0, y0), (x1, y1) = low.tolist(), high.tolist()
         x0, x1 = _side(image.T, x0, y0, y1, texture, -1), _side(image.T, x1, y0, y1, texture, 1)
         y0, y1 = _side(image, y0, x0, x1, texture, -1), _side(image, y1, x0, x1, texture, 1)
         return [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
-    return np.round(cv2.approxPolyDP(px, TOLERANCE * texture.block, True)[:, 0]).tolist()
+    if disc := circle_of(px, TOLERANCE * texture.block):
+        x, y, radius = disc
+        return [round(x, 1), round(y, 1), round(_radius(image, x, y, radius, texture.block, outwards=True), 1)]
+    return lines_and_arcs(px, TOLERANCE * texture.block, image)
 
 
 def _side(image: np.ndarray, row: float, first: float, last: float, texture: Texture, outwards: int) -> float:
@@ -107,13 +115,13 @@ def _hole(loop: np.ndarray, image: np.ndarray, texture: Texture) -> list:
     px = _to_px(loop, texture)
     area, length = cv2.contourArea(px), cv2.arcLength(cv2.approxPolyDP(px, 0.5 * texture.block, True), True)
     if 4 * np.pi * area < MIN_ROUNDNESS * length**2:
-        return np.round(cv2.approxPolyDP(px, TOLERANCE * texture.block, True)[:, 0]).tolist()
+        return lines_and_arcs(px, TOLERANCE * texture.block, image, outwards=-1.0)
     x, y = px.mean(axis=0).tolist()
     return [round(x, 1), round(y, 1), round(_radius(image, x, y, float(np.sqrt(area / np.pi)), texture.block), 1)]
 
 
-def _radius(image: np.ndarray, x: float, y: float, radius: float, block: int) -> float:
-    """The radius around (x, y) where the pattern begins."""
+def _radius(image: np.ndarray, x: float, y: float, radius: float, block: int, outwards: bool = False) -> float:
+    """The radius around (x, y) where the pattern begins, or, `outwards`, where it ends."""
     reach = SEARCHED * block
     low = [max(int(v - radius - 3 * reach), 0) for v in (x, y)]
     part = image[low[1] : int(y + radius + 3 * reach) + 1, low[0] : int(x + radius + 3 * reach) + 1].astype(np.float32)
@@ -122,6 +130,9 @@ def _radius(image: np.ndarray, x: float, y: float, radius: float, block: int) ->
     counts = np.maximum(np.bincount(ring.ravel()), 1)
     profile = np.bincount(ring.ravel(), _energy(part).ravel()) / counts
     near = np.arange(max(int(radius) - reach, 0), min(int(radius) + reach, len(profile)))
-    level = EDGE_SHARE * float(np.median(profile[int(radius) + block : int(radius) + 3 * reach]))
-    begins = near[profile[near] >= level]
-    return float(begins[0]) + INSET_PX if len(begins) else radius
+    inside = slice(max(int(radius) - 3 * reach, 0), max(int(radius) - block, 1)) if outwards \
+        else slice(int(radius) + block, int(radius) + 3 * reach)
+    found = near[profile[near] >= EDGE_SHARE * float(np.median(profile[inside]))]
+    if not len(found):
+        return radius
+    return float(found[-1]) + 1.0 - INSET_PX if outwards else float(found[0]) + INSET_PX

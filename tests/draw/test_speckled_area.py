@@ -13,6 +13,7 @@ from idic.draw.speckled_area import speckled_area
 from idic.draw.texture import noise_floor, texture_of
 from idic.errors import InputError
 from idic.fe.mesh.outline import segments_of
+from idic.fe.mesh.mesh import face_set_nodes
 from idic.fe.mesh.polygon import mesh_polygon
 from idic.readers.images import open_stack
 
@@ -63,6 +64,44 @@ def test_a_waisted_specimen_is_found_as_a_polygon_of_its_area():
     assert set(first_sketch(outline, holes, shape)["edge_names"]) == {"TOP", "BOTTOM"}
 
 
+def test_a_disc_is_a_circle():
+    shape = (440, 460)
+    y, x = grid(shape)
+    image = dots(shape, (x - 230) ** 2 + (y - 210) ** 2 < 160**2)
+    outline, holes = speckled_area(image, texture_of(image))
+    np.testing.assert_allclose(outline, [230, 210, 160], atol=1.5)  # an edge in an image with dots: a pixel or two
+    sketch = first_sketch(outline, holes, shape)
+    assert not holes and sketch["edge_names"] == {} and sketch["element_px"] == 32
+    mesh = mesh_polygon(outline, holes, sketch["element_px"], quads=True)
+    rim = mesh.nodes[face_set_nodes(mesh, mesh.edge_sets["OUTER"])] - outline[:2]
+    assert np.allclose(np.hypot(*rim.T), outline[2])
+
+
+def test_round_notches_and_shoulders_are_arcs_and_straight_edges_are_lines():
+    shape = (640, 400)
+    y, x = grid(shape)
+    inside = (np.abs(x - 200) < 120) & (y > 60) & (y < 580)
+    for side in (80, 320):
+        inside = inside & ((x - side) ** 2 + (y - 320) ** 2 > 60**2)
+    image = dots(shape, inside)
+    outline, _ = speckled_area(image, texture_of(image))
+    segments = segments_of(outline)
+    assert segments.area() == pytest.approx(inside.sum(), rel=0.01)
+    np.testing.assert_allclose(segments.radius[segments.curved], [60, 60], atol=6.0)  # half a circle in blocks of 4 px
+    np.testing.assert_allclose(sorted(segments.centre[segments.curved].tolist()), [[80, 320], [320, 320]], atol=4.0)
+
+
+def test_a_hexagon_has_no_arc():
+    shape = (480, 480)
+    y, x = grid(shape)
+    width = [np.abs((x - 240) * np.cos(a) + (y - 240) * np.sin(a)) for a in np.pi / 3 * np.arange(3)]
+    image = dots(shape, np.maximum.reduce(np.broadcast_arrays(*width)) < 150)
+    outline, _ = speckled_area(image, texture_of(image))
+    segments = segments_of(outline)
+    assert not segments.curved.any() and 6 <= len(outline) <= 8
+    assert segments.area() == pytest.approx(2 * np.sqrt(3) * 150**2, rel=0.01)
+
+
 def test_the_largest_of_several_areas_is_taken_and_writing_on_the_side_is_not():
     shape = (400, 600)
     y, x = grid(shape)
@@ -98,7 +137,7 @@ def test_real_recordings_give_their_specimen(case, expected, holes):
     image = open_stack(files[:1]).frame(0)
     outline, found = speckled_area(image, texture_of(image))
     assert len(found) == holes
-    box = np.concatenate([np.min(outline, axis=0), np.max(outline, axis=0)])
+    box = segments_of(outline).box().ravel()
     border = 0.05 * np.array([*image.shape[::-1]] * 2)  # a specimen that leaves the image is cut before its border
     assert (np.abs(box - expected) < border + 5).all()
 

@@ -63,6 +63,12 @@ class Segments:
     def _circle(self) -> np.ndarray:
         return np.abs(self.sweep) > 2 * np.pi - 1e-9
 
+    def box(self) -> np.ndarray:
+        """Least and largest coordinates of the outline without its holes, arcs by 64 points  # (2, 2)"""
+        own, shares = np.flatnonzero(self.loop == 0), np.linspace(0, 1, 65)
+        points = self.at(np.repeat(own, len(shares)), np.tile(shares, len(own)))
+        return np.array([points.min(axis=0), points.max(axis=0)])
+
     def area(self) -> float:
         """The area enclosed by the outline less that of the holes, exact for arcs."""
         cross = self.start[:, 0] * self.end[:, 1] - self.start[:, 1] * self.end[:, 0]
