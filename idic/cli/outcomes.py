@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import os
 import shlex
+import subprocess
 import sys
 import tempfile
 import time
@@ -111,7 +112,8 @@ def paused(stage: int) -> str:
 
 def _resume_command() -> str:
     words = ["idic", *sys.argv[1:]]
-    return shlex.join(words if "--resume" in words else [*words, "--resume"])
+    words = words if "--resume" in words else [*words, "--resume"]
+    return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)  # quotes of the user's shell
 
 
 def _report_bug(run: Path | None) -> int:

@@ -33,7 +33,8 @@ class Spool:
             for name in SPOOLED:
                 self._file.write(np.ascontiguousarray(getattr(frame, name), dtype=float).tobytes())
         self._file.flush()
-        stored = np.memmap(self._file.name, dtype=float, mode="r", offset=begin, shape=(sum(map(_size, frames)),))
+        # of the open file: Windows does not open one again that is deleted when it is closed
+        stored = np.memmap(self._file, dtype=float, mode="r", offset=begin, shape=(sum(map(_size, frames)),))
         return replace(system, sums=replace(system.sums, frames=tuple(_from_disk(frames, stored))))
 
 

@@ -4,6 +4,7 @@ there."""
 from __future__ import annotations
 
 import ast
+import ntpath
 import os
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 
 import idic
 from idic.readers.paths import natural_key
+from idic.run.diagnosis.enriched import way_to
 from idic.store import replace, run_lock
 from idic.store.layout import group_name
 from idic.store.path_names import path_name
@@ -143,3 +145,8 @@ def test_texts_are_written_and_read_as_utf_8():
                str(Path(idic.__file__).parent)]
     done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stdout
+
+
+def test_files_on_another_drive_are_named_by_their_whole_path():
+    assert way_to("D:\\tests\\one\\images", "D:\\runs\\first\\enriched", ntpath) == "..\\..\\..\\tests\\one\\images"
+    assert way_to("C:\\tests\\one\\images", "D:\\runs\\first\\enriched", ntpath) == "C:\\tests\\one\\images"

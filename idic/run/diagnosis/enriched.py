@@ -95,6 +95,14 @@ def _link_files(original: Path, folder: Path, run: Path) -> None:
             continue
         target = folder / entry.name
         try:
-            target.symlink_to(os.path.relpath(entry.resolve(), folder.resolve()), target_is_directory=entry.is_dir())
+            target.symlink_to(way_to(entry.resolve(), folder.resolve()), target_is_directory=entry.is_dir())
         except OSError:  # no links on this file system
             (shutil.copytree if entry.is_dir() else shutil.copy2)(entry, target)
+
+
+def way_to(path: Path, folder: Path, system=os.path) -> str:
+    """The relative path from a folder; the whole path where there is none, as to another drive of Windows."""
+    try:
+        return system.relpath(path, folder)
+    except ValueError:
+        return str(path)
