@@ -8,6 +8,8 @@
     ``noise_std`` of the logged column: the load of every frame is then an unknown with the logged value as its prior.
     ``identify_scale``, ``identify_offset``: degrees of freedom ``boundary.EDGES.pressure.scale`` and ``.offset`` of a
     gauge that is not calibrated (``boundary.EDGES.force.x.scale`` for a force along x).
+    ``controlled_by`` of a motion or ``force``: its size in every frame is the one at which a gauge (``displacement``,
+    ``component``, ``minus``, as of a channel) reads its logged ``column``: an opening that grows while the force falls.
 ``[[boundary]]``
     ``u = …`` drives all components alike: ``"measured"`` or ``{ virtual = … }``. A virtual boundary,
     ``{ virtual = "bspline" | "polynomial" | "dic", modes = N, time_modes = M }``, is N shapes along the edge times M
@@ -93,13 +95,24 @@ class CorrectionTable(Strict):
         return self
 
 
+class ControlTable(Strict):
+    """The gauge that decides the size of a motion or force: mean displacement of a set, minus that of another."""
+
+    displacement: str
+    component: Component
+    minus: str | None = None
+    column: str
+    unit: str | None = None
+
+
 class DriveTable(Strict):
-    """A prescribed displacement: value | column | measured | virtual."""
+    """A prescribed displacement: value | column | measured | virtual | controlled_by."""
 
     value: float | None = None
     column: str | None = None
     measured: Literal[True] | None = None
     virtual: Literal["bspline", "polynomial", "dic"] | None = None
+    controlled_by: ControlTable | None = None
     unit: str | None = None
     noise_std: NotNegative = 0.0
     identify_offset: bool = False
@@ -110,7 +123,11 @@ class DriveTable(Strict):
 
     @model_validator(mode="after")
     def _one(self):
-        exactly_one(self, ("value", "column", "measured", "virtual"), '{ column = "grip_displacement_mm" }')
+        exactly_one(self, ("value", "column", "measured", "virtual", "controlled_by"),
+                    '{ column = "grip_displacement_mm" }')
+        if self.controlled_by is not None and self.unit is not None:
+            raise refuse("unit does not belong here", "the unit of the gauge in controlled_by", "move unit there",
+                         self.unit)
         belongs = {"noise_std": "column", "identify_offset": "column", "smoothing": "measured", "modes": "virtual",
                    "time_modes": "virtual"}
         for key in sorted(self.model_fields_set & set(belongs)):
@@ -126,10 +143,11 @@ class DriveTable(Strict):
 
 
 class LoadTable(Strict):
-    """A load on an edge or face set: value | column; noise of the log, unknown scale or offset."""
+    """A load on an edge or face set: value | column | controlled_by; noise of the log, unknown scale or offset."""
 
     value: float | None = None
     column: str | None = None
+    controlled_by: ControlTable | None = None
     unit: str | None = None
     edges: str | None = None
     component: Component | None = None
@@ -140,7 +158,10 @@ class LoadTable(Strict):
 
     @model_validator(mode="after")
     def _one(self):
-        exactly_one(self, ("value", "column"), '{ column = "pressure_MPa", edges = "BELOW" }')
+        exactly_one(self, ("value", "column", "controlled_by"), '{ column = "pressure_MPa", edges = "BELOW" }')
+        for key in ("identify_scale", "unit"):
+            if self.controlled_by is not None and key in self.model_fields_set:
+                raise refuse(f"{key} does not belong here", f"{key} of a load that is logged", f"leave out {key}", key)
         for key in ("noise_std", "identify_offset"):
             if self.column is None and key in self.model_fields_set:
                 raise refuse(f"{key} does not belong here", f"{key} next to column", f"leave out {key}", key)
@@ -211,6 +232,10 @@ class BoundaryTable(Strict):
         if self.u is not None and {"ux", "uy", "uz"} & set(given):
             raise refuse("a component is driven twice", 'u alone, or ux, uy, uz', "leave out one of them",
                          ", ".join(given))
+        for name in ("pressure", "traction"):
+            if (load := getattr(self, name)) is not None and load.controlled_by is not None:
+                raise refuse(f"a {name} that a gauge controls", "a motion or a force", "write force = { … } (N), "
+                             f"or log the {name}", f"{name} = {{ controlled_by = … }}")
         if self.nodes is None and {"ux", "uy", "uz", "u"} & set(given):
             raise refuse("the node set is missing", "nodes", 'write nodes = "NAME"', "no nodes")
         return self

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -150,13 +150,18 @@ def pressure_stiffness(faces: PressureFaces, x: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class Drives:
     """What moves the body at one time: prescribed values (n_p,) mm, dead load factors, pressures (MPa), and the change
-    of temperature (n_nodes,) in K, None for an isothermal body."""
+    of temperature (n_nodes,) in K, None for an isothermal body.
+
+    reading : of the gauge that controls the path; amplitude : of the drive or load that it decides, in the values above
+    """
 
     time: float
     prescribed: np.ndarray
     dead: np.ndarray
     pressure: np.ndarray
     temperature: np.ndarray | None = None
+    reading: float = 0.0
+    amplitude: float = 0.0
 
     def as_vector(self) -> np.ndarray:
         """What scales the motion; not the temperature, whose noise would spoil every extrapolation."""
@@ -181,7 +186,24 @@ def drives_at(model: Model, times: np.ndarray, t: float) -> Drives:
     """The drives of a model at time t."""
     c = model.constraints
     return Drives(t, c.basis @ at_time(c.histories, times, t), at_time(model.loads.dead_histories, times, t),
-                  at_time(model.loads.pressure_histories, times, t), _temperature_at(model.temperature, times, t))
+                  at_time(model.loads.pressure_histories, times, t), _temperature_at(model.temperature, times, t),
+                  0.0 if model.control is None else _reading_at(model.control.readings, times, t))
+
+
+def with_amplitude(model: Model, drives: Drives, amplitude: float) -> Drives:
+    """The drives with another size of what the gauge of the model controls."""
+    control, more = model.control, amplitude - drives.amplitude
+    if control.drive is not None:
+        prescribed = drives.prescribed + more * model.constraints.basis[:, control.drive]
+        return replace(drives, prescribed=prescribed, amplitude=amplitude)
+    loads = np.concatenate([drives.dead, drives.pressure])
+    loads[control.load] += more
+    n_dead = len(drives.dead)
+    return replace(drives, dead=loads[:n_dead], pressure=loads[n_dead:], amplitude=amplitude)
+
+
+def _reading_at(readings: np.ndarray, times: np.ndarray, t: float) -> float:
+    return float(at_time(readings[:, None], times, t)[0])
 
 
 def _temperature_at(table: np.ndarray | None, times: np.ndarray, t: float) -> np.ndarray | None:
@@ -200,5 +222,6 @@ def drive_changes(model: Model, directions: Sequence[Direction], times: np.ndarr
         if direction.d_loads is not None:
             factors = at_time(direction.d_loads, times, t)
         changes.append(Drives(t, prescribed, factors[:n_dead], factors[n_dead:],
-                              _temperature_at(direction.d_temperature, times, t)))
+                              _temperature_at(direction.d_temperature, times, t),
+                              0.0 if direction.d_readings is None else _reading_at(direction.d_readings, times, t)))
     return changes

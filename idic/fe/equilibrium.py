@@ -45,7 +45,8 @@ class Control:
 class Converged:
     """An equilibrium: displacement (n_nodes, d), point states per group, and the evaluation that belongs to them.
 
-    ``force_scale`` (N) is the largest nodal reaction or load so far; ``factor`` is the last factorisation used.
+    ``force_scale`` (N) is the largest nodal reaction or load so far; ``factor`` is the last factorisation used;
+    ``bend`` of a path that a gauge controls: how far the increment left its tangent, relative to its length.
     """
 
     drives: Drives
@@ -56,6 +57,7 @@ class Converged:
     iterations: int = 0
     factor: Factor | None = None
     factor_matrices: tuple[np.ndarray, ...] = ()
+    bend: float = 0.0
 
     @property
     def time(self) -> float:
@@ -87,24 +89,24 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
 
     factor, matrices, iterations = start.factor, start.factor_matrices, 0
     if predictor is None:
-        ev = _admissible(evaluate(start.u, start.states))
+        ev = admissible(evaluate(start.u, start.states))
         move, factor, matrices = _tangent_move(system, ev, drives, held, factor, matrices)
         move = _clamped(move, held, limit)
-        ev, iterations = _admissible(evaluate(start.u + move.reshape(start.u.shape), start.states)), 1
+        ev, iterations = admissible(evaluate(start.u + move.reshape(start.u.shape), start.states)), 1
     else:
         u = predictor.copy()
         u.reshape(-1)[held] = drives.prescribed
-        ev = _admissible(evaluate(u, start.states))
+        ev = admissible(evaluate(u, start.states))
     first, before = None, 0.0
     while True:
-        unbalanced, scale = _balance(system, ev, held, start.force_scale)
-        rounding, coarseness = _negligible(system, ev)
+        unbalanced, scale = balance(system, ev, held, start.force_scale)
+        rounding, coarseness = negligible(system, ev)
         if unbalanced <= control.tolerance * scale + rounding or unbalanced <= coarseness:
             states = tuple(g.state for g in ev.groups)
             return Converged(drives, ev.u, states, scale, ev, iterations, factor, matrices)
         first = unbalanced if first is None else first
         if iterations >= control.max_iterations or not unbalanced < 1e6 * max(first, scale):
-            raise NotConverged(_where_unbalanced(system, ev, unbalanced, scale, iterations))
+            raise NotConverged(where_unbalanced(system, ev, unbalanced, scale, iterations))
         rhs, correction = -ev.residual.ravel()[system.pattern.dofs], np.zeros(ev.u.size)
         if unbalanced**2 <= MAX_CHORD_UNBALANCE * control.tolerance * scale * before:  # same gain as the last time
             correction[system.pattern.dofs] = factor.solve(rhs)
@@ -118,7 +120,7 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
 
 def linear_move(system: System, params: Mapping[str, np.ndarray], start: Converged, drives: Drives) -> np.ndarray:
     """The displacement increment to `drives` if stiffness stayed as it is at `start`  # (n_nodes, d) mm"""
-    ev = _admissible(assembly.evaluate(system, params, start.u, start.states, drives.time - start.time, drives))
+    ev = admissible(assembly.evaluate(system, params, start.u, start.states, drives.time - start.time, drives))
     held = np.asarray(system.model.constraints.dofs)
     move, _, _ = _tangent_move(system, ev, drives, held, start.factor, start.factor_matrices)
     return move.reshape(start.u.shape)
@@ -158,22 +160,22 @@ def _corrected(system: System, evaluate, ev: Evaluation, correction: np.ndarray,
     for part in parts:
         trial = evaluate(ev.u + part * correction, guesses)
         if len(parts) == 1:
-            return _admissible(trial)
+            return admissible(trial)
         norm = np.inf if trial.trouble else np.linalg.norm(trial.residual.ravel()[free])
         if norm < least or best is None:
             best, least = trial, norm
         if least < (1 - 0.1 * part) * before:
             break
-    return _admissible(best)
+    return admissible(best)
 
 
-def _admissible(ev: Evaluation) -> Evaluation:
+def admissible(ev: Evaluation) -> Evaluation:
     if ev.trouble:
         raise NotConverged(ev.trouble)
     return ev
 
 
-def _balance(system: System, ev: Evaluation, held: np.ndarray, so_far: float) -> tuple[float, float]:
+def balance(system: System, ev: Evaluation, held: np.ndarray, so_far: float) -> tuple[float, float]:
     """Largest out-of-balance force and the scale (N) it is compared with."""
     residual = ev.residual.ravel()
     unbalanced = float(np.abs(residual[system.pattern.dofs]).max(initial=0.0))
@@ -198,7 +200,7 @@ def _stiffnesses(ev: Evaluation) -> list[float]:
     return [max(float(g.A.max()), -float(g.A.min())) for g in ev.groups]
 
 
-def _negligible(system: System, ev: Evaluation) -> tuple[float, float]:
+def negligible(system: System, ev: Evaluation) -> tuple[float, float]:
     """Out-of-balance forces (N) below the rounding of F, and of the last digit of u.
 
     Rounding: units in the last place times stiffness times area of a node. The last digit of u decides in thin bodies
@@ -263,7 +265,7 @@ def kept_factor(system: System, evaluation: Evaluation, factor: Factor | None,
     return _factor(system, evaluation, factor, matrices)
 
 
-def _where_unbalanced(system: System, ev: Evaluation, unbalanced: float, scale: float, iterations: int) -> str:
+def where_unbalanced(system: System, ev: Evaluation, unbalanced: float, scale: float, iterations: int) -> str:
     worst = int(system.pattern.dofs[np.argmax(np.abs(ev.residual.ravel()[system.pattern.dofs]))])
     node, component = divmod(worst, system.n_dim)
     mesh, place = system.model.mesh, ""

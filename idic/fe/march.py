@@ -13,12 +13,17 @@ import numpy as np
 from idic.errors import InputError, NotConverged
 from idic.fe.assembly.assembly import System, discretise
 from idic.fe.boundary import drives_at
+from idic.fe.controlled import solve_controlled
 from idic.fe.equilibrium import Control, Converged, consistent_factor, solve_increment
 from idic.fe.increment_size import IncrementSize
 from idic.fe.model import Direction, Model, Reaction, validate
 from idic.fe.predictor import WarmStart, extrapolated
 from idic.fe.assembly.thickness_change import surface_rise
 from idic.fe.sensitivity import Changes, Influence, at_rest, check_directions, differentiate, influence_at
+
+
+MAX_BEND = 0.2  # of an increment of a path that a gauge controls: a longer one may end on another path
+SMALLEST_BENT_PART = 1.0 / 32.0  # of an interval between frames
 
 
 @dataclass(frozen=True)
@@ -207,6 +212,9 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
                 if frozen is not None:
                     frozen = np.sort(np.append(frozen, (now.time + target) / 2.0))
                 continue
+            if new.bend > MAX_BEND and frozen is None and size.part > SMALLEST_BENT_PART:
+                size.part /= 2.0
+                continue
             if directions:
                 factor = None  # of the increment before
                 # room for one; the next increment begins with it
@@ -235,6 +243,11 @@ def _next_target(t: float, frame_time: float, interval: float, frozen: np.ndarra
 
 def _attempt(system, params, now: Converged, guess: np.ndarray | None, drives, control) -> Converged:
     """Solve from a guess; if that fails from a tangent step, at last with a line search."""
+    if system.model.control is not None:
+        try:
+            return solve_controlled(system, params, now, drives, control)
+        except NotConverged:
+            return solve_controlled(system, params, now, drives, control, line_search=True)
     for predictor in (None,) if guess is None else (guess, None):
         try:
             return solve_increment(system, params, now, drives, predictor, control)

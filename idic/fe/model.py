@@ -75,6 +75,24 @@ class Reaction:
 
 
 @dataclass(frozen=True)
+class PathControl:
+    """A drive or a load of unknown size, and the gauge whose course decides it: ``gauge @ u(t_k) = readings[k]``.
+
+    Attributes
+    ----------
+    gauge : (n_dof,) weights of the displacements
+    readings : (n_frames,) mm; row 0 is zero
+    drive, load : the column of ``Constraints.basis``, or the index of a load (dead ones first, then pressures), to
+        whose history the unknown is added
+    """
+
+    gauge: np.ndarray
+    readings: np.ndarray
+    drive: int | None = None
+    load: int | None = None
+
+
+@dataclass(frozen=True)
 class Direction:
     """What to differentiate with respect to: exactly one kind (d_loads may come with thickness, d_temperature with
     d_histories).
@@ -89,6 +107,7 @@ class Direction:
     expansion : index of the section whose coefficient of thermal expansion changes
     d_temperature : (n_frames, n_nodes) K per unit: derivative of ``Model.temperature``
     variation : (index, name) of ``Model.variations[index].values``
+    d_readings : (n_frames,) mm per unit: derivative of ``Model.control.readings``; alone or with d_histories
     """
 
     name: str
@@ -99,6 +118,7 @@ class Direction:
     expansion: int | None = None
     d_temperature: np.ndarray | None = None
     variation: tuple[int, str] | None = None
+    d_readings: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -117,6 +137,7 @@ class Model:
     temperature : (n_frames, n_nodes) K, change since the first frame (whose row is ignored); None: isothermal
     start_temperature : (n_nodes,) °C at the first frame, for laws whose parameters depend on it
     variations : factors on the stress that vary over the body
+    control : a drive or load of unknown size that keeps a gauge on its course
     surface_side : plane stress, +1 or -1: the surface on this side is seen, and its motion out of the plane by the
         change of thickness is wanted; 0: not wanted
     """
@@ -136,6 +157,7 @@ class Model:
     temperature: np.ndarray | None = None
     start_temperature: np.ndarray | None = None
     variations: tuple[Variation, ...] = ()
+    control: PathControl | None = None
 
     @property
     def mode(self) -> int:
@@ -185,6 +207,7 @@ def validate(model: Model, n_frames: int) -> None:
     _check_constraints(model, n_frames)
     _check_loads(model, n_frames)
     _check_temperature(model, n_frames)
+    _check_control(model, n_frames)
     _PASSED.once(mesh, np.asarray(model.constraints.dofs).tobytes(), lambda: _check_rigid_motion(model))
 
 
@@ -234,6 +257,27 @@ def _check_loads(model: Model, n_frames: int) -> None:
                              remedy="give one row per frame and one column per load")
         if histories is not None and not np.isfinite(histories).all():
             raise InputError(f"a {what} is not a number", remedy="check the log")
+
+
+def _check_control(model: Model, n_frames: int) -> None:
+    control = model.control
+    if control is None:
+        return
+    if np.shape(control.gauge) != (model.n_dof,) or np.shape(control.readings) != (n_frames,):
+        raise InputError("a gauge that does not fit the model",
+                         expected=f"{model.n_dof} weights and {n_frames} readings",
+                         found=f"{np.shape(control.gauge)}, {np.shape(control.readings)}",
+                         remedy="give one weight per degree of freedom and one reading per frame")
+    if (control.drive is None) == (control.load is None):
+        raise InputError("a gauge controls one drive or one load", expected="drive or load",
+                         found="none" if control.drive is None else "both", remedy="give one of them")
+    if not np.isfinite(control.readings).all():
+        frame = int(np.flatnonzero(~np.isfinite(control.readings))[0])
+        raise InputError(f"a reading of the controlling gauge is not a number at frame {frame}",
+                         remedy="check the log, or exclude the frame")
+    if control.readings[0] != 0.0:
+        raise InputError("the controlling gauge does not read zero at the first frame", expected="0 mm",
+                         found=f"{control.readings[0]:g} mm", remedy="subtract the reading of the reference frame")
 
 
 def _check_temperature(model: Model, n_frames: int) -> None:

@@ -25,6 +25,7 @@ from idic.fe.assembly.assembly import System, discretise
 from idic.fe.boundary import Drives, drives_at
 from idic.fe.equilibrium import kept_factor
 from idic.fe.model import Model
+from idic.fe.sensitivity import answer_to_control
 
 
 @dataclass(frozen=True)
@@ -182,4 +183,9 @@ def solved_responses(system: System, here: assembly.Evaluation, factor, forces: 
     for k, channel in enumerate(channels):
         np.add.at(readings[:, k], np.asarray(channel.dofs, dtype=np.int64), channel.factor)
     shown = readings.T @ forces + assembly.transposed_stiffness_times(system, here, readings).T @ moved
-    return Responses((motions + moved).reshape(*here.u.shape, -1), shown)
+    moved = motions + moved
+    if system.model.control is not None:  # the gauge stays on its course
+        gauge, (with_it, felt) = system.model.control.gauge, answer_to_control(system, here, factor)
+        more = -(gauge @ moved) / (gauge @ with_it)
+        moved, shown = moved + with_it * more, shown + readings.T @ (felt * more)
+    return Responses(moved.reshape(*here.u.shape, -1), shown)

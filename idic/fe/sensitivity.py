@@ -17,7 +17,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe.assembly import assembly, expansion, kernels
-from idic.fe.assembly.assembly import System
+from idic.fe.assembly.assembly import Evaluation, System
 from idic.fe.boundary import drive_changes, pressure_force
 from idic.fe.equilibrium import Converged, consistent_factor
 from idic.fe.solver.linear import Factor
@@ -57,13 +57,14 @@ def check_directions(model: Model, directions: Sequence[Direction], n_frames: in
     for d in directions:
         kinds = {"material": d.material is not None, "d_histories": d.d_histories is not None,
                  "d_loads": d.d_loads is not None, "thickness": d.thickness, "expansion": d.expansion is not None,
-                 "d_temperature": d.d_temperature is not None, "variation": d.variation is not None}
+                 "d_temperature": d.d_temperature is not None, "variation": d.variation is not None,
+                 "d_readings": d.d_readings is not None}
         given = {kind for kind, is_given in kinds.items() if is_given}
-        together = ({"d_loads", "thickness"}, {"d_histories", "d_temperature", "d_loads"})
+        together = ({"d_loads", "thickness"}, {"d_histories", "d_temperature", "d_loads", "d_readings"})
         if not given or (len(given) > 1 and not any(given <= kinds for kinds in together)):
             raise InputError(f"direction {d.name} must be of exactly one kind",
                              expected=f"one of {', '.join(kinds)} (d_loads may go with thickness; d_histories, "
-                             "d_temperature and d_loads go together)", found=f"{len(given)} of them",
+                             "d_temperature, d_loads and d_readings go together)", found=f"{len(given)} of them",
                              remedy="give one direction per kind of parameter")
         if given & {"expansion", "d_temperature"} and model.temperature is None:
             raise InputError("a direction of thermal expansion, but no temperature", key=d.name,
@@ -74,6 +75,10 @@ def check_directions(model: Model, directions: Sequence[Direction], n_frames: in
             if table is not None and np.shape(table) != (n_frames, n):
                 raise InputError(f"{what} of direction {d.name} has the wrong shape", expected=str((n_frames, n)),
                                  found=str(np.shape(table)), remedy="give one row per frame")
+        if d.d_readings is not None and (model.control is None or np.shape(d.d_readings) != (n_frames,)):
+            raise InputError(f"readings of direction {d.name} without a gauge, or of the wrong shape",
+                             expected=f"{n_frames} values for a model with control",
+                             found=str(np.shape(d.d_readings)), remedy="give one value per frame")
         if d.thickness and model.kind == "solid":
             raise InputError("a solid has no thickness parameter", key=d.name, remedy="lock it, or move the nodes")
 
@@ -116,6 +121,9 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
     forces += assembly.held_stiffness_times(system, end.evaluation, moved)
     forces[free] = 0.0  # in equilibrium along every direction; only rounding is left
     du += moved
+    if system.model.control is not None:
+        wanted = [change.reading for change in drive_changes(system.model, directions, times, end.time)]
+        du, forces = on_course(system, end.evaluation, factor, du, forces, np.array(wanted))
     states = []
     for k, g in enumerate(end.evaluation.groups):
         if system.groups[k].law.spec.n_state == 0 and not system.model.surface_side:  # nothing but F33, a start value
@@ -153,27 +161,60 @@ def local_influence(system: System, end: Converged, factor: Factor) -> tuple[np.
     -------
     du (n_dof, m) mm per unit of drive or load, forces (n_dof, m) N per unit
     """
-    constraints, drives = system.model.constraints, system.model.local_drives
-    du = np.zeros((system.model.n_dof, len(drives) + len(system.model.local_loads)))
+    du, forces = answers(system, end.evaluation, factor, system.model.local_drives, system.model.local_loads)
+    if system.model.control is not None:
+        du, forces = on_course(system, end.evaluation, factor, du, forces, np.zeros(du.shape[1]))
+    return du, forces
+
+
+def answers(system: System, evaluation: Evaluation, factor: Factor, drives: Sequence[int],
+            loads: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """What a unit of some drives and, after them, of some loads does to the body at fixed history.
+
+    Returns
+    -------
+    du (n_dof, m) mm, forces (n_dof, m) N, as `local_influence`
+    """
+    constraints = system.model.constraints
+    du = np.zeros((system.model.n_dof, len(drives) + len(loads)))
     du[constraints.dofs, :len(drives)] = constraints.basis[:, list(drives)]
-    forces = assembly.stiffness_times(system, end.evaluation, du)
-    for k, load in enumerate(system.model.local_loads, len(drives)):
-        forces[:, k] -= _unit_load(system, end, load)
+    forces = assembly.stiffness_times(system, evaluation, du)
+    for k, load in enumerate(loads, len(drives)):
+        forces[:, k] -= _unit_load(system, evaluation.u, load)
     free = system.pattern.dofs
     moved = np.zeros_like(du)
     moved[free] = factor.solve(-forces[free])
-    forces += assembly.held_stiffness_times(system, end.evaluation, moved)
+    forces += assembly.held_stiffness_times(system, evaluation, moved)
     forces[free] = 0.0
     return du + moved, forces
 
 
-def _unit_load(system: System, end: Converged, load: int) -> np.ndarray:
+def answer_to_control(system: System, evaluation: Evaluation, factor: Factor) -> tuple[np.ndarray, np.ndarray]:
+    """What a unit of the controlled drive or load does  # du (n_dof, 1) mm, forces (n_dof, 1) N"""
+    control = system.model.control
+    return answers(system, evaluation, factor, *(() if which is None else (which,)
+                                                 for which in (control.drive, control.load)))
+
+
+def on_course(system: System, evaluation: Evaluation, factor: Factor, du: np.ndarray, forces: np.ndarray,
+              wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Changes (n_dof, nd) at a fixed size of the controlled drive or load, with the size that the gauge asks for.
+
+    wanted : (nd,) mm, change of its reading
+    """
+    gauge = system.model.control.gauge
+    moved, felt = answer_to_control(system, evaluation, factor)
+    more = (wanted - gauge @ du) / (gauge @ moved)
+    return du + moved * more, forces + felt * more
+
+
+def _unit_load(system: System, u: np.ndarray, load: int) -> np.ndarray:
     """Nodal forces of a load of one unit on the present shape  # (n_dof,); load : dead ones first, then pressures"""
     dead = system.model.loads.dead
     n_dead = 0 if dead is None else dead.shape[1]
     if load < n_dead:
         return dead[:, load]
-    force, x = np.zeros(system.model.n_dof), system.model.mesh.nodes + end.u
+    force, x = np.zeros(system.model.n_dof), system.model.mesh.nodes + u
     for faces in system.pressures:
         if faces.load == load - n_dead:
             np.add.at(force, faces.dofs, pressure_force(faces, x).reshape(faces.dofs.shape))

@@ -27,7 +27,7 @@ from idic.fe.external.solver_output import Solution, Wanted
 from idic.fe.march import FrameState, StepList
 from idic.model.drives import DriveTable, build_drives, set_nodes
 from idic.model.experiment import Experiment, Measured, Parametrised
-from idic.model.readings import Readings, build_readings
+from idic.model.readings import Readings, build_readings, controlled
 from idic.parameters import ParameterSet
 
 TABLE = "TABLE."
@@ -222,6 +222,11 @@ def _check_drives(forward: ExternalForward) -> None:
     """A table is one history for a whole set."""
     experiment, basis = forward.experiment, forward.drives.basis
     file = experiment.solver.experiment_file
+    if (drive := controlled(experiment)) is not None:
+        raise InputError("a gauge that controls a motion or force", file=file, key="[[boundary]] controlled_by",
+                         expected="numbers or columns: an external solver is given the motion before it starts",
+                         found=f"controlled_by, column {drive.column}",
+                         remedy="use the built-in solver, or give the motion as a column")
     for entry in experiment.prescribed:
         if isinstance(entry.drive, (Measured, Parametrised)):
             raise InputError("a motion that differs from node to node", file=file,

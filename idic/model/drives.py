@@ -16,7 +16,7 @@ from idic.fe.mesh.surface_edges import normal_axis, rim_second_differences, seco
 from idic.images.placed_camera import PlacedCamera
 from idic.model.boundary_modes import edge_shapes, start_and_middle, time_courses
 from idic.model.corrections import correction_parameter, corrections_of, pattern
-from idic.model.experiment import Column, Constant, Experiment, Measured, Parametrised, Prescribed
+from idic.model.experiment import Column, Constant, Controlled, Experiment, Measured, Parametrised, Prescribed
 from idic.model.loads import LoadHistories, build_loads
 from idic.parameters import Parameter, ParameterSet
 
@@ -31,7 +31,7 @@ class DriveTable:
     dofs : (n_p,) node * dim + component; basis : (n_p, n_drives); names : one per drive; columns : per drive the
     logged history (n_frames,) in mm, zero where there is none; local : indices of the local drives;
     local_precision : (m, m) prior of the local values (1/mm²), those of the loads last; derivatives : parameter ->
-    (n_frames, n_drives).
+    (n_frames, n_drives); controlled : the drive whose size a gauge decides, None: none
     """
 
     dofs: np.ndarray
@@ -43,6 +43,7 @@ class DriveTable:
     local_precision: np.ndarray
     measured: np.ndarray  # (m,) bool: True = node of a measured boundary, False = noise of a logged column
     loads: LoadHistories
+    controlled: int | None = None
 
     @property
     def n_local(self) -> int:
@@ -165,6 +166,7 @@ class _Builder:
         self.local: list[int] = []
         self.precisions: list[np.ndarray] = []
         self.measured: list[bool] = []
+        self.controlled: int | None = None
 
     def add(self, prescribed: Prescribed) -> None:
         nodes = set_nodes(self.experiment, prescribed.nodes)
@@ -183,6 +185,9 @@ class _Builder:
             self._add_column(stem, rows, drive)
         elif isinstance(drive, Measured):
             self._add_measured(stem, rows, nodes[taken], drive)
+        elif isinstance(drive, Controlled):
+            self.controlled = self._drive(stem, np.zeros(self.frames))
+            self._pattern(rows, self.controlled, np.ones(len(rows)))
         else:
             self._add_parametrised(stem, rows, taken, nodes, drive)
 
@@ -326,7 +331,7 @@ class _Builder:
         loads = build_loads(self.experiment)
         return DriveTable(dofs, basis, tuple(self.names), columns, derivatives, tuple(self.local),
                           _block_diagonal([*self.precisions, loads.local_precision]),
-                          np.array([*self.measured, *(False for _ in loads.local)], dtype=bool), loads)
+                          np.array([*self.measured, *(False for _ in loads.local)], dtype=bool), loads, self.controlled)
 
 
 def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:

@@ -99,7 +99,23 @@ class Parametrised:
     courses: np.ndarray | None = None  # (n_frames, time_modes)
 
 
-Drive = Constant | Column | Measured | Parametrised
+@dataclass(frozen=True)
+class Controlled:
+    """A motion or force of unknown size: in every frame the one at which a gauge reads its logged course.
+
+    course : (n_frames,) mm from the reference on; nodes, component, minus : mean displacement of a node set, less that
+    of another; rates : (n_frames,) d(course)/dt, for `time.offset`
+    """
+
+    column: str
+    course: np.ndarray
+    nodes: str
+    component: str
+    minus: str | None = None
+    rates: np.ndarray | None = None
+
+
+Drive = Constant | Column | Measured | Parametrised | Controlled
 
 
 @dataclass(frozen=True)
@@ -121,7 +137,7 @@ class Load:
 
     edges: str
     kind: str
-    drive: Constant | Column
+    drive: Constant | Column | Controlled
     component: str | None = None
     follower: bool = False
     identify_scale: bool = False  # its scale is a degree of freedom: a gauge that is not calibrated

@@ -18,7 +18,7 @@ from idic.fe.equilibrium import Control
 from idic.fe.extrapolation import increments_to_try, is_extrapolated, march_extrapolated
 from idic.fe.half_rate import Motion, at_frames, every_second, without_time_error
 from idic.fe.march import FrameState, StepList, march
-from idic.fe.model import Constraints, Direction, Loads, Model, Reaction, Section, validate
+from idic.fe.model import Constraints, Direction, Loads, Model, PathControl, Reaction, Section, validate
 from idic.materials.core.compilation import compile as compile_law
 from idic.materials.core.law import EXPANSION
 from idic.model.black_box import ExternalForward, build_external
@@ -26,7 +26,7 @@ from idic.model.drives import COMPONENTS, DriveTable, build_drives, set_nodes
 from idic.model.experiment import Experiment, Load
 from idic.model.heterogeneity import variation_of, variations_at
 from idic.model.loads import LoadHistories, is_follower
-from idic.model.readings import Readings, build_readings
+from idic.model.readings import Readings, build_readings, controlled, from_reference, path_control
 from idic.model.temperature import NodalTemperature, nodal_temperature
 from idic.parameters import ParameterSet
 
@@ -67,7 +67,7 @@ class ForwardModel:
             or name == "geometry.thickness" or name in self.morphs
             or self._variation(name) is not None
             or self._material(name) is not None or self._expansion(name) is not None
-            or (name == "time.offset" and self._warming() is not None))
+            or (name == "time.offset" and (self._warming() is not None or self._late_readings() is not None)))
 
     @property
     def morphs(self) -> tuple[str, ...]:
@@ -106,6 +106,7 @@ class ForwardModel:
             return Direction(name, thickness=True, d_loads=self._load_growth(parameters))
         loads, drives = self.drives.loads, self.drives.derivatives
         parts = {"d_temperature": self._warming() if name == "time.offset" else None,
+                 "d_readings": self._late_readings() if name == "time.offset" else None,
                  "d_histories": self._from_reference(drives[name]) if name in drives else None,
                  "d_loads": self._load_change(name, parameters) if name in loads.names() else None}
         if any(part is not None for part in parts.values()):
@@ -133,7 +134,7 @@ class ForwardModel:
             growth = np.where(self._per_thickness(), thickness / self.model.thickness, 1.0)
             loads = replace(loads, dead_histories=loads.dead_histories * growth)
         return replace(self.model, mesh=here.mesh, constraints=constraints, thickness=thickness, loads=loads,
-                       variations=variations_at(here, parameters), **self._thermal(parameters))
+                       control=self._control(parameters), variations=variations_at(here, parameters), **self._thermal(parameters))
 
     def _thermal(self, parameters: ParameterSet) -> dict[str, Any]:
         """What of the model follows from the temperature: its history, the sections with their expansion."""
@@ -173,9 +174,19 @@ class ForwardModel:
 
     def _from_reference(self, histories: np.ndarray) -> np.ndarray:
         """Histories of the simulated frames; at the reference frame nothing has moved."""
-        cut = histories[self.experiment.reference:].copy()
-        cut[0] = 0.0
-        return cut
+        return from_reference(self.experiment, histories)
+
+    def _late_readings(self) -> np.ndarray | None:
+        """Derivative of the readings of the controlling gauge by `time.offset`, mm/s  # (n_simulated,)"""
+        drive = controlled(self.experiment)
+        return None if drive is None or drive.rates is None else self._from_reference(drive.rates)
+
+    def _control(self, parameters: ParameterSet) -> PathControl | None:
+        """The controlling gauge with its readings at these parameters."""
+        control, rates = self.model.control, self._late_readings()
+        if rates is None or "time.offset" not in parameters:
+            return control
+        return replace(control, readings=control.readings + parameters["time.offset"].value * rates)
 
     def law_values(self, parameters: ParameterSet) -> dict[str, np.ndarray]:
         """Law parameters per section, in the law's order."""
@@ -311,7 +322,8 @@ def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
         mesh=mesh, kind=experiment.kind, sections=sections,
         constraints=Constraints(drives.dofs, drives.basis, histories),
         thickness=experiment.thickness or 1.0, loads=_loads(experiment, drives.loads), channels=_reactions(experiment),
-        locking=experiment.options.locking, surface_side=experiment.surface_side)
+        locking=experiment.options.locking, surface_side=experiment.surface_side,
+        control=path_control(experiment, drives))
     validate(model, len(histories))
     warmed = any(f"{section.name}.{EXPANSION.name}" in experiment.parameters or section.law.spec.temperature is not None
                  for section in sections)

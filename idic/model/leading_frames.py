@@ -9,7 +9,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.images.stack_views import LeadingFrames
-from idic.model.experiment import Channel, Column, Constant, Experiment, Parametrised, Temperature
+from idic.model.experiment import Channel, Column, Constant, Controlled, Experiment, Parametrised, Temperature
 
 
 def leading_frames(experiment: Experiment, n_frames: int) -> Experiment:
@@ -57,6 +57,8 @@ def _drive(drive, pick: np.ndarray):
         return replace(drive, values=drive.values[pick], rates=_cut(drive.rates, pick), corrections=corrections)
     if isinstance(drive, Constant):
         return replace(drive, corrections=tuple(replace(c, course=c.course[pick]) for c in drive.corrections))
+    if isinstance(drive, Controlled):
+        return replace(drive, course=drive.course[pick], rates=_cut(drive.rates, pick))
     if isinstance(drive, Parametrised):
         return replace(drive, courses=_cut(drive.courses, pick))
     return drive

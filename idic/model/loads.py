@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.model.experiment import Column, Experiment, Load
+from idic.model.experiment import Column, Constant, Experiment, Load
 from idic.parameters import Parameter, ParameterSet
 
 UNITS = {"pressure": "MPa", "traction": "MPa", "force": "N"}
@@ -71,7 +71,7 @@ def build_loads(experiment: Experiment) -> LoadHistories:
     local, stds = [], []
     for i, load in enumerate(experiment.loads):
         logged = isinstance(load.drive, Column)
-        columns[:, i] = load.drive.values if logged else load.drive.value
+        columns[:, i] = load.drive.values if logged else _constant(load)
         if logged and load.drive.rates is not None and "time.offset" in experiment.parameters:
             rates[:, i] = load.drive.rates
         if logged and load.drive.noise_std > 0:
@@ -97,11 +97,16 @@ def load_parameters(loads: tuple[Load, ...]) -> tuple[Parameter, ...]:
     made = {}
     for load in loads:
         stem, logged = load_stem(load), isinstance(load.drive, Column)
-        size = float(np.abs(load.drive.values).max()) if logged else abs(load.drive.value)
+        size = float(np.abs(load.drive.values).max()) if logged else abs(_constant(load))
         made[f"{stem}.scale"] = Parameter(f"{stem}.scale", 1.0, "", load.identify_scale, (0.0, np.inf), transform="log")
         made[f"{stem}.offset"] = Parameter(f"{stem}.offset", 0.0, UNITS[load.kind],
                                            logged and load.drive.identify_offset, scale=0.1 * (size or 1.0))
     return tuple(made.values())
+
+
+def _constant(load: Load) -> float:
+    """The value of a load that is not logged; zero of one that a gauge controls: the solver finds it."""
+    return load.drive.value if isinstance(load.drive, Constant) else 0.0
 
 
 def _value(parameters: ParameterSet, name: str, default: float) -> float:

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.fe.march import FrameState
-from idic.model.drives import COMPONENTS, set_nodes
-from idic.model.experiment import Channel, Experiment
+from idic.fe.model import PathControl
+from idic.model.drives import COMPONENTS, DriveTable, set_nodes
+from idic.model.experiment import Channel, Controlled, Experiment
 from idic.model.loads import LoadHistories
 
 
@@ -41,20 +42,53 @@ class Readings:
 
 def build_readings(experiment: Experiment, loads: LoadHistories) -> Readings | None:
     """The rows of an experiment's channels; None where all of them are reactions."""
-    channels, n_dim = experiment.channels, experiment.n_dim
+    channels = experiment.channels
     if all(channel.kind == "reaction" for channel in channels):
         return None
     motion, load = np.zeros((len(channels), experiment.mesh.nodes.size)), np.zeros((len(channels), len(loads.stems)))
     for row, channel in enumerate(channels):
         if channel.kind == "displacement":
-            for name, sign in ((channel.nodes, 1.0), (channel.minus, -1.0)):
-                if name is not None:
-                    nodes = set_nodes(experiment, name)
-                    dofs = nodes * n_dim + COMPONENTS.index(channel.component)
-                    motion[row, dofs] += sign * channel.factor / len(nodes)
+            motion[row] = channel.factor * _mean_displacement(experiment, channel)
         elif channel.kind == "pressure":
             load[row, read_load(channel, loads)] = channel.factor
     return Readings(motion, load)
+
+
+def _mean_displacement(experiment: Experiment, place: Channel | Controlled) -> np.ndarray:
+    """Weights of a mean displacement of a node set, less that of another  # (n_dof,)"""
+    weights = np.zeros(experiment.mesh.nodes.size)
+    for name, sign in ((place.nodes, 1.0), (place.minus, -1.0)):
+        if name is not None:
+            nodes = set_nodes(experiment, name)
+            weights[nodes * experiment.n_dim + COMPONENTS.index(place.component)] += sign / len(nodes)
+    return weights
+
+
+def controlled(experiment: Experiment) -> Controlled | None:
+    """The motion or load whose size a gauge decides."""
+    entries = [entry.drive for entry in (*experiment.prescribed, *experiment.loads)  # type: ignore[attr-defined]
+               if isinstance(entry.drive, Controlled)]  # type: ignore[attr-defined]
+    return entries[0] if entries else None
+
+
+def path_control(experiment: Experiment, drives: DriveTable) -> PathControl | None:
+    """What the gauge reads and decides, with its course of the simulated frames; None without one."""
+    drive = controlled(experiment)
+    if drive is None:
+        return None
+    load = None
+    if drives.controlled is None:
+        place = next(i for i, entry in enumerate(experiment.loads) if isinstance(entry.drive, Controlled))
+        load = int(np.argsort(drives.loads.solver_order)[place])
+    return PathControl(_mean_displacement(experiment, drive), from_reference(experiment, drive.course),
+                       drives.controlled, load)
+
+
+def from_reference(experiment: Experiment, course: np.ndarray) -> np.ndarray:
+    """A course of the simulated frames, zero at the reference  # (n_simulated, ...)"""
+    cut = course[experiment.reference:].copy()
+    cut[0] = 0.0
+    return cut
 
 
 def read_load(channel: Channel, loads: LoadHistories) -> int:

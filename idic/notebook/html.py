@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from html import escape
 
-from idic.model.experiment import Column, Constant, Drive, Experiment, Parametrised
+from idic.model.experiment import Column, Constant, Controlled, Drive, Experiment, Parametrised
 from idic.notebook.estimates import Estimates, estimates_html
 from idic.parameters import Parameter
 from idic.report.evidence.check import overlay
@@ -61,6 +61,8 @@ def _drive(drive: Drive, unit: str) -> str:
         return f"= {drive.value:g} {unit}".rstrip()
     if isinstance(drive, Column):
         return f"from column {drive.column}"
+    if isinstance(drive, Controlled):
+        return f"as the gauge of column {drive.column} asks"
     return f"as {drive.modes} × {drive.time_modes} modes" if isinstance(drive,
                                                                         Parametrised) else "measured from the images"
 

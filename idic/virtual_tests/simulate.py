@@ -17,7 +17,7 @@ from idic.experiment_file.tables.temperatures import with_copied_images
 from idic.experiment_file.toml_file import locate, read_toml, to_toml, with_overrides
 from idic.fe.mesh.mesh import surface_cells
 from idic.images.placed_camera import AnyCamera, PlacedCamera
-from idic.model.experiment import Column, Experiment, Measured, Parametrised
+from idic.model.experiment import Column, Controlled, Experiment, Measured, Parametrised
 from idic.model.forward import ForwardModel, build_forward, solve
 from idic.readers.units import parse_unit, unit_in_name
 from idic.identify.plan.planned_test import recorded_or_planned
@@ -186,6 +186,8 @@ def _columns(
     for drive in drives:
         if isinstance(drive, Column):
             columns[drive.column] = noisy_channel(drive.values, drive.noise_std, rng)
+        elif isinstance(drive, Controlled):
+            columns[drive.column] = drive.course
     values = np.zeros((experiment.n_frames, len(experiment.channels)))
     for i, frame in enumerate(forward.frames):
         values[frame] = channel_values(experiment, experiment.parameters, simulated[i], frame)

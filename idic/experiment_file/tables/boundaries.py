@@ -8,12 +8,14 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_boundary import BoundaryTable, ChannelTable, DriveTable, LoadTable
+from idic.experiment_file.schema_boundary import (BoundaryTable, ChannelTable, ControlTable, DriveTable,
+                                                  LoadTable)
 from idic.experiment_file.tables.corrections import Place, corrections, free_course
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_node_set
 from idic.fe.mesh.mesh import Mesh
 from idic.model.corrections import corrections_of
-from idic.model.experiment import Channel, Column, Constant, Drive, Load, Measured, Parametrised, Prescribed
+from idic.model.experiment import (Channel, Column, Constant, Controlled, Drive, Load, Measured, Parametrised,
+                                   Prescribed)
 from idic.readers.logs import MatchedLog
 from idic.readers.units import column_factor, factor_between
 
@@ -145,6 +147,8 @@ def _component(component: str, mesh: Mesh, context: Context, key: str) -> None:
 
 
 def _drive(made: Motion, table: DriveTable, key: str, context: Context) -> Drive:
+    if table.controlled_by is not None:
+        return _controlled(made, table.controlled_by, f"{key}.controlled_by", context)
     if table.measured:
         return Measured(table.smoothing)
     if table.virtual is not None:
@@ -157,6 +161,19 @@ def _drive(made: Motion, table: DriveTable, key: str, context: Context) -> Drive
     noise = table.noise_std * factor
     values = _from_rest(made, values, table.column, factor, noise, key, context)
     return Column(table.column, values, noise, table.identify_offset, rates)
+
+
+def _controlled(made: Motion, table: ControlTable, key: str, context: Context) -> Controlled:
+    drives = [entry.drive for entry in (*made.prescribed, *made.loads)]  # type: ignore[attr-defined]
+    if other := next((drive for drive in drives if isinstance(drive, Controlled)), None):
+        raise InputError("two things that a gauge controls", file=context.file, key=key, expected="one controlled_by",
+                         found=f"another, by {other.column}", remedy="give the other motion or force as a column")
+    for part in filter(None, ("minus" if table.minus else None, "displacement")):
+        made.mesh = with_node_set(made.mesh, getattr(table, part), context.file, f"{key}.{part}")
+    _component(table.component, made.mesh, context, f"{key}.component")
+    course, factor, rates = logged(table.column, context.length_unit, table.unit, context, f"{key}.column")
+    course = _from_rest(made, course, table.column, factor, 0.0, key, context)
+    return Controlled(table.column, course, table.displacement, table.component, table.minus, rates)
 
 
 def _parametrised(made: Motion, table: DriveTable, key: str, context: Context) -> Parametrised:
@@ -191,9 +208,12 @@ def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, ke
                              expected="pressure", found=kind, remedy="leave follower out")
         _component(table.component, made.mesh, context, f"{key}.component")
     unit = "N" if kind == "force" else "MPa"
-    if table.value is not None:
+    if table.controlled_by is not None:
+        drive: Constant | Column | Controlled = _controlled(made, table.controlled_by, f"{key}.controlled_by", context)
+        at_rest = 0.0
+    elif table.value is not None:
         factor = factor_between(table.unit, unit, file=context.file, key=f"{key}.unit") if table.unit else 1.0
-        drive: Constant | Column = Constant(table.value * factor)
+        drive = Constant(table.value * factor)
         at_rest = drive.value
     else:
         values, factor, rates = logged(table.column, unit, table.unit, context, f"{key}.column")
@@ -242,4 +262,6 @@ def _same(a: Drive, b: Drive) -> bool:
         return False
     if isinstance(a, Column):
         return a.column == b.column
+    if isinstance(a, Controlled):
+        return a is b
     return a == b if isinstance(a, Constant) else isinstance(a, (Measured, Parametrised))
