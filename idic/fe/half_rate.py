@@ -36,8 +36,8 @@ def at_frames(model: Model, frames: np.ndarray) -> Model:
     loads = replace(model.loads, dead_histories=own(model.loads.dead_histories),
                     pressure_histories=own(model.loads.pressure_histories))
     control = None if model.control is None else replace(model.control, readings=model.control.readings[frames])
-    return replace(model, control=control, constraints=replace(model.constraints, histories=model.constraints.histories[frames]),
-                   loads=loads, temperature=own(model.temperature))
+    constraints = replace(model.constraints, histories=model.constraints.histories[frames])
+    return replace(model, control=control, constraints=constraints, loads=loads, temperature=own(model.temperature))
 
 
 def without_time_error(model: Model, fine: Iterable[Motion], coarse: Iterable[FrameState]) -> Iterator[Motion]:

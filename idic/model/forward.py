@@ -134,7 +134,8 @@ class ForwardModel:
             growth = np.where(self._per_thickness(), thickness / self.model.thickness, 1.0)
             loads = replace(loads, dead_histories=loads.dead_histories * growth)
         return replace(self.model, mesh=here.mesh, constraints=constraints, thickness=thickness, loads=loads,
-                       control=self._control(parameters), variations=variations_at(here, parameters), **self._thermal(parameters))
+                       control=self._control(parameters), variations=variations_at(here, parameters),
+                       **self._thermal(parameters))
 
     def _thermal(self, parameters: ParameterSet) -> dict[str, Any]:
         """What of the model follows from the temperature: its history, the sections with their expansion."""
