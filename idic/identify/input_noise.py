@@ -7,8 +7,10 @@ image without it (`idic.images.quality.gradient_noise`), so that error bars hold
 from __future__ import annotations
 
 from dataclasses import replace
+from math import comb
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from idic.correlation.experiment_reference import build_reference
 from idic.correlation.reference import MAX_GRADIENT_NOISE
@@ -16,11 +18,13 @@ from idic.images.interpolate import DEGREES, gradient_at_pixels, prefilter
 from idic.images.quality.gradient_noise import gradient_noise_share
 from idic.images.quality.noise_covariance import NoiseCovariance, noise_covariance, pixel_gain
 from idic.identify.noise.recordings import recordings
-from idic.model.experiment import CorrelatedNoise, Experiment, Noise
+from idic.model.experiment import Channel, CorrelatedNoise, Experiment, Noise
 
 MAD_TO_STD = 1.4826  # median absolute deviation -> standard deviation of a normal distribution
 MIN_CHANNEL_NOISE_SHARE = 1e-4  # of the range of a series
-MIN_VALUES = 6  # of a series whose third differences tell its noise
+MIN_VALUES = 6  # of a series whose differences tell its noise
+MIN_VALUES_OF_A_LONG_LOG = 20  # a knee is in few of its third differences
+MIN_UNEVENNESS = 0.01  # of the largest step of time
 NOISE_SHARE_OF_A_SHORT_LOG = 2e-3  # of its largest value
 MIN_NOISE_RATIO = 1.08  # of measured to assumed noise; below, 95 % intervals still hold in 93 %, and nothing is changed
 MIN_STANDARD_ERRORS = 4.0  # of that difference
@@ -28,18 +32,43 @@ MAX_NOISE_RATIO = 4.0  # above, it is motion or light that the images differ by
 MIN_TOLD_CORRELATION = 0.05  # of neighbouring pixels
 
 
-def channel_noise(values: np.ndarray) -> float:
+def logged_noise(experiment: Experiment, channel: Channel) -> float:
+    """Standard deviation of a reading of a channel: the stated one, else that of its course over all frames."""
+    return float(channel.noise_std or channel_noise(channel.values, experiment.times))
+
+
+def channel_noise(values: np.ndarray, times: np.ndarray | None = None) -> float:
     """Standard deviation of the noise of a series (n,), in its unit.
 
     Third differences remove a smooth course and amplify white noise by sqrt(20); their median ignores the few frames at
-    a knee. Never below 1e-4 of the range of the series, so that the weight of a noise-free record is finite.
+    a knee. Where the times (n,) are not even, divided differences take their place if they show less: a straight course
+    over uneven times is straight to them alone. In a short series a knee or a curve is in most third differences: the
+    least of second, third and fourth ones counts. Never below 1e-4 of the range of the series, so that the weight of a
+    noise-free record is finite.
     """
     values = np.asarray(values, float)
-    floor = MIN_CHANNEL_NOISE_SHARE * max(float(np.ptp(values)), 1e-12)
-    if len(values) < MIN_VALUES:
+    n, floor = len(values), MIN_CHANNEL_NOISE_SHARE * max(float(np.ptp(values)) if len(values) else 0.0, 1e-12)
+    if n < MIN_VALUES:
         return max(floor, NOISE_SHARE_OF_A_SHORT_LOG * float(np.abs(values).max(initial=0.0)))
-    third = np.diff(values, 3)
-    return max(floor, MAD_TO_STD * float(np.median(np.abs(third))) / np.sqrt(20.0))
+    orders = (2, 3, 4) if n < MIN_VALUES_OF_A_LONG_LOG else (3,)
+    steps = np.diff(np.arange(n) if times is None else np.asarray(times, float))
+    found = [_noise_of_differences(values, np.ones(n - 1), order) for order in orders]
+    if np.ptp(steps) > MIN_UNEVENNESS * steps.max(initial=0.0) and (steps > 0.0).all():
+        found += [_noise_of_differences(values, steps, order) for order in orders]
+    return max(floor, min(found))
+
+
+def _noise_of_differences(values: np.ndarray, steps: np.ndarray, order: int) -> float:
+    """By the median of the differences of an order, divided by the steps (n - 1,) between the values"""
+    if np.ptp(steps) == 0.0:
+        differences, gain = np.diff(values, order), float(comb(2 * order, order))
+        return MAD_TO_STD * float(np.median(np.abs(differences))) / np.sqrt(gain)
+    at = np.concatenate([[0.0], np.cumsum(steps)])
+    windows = sliding_window_view(at, order + 1)  # (n - order, order + 1)
+    apart = windows[:, :, None] - windows[:, None, :] + np.eye(order + 1)
+    weights = 1.0 / apart.prod(axis=2)  # of Newton's divided differences
+    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+    return MAD_TO_STD * float(np.median(np.abs((weights * sliding_window_view(values, order + 1)).sum(axis=1))))
 
 
 def gradient_noise(experiment: Experiment) -> float:

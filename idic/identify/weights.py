@@ -12,7 +12,7 @@ from idic.correlation.experiment_reference import build_reference
 from idic.correlation.reference import MAX_GRADIENT_NOISE
 from idic.correlation.shared_noise import ordinary_variance
 from idic.errors import InputError
-from idic.identify.input_noise import channel_noise, gradient_noise
+from idic.identify.input_noise import gradient_noise, logged_noise
 from idic.images.quality.lowpass import lowpass, noise_share
 from idic.model.experiment import Experiment
 
@@ -33,7 +33,7 @@ def noise_weights(experiment: Experiment, views: Sequence[Experiment] = ()) -> W
                          expected="its standard deviation", found="nothing",
                          remedy="give it, or use idic.identify_experiment, which measures it")
     seen, *others = (float(view.noise.in_sums_gv * np.sqrt(gradient_noise_share(view))) for view in views)
-    noises = np.array([c.noise_std or channel_noise(c.values) for c in experiment.channels], dtype=float)
+    noises = np.array([logged_noise(experiment, channel) for channel in experiment.channels], dtype=float)
     share = ordinary_variance(experiment.n_references)
     return Weights(1.0 / (share * seen**2), seen, noises**-2.0, noises,
                    tuple(1.0 / (share * other**2) for other in others), tuple(others))

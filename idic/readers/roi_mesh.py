@@ -47,8 +47,12 @@ def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="
     quads = np.stack([corner, corner + 1, corner + nx + 2, corner + nx + 1], axis=1)
     centre = nodes[quads].mean(axis=1)
     keep = np.ones(len(quads), dtype=bool)
-    for cx, cy, radius in holes:
-        keep &= np.hypot(*(centre - (cx, cy)).T) >= radius
+    away = [np.hypot(*(centre - (cx, cy)).T) for cx, cy, _ in holes]
+    for (_, _, radius), distance in zip(holes, away, strict=True):
+        keep &= distance >= radius
+    for hole, distance in zip(holes, away, strict=True):
+        if distance.min() >= hole[2]:
+            raise _no_hole(hole, float(distance.min()), (x0, y0, x1, y1), element_size, file, key)
     if not keep.any():
         raise InputError("the holes cover the whole ROI", file=file, key=key, expected="holes inside the ROI",
                          found=str([list(h) for h in holes]),
@@ -60,6 +64,22 @@ def roi_mesh(roi, element_size: float, holes=(), *, down: bool, file=None, key="
     mesh = make_mesh(nodes[used], cells)
     mesh = make_mesh(_follow_holes(mesh, holes, (x0, y0, x1, y1), max((x1 - x0) / nx, (y1 - y0) / ny)), cells)
     return _with_sets(mesh, (x0, y0, x1, y1), holes, element_size, down)
+
+
+def _no_hole(hole, nearest: float, roi, element_size: float, file, key) -> InputError:
+    """A hole that holds the middle of no element would leave the mesh whole.
+
+    nearest : distance from its centre to the nearest middle
+    """
+    (cx, cy, radius), (x0, y0, x1, y1) = hole, roi
+    if max(x0 - cx, cx - x1, y0 - cy, cy - y1) > 0.0:
+        return InputError("a hole beside the ROI", file=file, key=key, expected=f"a centre within {list(roi)}",
+                          found=str(list(hole)), remedy="correct the hole: [column, row, radius]")
+    return InputError("a hole is smaller than an element: the mesh would have none", file=file, key=key,
+                      expected=f"a radius above {nearest:.3g}, or elements of {radius:.2g} or less",
+                      found=f"radius {radius:g}, elements of {element_size:g}",
+                      remedy="choose smaller elements, or draw the outline (outline_mm, outline_px), "
+                             "which has small elements at small holes; or leave the hole out")
 
 
 def _cut_corners(nodes: np.ndarray, quads: np.ndarray, roi) -> tuple[np.ndarray, np.ndarray]:

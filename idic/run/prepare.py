@@ -171,7 +171,7 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
         "excluded": sorted(excluded), "excluded_by_user": list(experiment.excluded),
         "noise": noise_entry(noises[0]), "camera_noises": [noise_entry(noise) for noise in noises[1:]],
         "channel_noise_source": ["given" if channel.noise_std
-                                 else "third differences" for channel in experiment.channels],
+                                 else "differences" for channel in experiment.channels],
         "weights": {"kind": "noise" if experiment.options.weighting == "noise" else "paper (not yet scaled)",
                     "image": weights.image, "image_noise": weights.image_noise,
                     "channels": [1.0 / noise**2 for noise in weights.channel_noise.tolist()],

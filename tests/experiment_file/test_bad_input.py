@@ -212,6 +212,14 @@ CASES = {
         text('mesh = "mesh.inp"\nmesh_unit = "mm"',
              "mesh = { roi_px = [10, 10, 50, 40], element_px = 5, holes_px = [[[20, 20], [30, 20], [25, 30]]] }"),
         TOML, "experiment.mesh", "a list of points"),
+    "a hole smaller than an element": (
+        text('mesh = "mesh.inp"\nmesh_unit = "mm"',
+             "mesh = { roi_px = [10, 10, 50, 40], element_px = 5, holes_px = [[20, 20, 8], [40, 25, 2.4]] }"),
+        TOML, "experiment.mesh", "radius 2.4, elements of 5"),
+    "a hole beside the rectangle": (
+        text('mesh = "mesh.inp"\nmesh_unit = "mm"',
+             "mesh = { roi_px = [10, 10, 50, 40], element_px = 5, holes_px = [[70, 20, 8]] }"),
+        TOML, "experiment.mesh", "[70.0, 20.0, 8.0]"),
 }
 CASES["elements without a material"] = (
     both(append('\n[sets]\nA = { where = "x < 2" }\n'), text("[material.SPECIMEN]", "[material.A]")), TOML, "material",

@@ -269,7 +269,7 @@ def test_a_mesh_is_made_on_the_image(camera, tmp_path):
     assert edge[:, :, 1] == pytest.approx(5.0)
 
 
-@pytest.mark.parametrize("hole", [(30, 25, 4), (30, 25, 2.6), (28, 24, 12), (5, 25, 8), (12, 12, 6), (30, 25, 18),
+@pytest.mark.parametrize("hole", [(30, 25, 4), (28, 24, 12), (5, 25, 8), (12, 12, 6), (30, 25, 18),
                                   (31.3, 26.1, 7.7)])
 def test_every_hole_leaves_a_mesh_of_sound_elements(hole, tmp_path):
     toml = re.sub(r"\[camera\].*?\n\n", "", NO_FORCE, flags=re.S)
@@ -281,7 +281,7 @@ def test_every_hole_leaves_a_mesh_of_sound_elements(hole, tmp_path):
     ends = e.camera.project(e.mesh.nodes)[np.array([e.mesh.face_nodes(face) for face in faces])]  # corners, middle
     at = np.hypot(*(ends - hole[:2]).transpose(2, 0, 1))  # (n_faces, 3)
     rim = np.abs(at[:, :2] - hole[2]).max(axis=1) < 1e-6 * hole[2]
-    assert rim.any() == ("HOLE1" in e.mesh.node_sets)  # a hole smaller than an element leaves none
+    assert rim.any() and "HOLE1" in e.mesh.node_sets
     np.testing.assert_allclose(at[rim, 2], hole[2], rtol=1e-9)  # round between the corners too
 
 

@@ -124,3 +124,21 @@ def test_a_drifting_force_is_that_of_its_own_experiment(tmp_path):
     assert [joint.whole.channels[number].column for number in channels] == ["drifting.force_N"]
     with_noise = with_channel_noise(point.system, joint.whole, channels)
     assert with_noise.spread[0, 0] > 1.2 * point.system.spread[0, 0]
+
+
+def logged(rng, n: int, course, uneven: float) -> float:
+    """Root mean square of the noise found in 100 ramps whose readings have the noise 1."""
+    found = []
+    for _ in range(100):
+        even = np.linspace(0.0, 1.0, n)
+        times = uneven * np.sort(np.r_[0.0, 1.0, rng.random(n - 2)]) + (1.0 - uneven) * even
+        found.append(channel_noise(1000.0 * course(times) + rng.standard_normal(n), times) ** 2)
+    return float(np.sqrt(np.mean(found)))
+
+
+@pytest.mark.parametrize("n, course, uneven, most", [
+    (7, lambda t: t, 0.7, 1.5), (40, lambda t: t, 0.7, 1.3),  # by the numbers of the stages: 75 and 7
+    (9, np.tanh, 0.7, 1.5), (9, lambda t: np.minimum(t, 0.4), 0.0, 2.0), (60, lambda t: t, 0.0, 1.2)])
+def test_short_and_uneven_ramps_have_the_noise_of_their_readings(n, course, uneven, most):
+    """Medians of few differences scatter: seven readings tell their noise within a factor of two or so."""
+    assert 0.75 < logged(np.random.default_rng(6), n, course, uneven) < most

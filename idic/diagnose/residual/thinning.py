@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.identify.input_noise import channel_noise
+from idic.identify.input_noise import logged_noise
 from idic.images.quality.noise_covariance import coloured
 from idic.images.stack_views import StackView
 from idic.model.experiment import Channel, Experiment, FieldPoints, FurtherCamera, Noise
@@ -67,7 +67,7 @@ def thinned(experiment: Experiment, sign: int, seed: int) -> Experiment:
     """
     cameras = tuple(_thinned_camera(camera, sign, seed, number)
                     for number, camera in enumerate(experiment.cameras, start=1))
-    channels = tuple(_thinned_channel(channel, sign, seed, number)
+    channels = tuple(_thinned_channel(channel, logged_noise(experiment, channel), sign, seed, number)
                      for number, channel in enumerate(experiment.channels))
     return replace(experiment, cameras=cameras, channels=channels,
                    stack=ThinnedStack(experiment.stack, experiment.noise, sign, seed, points=experiment.points),
@@ -86,7 +86,6 @@ def _thinned_camera(camera: FurtherCamera, sign: int, seed: int, number: int) ->
                    noise=_noisier(camera.noise))
 
 
-def _thinned_channel(channel: Channel, sign: int, seed: int, number: int) -> Channel:
-    std = channel.noise_std or channel_noise(channel.values)
+def _thinned_channel(channel: Channel, std: float, sign: int, seed: int, number: int) -> Channel:
     noise = np.random.default_rng([seed, 1_000_000 + number]).standard_normal(len(channel.values))
     return replace(channel, values=channel.values + sign * std * noise, noise_std=float(np.sqrt(2.0) * std))

@@ -15,7 +15,7 @@ import numpy as np
 
 from idic.correlation.system import CorrelationSystem
 from idic.identify.covariance import scaled_system
-from idic.identify.input_noise import channel_noise
+from idic.identify.input_noise import logged_noise
 from idic.identify.noise.channel_correlation import ChannelNoise, channel_correlation
 from idic.identify.step.state import Evaluation
 from idic.model.experiment import Experiment
@@ -23,9 +23,8 @@ from idic.parameters import ParameterSet
 
 
 def weighted_std(experiment: Experiment, number: int) -> float:
-    """Standard deviation that a channel is weighted by: the stated one, else that of third differences."""
-    channel = experiment.channels[number]
-    return float(channel.noise_std or channel_noise(channel.values))
+    """Standard deviation that a channel is weighted by: the stated one, else that of its course."""
+    return logged_noise(experiment, experiment.channels[number])
 
 
 def correlated_channels(experiment: Experiment, parameters: ParameterSet, point: Evaluation) -> dict[int, ChannelNoise]:
