@@ -121,7 +121,7 @@ class ExperimentFolder(RecordedFolder):
                                                 self.folder, self.file, lens)
         camera_notes += pairing_notes(self.config, mesh, scale.camera, frames.stack, cameras, frames.reference,
                                       self.file)
-        mesh, order_notes = self.element_order(mesh, scale.camera)
+        mesh, order_notes = self.element_order(mesh, scale.camera, frames)
         holes = holes_of(mesh, [entry.name for entry in self.config.dof], scale.unit, self.file)
         mesh = holes.mesh
         varied, of_varied = heterogeneities(self.config, mesh, scale.unit, self.file)
@@ -222,7 +222,7 @@ class ExperimentFolder(RecordedFolder):
                 "units": {} if log is None else {name: unit for name in log.names if (unit := log.unit(name))},
                 "files": tuple(str(path) for path in self.small_files())}
 
-    def element_order(self, mesh: Mesh, camera: Camera) -> tuple[Mesh, tuple[str, ...]]:
+    def element_order(self, mesh: Mesh, camera: Camera, frames: Frames) -> tuple[Mesh, tuple[str, ...]]:
         """The mesh with the element order of the options, on the arcs of a drawing, and a note if the order was
         raised."""
         wanted, n = self.config.options.element_order, mesh.n_nodes
@@ -234,7 +234,7 @@ class ExperimentFolder(RecordedFolder):
                              found=", ".join(sorted({block.cell for block in mesh.blocks})),
                              remedy='use element_order = "auto"')
         mesh, table = raise_order(mesh), self.config.experiment.mesh
-        if (drawing := arcs_of(table)) is not None:
+        if (drawing := arcs_of(self.config, frames.stack, camera, self.file)) is not None:
             mesh = drawing.on_arcs(mesh, camera if table.in_px else None)
         return mesh, (f"linear elements are computed as quadratic ones ({n} -> {mesh.n_nodes} nodes); "
                       'element_order = "as_given" under [options] keeps them linear',)
@@ -248,7 +248,7 @@ class ExperimentFolder(RecordedFolder):
             source = raw.file
             mesh, notes = to_mesh(raw, n_dim, scale.factor)
         else:
-            mesh, notes = mesh_on_image(self.config, scale, frames.stack, self.file), []
+            mesh, notes = mesh_on_image(self.config, scale, frames.stack, self.file)
         try:
             check_elements(mesh)
         except InputError as error:

@@ -120,6 +120,38 @@ def test_init_and_check_read_the_stages(initialised):
     np.testing.assert_allclose(np.ptp(there.mesh.nodes, axis=0), [WIDTH, HEIGHT], atol=2e-3)
 
 
+def test_a_hole_that_the_points_show_is_round_between_the_corners_of_elements(tmp_path):
+    x, y = np.meshgrid(np.arange(0.3, 20.0, 0.6), np.arange(0.3, 30.0, 0.6))
+    points = np.column_stack([x.ravel(), y.ravel()])
+    points = points[np.hypot(*(points - [10.0, 15.0]).T) > 4.3]
+    for k in range(2):
+        rows = [f"{a:.4f},{b:.4f},0.0,{1e-3 * k * b:.6f}" for a, b in points]
+        (tmp_path / f"stage_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
+    (tmp_path / "experiment.toml").write_text("""
+[experiment]
+fields = "stage_*.csv"
+fields_noise_um = 1.0
+mesh = { outline_points_mm = 0.3, element_mm = 2 }
+kind = "plane_stress"
+[material.ALL]
+law = "elastic"
+E = 1000.0
+nu = { value = 0.3, identify = true }
+[[boundary]]
+nodes = "TOP"
+u = "measured"
+[[boundary]]
+nodes = "BOTTOM"
+u = "measured"
+""")
+    mesh = load_experiment(tmp_path).mesh
+    rim = mesh.nodes[mesh.node_sets["HOLE1"]]
+    centre = np.linalg.lstsq(np.column_stack([2 * rim, np.ones(len(rim))]), (rim**2).sum(axis=1), rcond=None)[0][:2]
+    radius = np.hypot(*(rim - centre).T)
+    assert radius.mean() == pytest.approx(4.0, abs=0.3)  # half a distance of the points
+    assert np.ptp(radius) < 1e-9  # straight edges of 2 mm: 0.12
+
+
 def test_init_tells_a_notched_shear_test_from_tension(tmp_path):
     """A V-notched specimen along x, sheared evenly; the machine counts compression positive."""
     (tmp_path / "stages").mkdir()

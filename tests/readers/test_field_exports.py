@@ -26,9 +26,9 @@ def moved_in_um(stack: FieldStack, k: int) -> np.ndarray:
     return stack.frame(k).astype(float) * [1.0, -1.0] / 1e3
 
 
-def aramis(folder, k: int, force: float | None = 10.0, comma: bool = False, ids=None, rise=None) -> None:
+def aramis(folder, k: int, force: float | None = 10.0, comma: bool = False, ids=None, rise=None, beside=0.0) -> None:
     ids = np.arange(len(GRID)) if ids is None else ids
-    points = (GRID + displaced(k))[ids]
+    points = (GRID + displaced(k) + beside)[ids]
     z = np.zeros(len(ids)) if rise is None else rise[ids]
     lines = ["# Units: length:mm angle:deg time:s force:N ", f"# Stage: Stufe {k}", "stage;index;relative_time;date",
              f'"Stufe {k}";{k};{0.5 * k:.4f};"2024-02-28T13:59:36.414"']
@@ -425,6 +425,43 @@ def test_another_specimen_of_the_same_grid_is_seen_by_its_strain(tmp_path):
     with pytest.raises(InputError, match="off by 0.4") as refused:  # sqrt 2 of 0.3
         check_stages(opened(tmp_path), range(10))
     assert "0006" in str(refused.value.file)
+
+
+@pytest.mark.parametrize("others, first", [(range(6, 10), "0006"), ([4], "0004"), ([9], "0009"),
+                                           (range(1, 10, 2), "0001")])
+def test_another_specimen_on_the_same_grid_is_seen_by_its_pattern(tmp_path, others, first):
+    """Points of another pattern lie 8 µm beside those of the first one, each in its own way; noise is 0.2 µm."""
+    rng = np.random.default_rng(4)
+    pattern = rng.normal(0.0, 8e-3, GRID.shape)
+    for k in range(10):
+        aramis(tmp_path, k, beside=rng.normal(0.0, 2e-4, GRID.shape))
+    check_stages(opened(tmp_path), range(10))
+    for k in others:
+        aramis(tmp_path, k, beside=pattern + rng.normal(0.0, 2e-4, GRID.shape))
+    with pytest.raises(InputError, match="all over the field") as refused:
+        check_stages(opened(tmp_path), range(10))
+    assert first in str(refused.value.file)
+
+
+def test_a_noisy_stage_and_one_after_a_large_step_are_no_other_specimen(tmp_path):
+    rng = np.random.default_rng(5)
+    curved = 2e-4 * (GRID - GRID.mean(axis=0)) ** 2
+    for k in range(10):
+        noise = rng.normal(0.0, 2e-3 if k == 3 else 2e-4, GRID.shape)
+        aramis(tmp_path, k if k < 5 else k + 20, beside=noise + (k > 4) * curved)
+    check_stages(opened(tmp_path), range(10))
+
+
+def test_reference_coordinates_of_another_specimen_are_refused(tmp_path):
+    """Of the same numbers and nearly the same places: one test has them the same to the digit."""
+    for k in range(4):
+        other = 0.05 if k == 2 else 0.0
+        rows = [f"{i},{x + other:.6f},{y:.6f},{u:.7f},{v:.7f}" for i, ((x, y), (u, v))
+                in enumerate(zip(GRID, displaced(k), strict=True))]
+        (tmp_path / f"stage_{k}.csv").write_text("\n".join(["id,x_mm,y_mm,ux_mm,uy_mm", *rows]))
+    with pytest.raises(InputError, match="reference coordinates") as refused:
+        check_stages(opened(tmp_path), range(4))
+    assert "stage_2" in str(refused.value.file)
 
 
 def test_a_test_that_is_loaded_in_few_stages_is_no_fault(tmp_path):

@@ -81,3 +81,15 @@ def half_width(off: np.ndarray) -> np.ndarray:
 def test_points_that_hang_together_nowhere_are_refused():
     with pytest.raises(InputError, match="no outline"):
         outline_of(np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0], [9.0, 9.0]]), 1.0, 0.5)
+
+
+def test_gaps_that_are_no_holes_are_told():
+    """A few points that were not measured, and a hole that the margin closes."""
+    points = grid(24.0, 60.0)
+    missing = np.abs(points - [6.0, 20.0]).max(axis=1) < 2.2 * PITCH
+    points = points[~missing & (np.hypot(*(points - [15.0, 40.0]).T) > 1.6)]
+    found = outline_of(points, PITCH, 3.0)
+    assert not found.holes and len(found.gaps) == 2
+    at = found.gaps[np.argsort(found.gaps[:, 1]), :2]
+    np.testing.assert_allclose(at, [[6.0, 20.0], [15.0, 40.0]], atol=PITCH)
+    assert len(outline_of(grid(24.0, 60.0), PITCH, MARGIN).gaps) == 0

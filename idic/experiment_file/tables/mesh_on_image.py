@@ -14,7 +14,7 @@ from idic.experiment_file.tables.measured_fields import grid_of
 from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera
 from idic.images.stack import Stack
-from idic.readers.fields.outline import outline_of, sides
+from idic.readers.fields.outline import PointOutline, outline_of, sides
 from idic.readers.fields.series import FieldStack, MeasuredPoints
 from idic.readers.outline_mesh import Drawing, from_image
 from idic.readers.roi_mesh import roi_mesh
@@ -23,8 +23,8 @@ KEY = "experiment.mesh"
 NEIGHBOURS_PER_ELEMENT = 3.0  # side of an element of a mesh around the points, where none is given
 
 
-def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Path) -> Mesh:
-    """The mesh of linear elements in mm that the table describes.
+def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Path) -> tuple[Mesh, list[str]]:
+    """The mesh of linear elements in mm that the table describes, and notes.
 
     Raises
     ------
@@ -42,14 +42,15 @@ def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Pa
                          key="experiment.kind", expected="plane_stress or plane_strain", found="solid",
                          remedy="give a mesh file")
     if table.around_points_mm is not None and isinstance(stack, FieldStack):
-        return _around_points(config, stack.points, scale.camera, file)
+        return _around_points(config, stack.points, scale.camera, file), []
     if table.outline_points_mm is not None and isinstance(stack, FieldStack):
-        return _of_outline(config, stack.points, scale.camera, file)
+        drawing, found = _of_outline(config, stack.points, scale.camera, file)
+        return drawing.mesh(file), _gap_notes(found)
     if not table.in_px:
-        return _mesh_in_mm(table, scale, file)
+        return _mesh_in_mm(table, scale, file), []
     mesh = (drawing_of(table).mesh(file, KEY) if table.outline_px is not None
             else roi_mesh(table.roi_px, table.element_px, table.holes_px, down=True, file=file, key=KEY))
-    return from_image(mesh, scale.camera)
+    return from_image(mesh, scale.camera), []
 
 
 def _around_points(config: ExperimentFile, points: MeasuredPoints, camera: Camera, file: Path) -> Mesh:
@@ -67,8 +68,9 @@ def _around_points(config: ExperimentFile, points: MeasuredPoints, camera: Camer
     return roi_mesh((*low, *high), size, table.holes_mm, down=down, file=file, key=KEY)
 
 
-def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera, file: Path) -> Mesh:
-    """A mesh of the outline of the points, with its holes, wider by a margin: ``mesh = { outline_points_mm = 0.7 }``.
+def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera,
+                file: Path) -> tuple[Drawing, PointOutline]:
+    """The outline of the points, with its holes, wider by a margin: ``mesh = { outline_points_mm = 0.7 }``.
 
     The ends along x and y are the sets LEFT, RIGHT, BOTTOM, TOP.
     """
@@ -80,9 +82,17 @@ def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera, 
         raise InputError(error.what, file=file, key=KEY, expected=error.expected, found=error.found,
                          remedy=error.remedy) from None
     size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
-    drawing = Drawing(found.outline.tolist(), [hole.tolist() for hole in found.holes], size, table.elements == "quads",
-                      sides(found.outline), table.mesher)
-    return drawing.mesh(file)
+    return Drawing(found.outline.tolist(), [hole.tolist() for hole in found.holes], size, table.elements == "quads",
+                   sides(found.outline), table.mesher), found
+
+
+def _gap_notes(found: PointOutline) -> list[str]:
+    if not len(found.gaps):
+        return []
+    x, y, width = found.gaps[np.argmax(found.gaps[:, 2])]
+    return [f"{len(found.gaps)} gaps of the points, the widest {width:.3g} mm at ({x:.4g}, {y:.4g}), are filled by the "
+            "mesh, as points that are missing; a hole of the specimen there belongs into a drawn outline (outline_mm "
+            "with holes_mm)"]
 
 
 def _mesh_in_mm(table: MeshTable, scale: Lengths, file: Path) -> Mesh:
@@ -105,8 +115,12 @@ def drawing_of(table: MeshTable) -> Drawing:
     return Drawing(table.outline_mm, table.holes_mm, table.element_mm, quads, table.edge_names, table.mesher)
 
 
-def arcs_of(table: MeshTable) -> Drawing | None:
-    """What mid-side nodes follow: a drawn outline with its holes, or the holes of a rectangle; None without any."""
+def arcs_of(config: ExperimentFile, stack: Stack, camera: Camera, file: Path) -> Drawing | None:
+    """What mid-side nodes follow: an outline, drawn or of points, with its holes, or the holes of a rectangle; None
+    without any."""
+    table = config.experiment.mesh
+    if table.outline_points_mm is not None and isinstance(stack, FieldStack):
+        return _of_outline(config, stack.points, camera, file)[0]
     if table.is_drawn:
         return drawing_of(table)
     holes = table.holes_px or table.holes_mm

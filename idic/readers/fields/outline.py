@@ -29,11 +29,13 @@ MAX_MITRE = 4.0  # margins: a corner that would reach further out is a sliver
 @dataclass(frozen=True, eq=False)
 class PointOutline:
     """outline : (n, 2) corners, counter-clockwise; holes : ``[x, y, r]`` or (m, 2) corners; filled : part of the
-    rectangle around the outline that it takes, holes left out"""
+    rectangle around the outline that it takes, holes left out; gaps : (k, 3) middle and width of gaps of the points
+    that are taken as points that are missing"""
 
     outline: np.ndarray
     holes: tuple[np.ndarray, ...]
     filled: float
+    gaps: np.ndarray
 
 
 def outline_of(points: np.ndarray, pitch: float, margin: float) -> PointOutline:
@@ -50,9 +52,13 @@ def outline_of(points: np.ndarray, pitch: float, margin: float) -> PointOutline:
                          found=f"{len(points)} points, none with two neighbours within {MAX_CIRCUMRADIUS:g} distances",
                          remedy="draw the outline yourself: mesh = { outline_mm = … }")
     outer = _grown(_straightened(_turned(loops[0], True), pitch), margin)
-    holes = [hole for loop in loops[1:] if len(loop) >= MIN_HOLE and (hole := _hole(loop, pitch, margin)) is not None]
+    inner = [(loop, _hole(loop, pitch, margin) if len(loop) >= MIN_HOLE else None) for loop in loops[1:]]
+    holes = [hole for _, hole in inner if hole is not None]
+    gaps = [[*np.mean([loop.min(axis=0), loop.max(axis=0)], axis=0), np.ptp(loop, axis=0).max()]
+            for loop, hole in inner if hole is None]
     area = abs(_area(outer)) - sum(np.pi * h[2]**2 if h.ndim == 1 else abs(_area(h)) for h in holes)
-    return PointOutline(outer, tuple(holes), float(area / np.prod(np.ptp(outer, axis=0))))
+    return PointOutline(outer, tuple(holes), float(area / np.prod(np.ptp(outer, axis=0))),
+                        np.array(gaps, dtype=float).reshape(-1, 3))
 
 
 def sides(outline: np.ndarray) -> dict[str, list[int]]:

@@ -4,7 +4,7 @@ Systems number the points of every project from 1 on, so that another specimen h
 elsewhere: neighbours of the reference stage are no neighbours there, one stage alone is stretched by far, or the file
 states other places in the system's reference. A file that ends too early at the end of a row looks like a stage that
 has lost points: the next stage has them again, or, of the last stage, they end within a line of the grid and the rows
-above are as complete as before.
+above are as complete as before. Another specimen on the same grid: `idic.readers.fields.other_pattern`.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from idic.errors import InputError
 from idic.readers.fields.chosen_stages import mean_strain
+from idic.readers.fields.other_pattern import PatternSteps
 from idic.readers.fields.series import UM_PER_MM, FieldStack
 from idic.readers.fields.stage import KEY
 
@@ -27,6 +28,7 @@ MAX_OFF_MIDDLE = 0.1
 MIN_CUT_PART = 0.05  # of the points, at the end of a file
 MAX_NEIGHBOUR = 1.5  # distances of neighbours
 MAX_LOST_PART = 0.01  # of the points, lost elsewhere in a file that was cut off
+MAX_OTHER_PLACE = 0.01  # of a distance of neighbours: one test has the same reference coordinates, to rounding
 MAX_OTHER_PART = 0.5  # of the points of a stage that are at other places of the system's reference
 MIN_JUMP_STRAIN = 0.05  # of one stage against its neighbours
 MAX_OTHER_STEP = 0.05  # any other step of the mean strain over the jump
@@ -44,9 +46,10 @@ def check_stages(stack: FieldStack, frames: Sequence[int]) -> None:
         A stage cannot be read, is one of another specimen, or ends before its last points.
     """
     middles = _Middles.of(stack.points.positions, stack.points.pitch)
-    strains, ends = [], []
+    strains, ends, pattern = [], [], PatternSteps(middles.pitch_um)
     for k in frames:
         moved = stack.frame(k)[:, :2]
+        pattern.add(middles.against_neighbours(moved))
         torn = middles.torn_part(moved)
         if torn > MAX_TORN_PART:
             raise _other_specimen(stack, k, "points between their neighbours of the reference stage",
@@ -63,6 +66,11 @@ def check_stages(stack: FieldStack, frames: Sequence[int]) -> None:
         k, size = jump
         raise _other_specimen(stack, frames[k], "a mean strain near that of the stages before and after it",
                               f"one that is off by {size:.2g} in this stage alone")
+    other = pattern.other_pattern(np.array(strains))
+    if other is not None:
+        k, size = other
+        raise _other_specimen(stack, frames[k], "points that move against their neighbours as between other stages, by "
+                              "noise", f"{size:.2g} times that, all over the field")
 
 
 def _other_specimen(stack: FieldStack, k: int, expected: str, found: str) -> InputError:
@@ -85,10 +93,10 @@ def _check_places(stack: FieldStack, k: int) -> None:
         return
     at = points.found_in(stage)
     there = at >= 0
-    beside = np.linalg.norm(stage.points[at[there]] - points.keys[there], axis=1) > MAX_OFF_MIDDLE * points.pitch
+    beside = np.linalg.norm(stage.points[at[there]] - points.keys[there], axis=1) > MAX_OTHER_PLACE * points.pitch
     other = float(beside.mean()) if there.any() else 1.0
     if points.ids is None:
-        other = 1.0 - there.sum() / len(stage.points)
+        other = max(other, 1.0 - there.sum() / len(stage.points))
     if other > MAX_OTHER_PART:
         raise _other_specimen(stack, k, "points at the reference coordinates of the reference stage",
                               f"{100 * other:.0f} % of them at others")
@@ -167,3 +175,7 @@ class _Middles:
         away = np.linalg.norm(now[self.point] - now[self.around].mean(axis=1), axis=1)
         away = away[np.isfinite(away)]
         return float((away > MIN_TORN_PITCH).mean()) if len(away) else 0.0
+
+    def against_neighbours(self, moved_um: np.ndarray) -> np.ndarray:
+        """Motion of these points less the mean of their neighbours  # (n, 2) -> (m, 2) µm"""
+        return moved_um[self.point] - moved_um[self.around].mean(axis=1)
