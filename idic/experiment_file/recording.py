@@ -149,11 +149,11 @@ class RecordedFolder:
             raise InputError("no stage follows the reference", file=file, key="experiment.fields",
                              expected="two stages or more, the reference before the others", found=f"{len(labels)}",
                              remedy="check the pattern, reference and exclude_frames")
-        stack, recorded = stack_of(series, averaged, table.kind), None
+        stack, recorded = stack_of(series, averaged, table.kind, table.thickness_mm), None
         if table.stages is not None:
             kept, note = kept_stages(table.stages, stack, averaged, excluded)
             recorded = Recorded(stack, (reference, *later), kept)
-            stack = FieldStack(series.only(kept), stack.points, stack.n_components)
+            stack = FieldStack(series.only(kept), stack.points, stack.n_components, stack.flattening)
             labels = tuple(labels[k] for k in kept)
             reference, averaged = kept.index(reference), tuple(kept.index(k) for k in averaged)
             later, excluded = [len(kept) - 1], ()

@@ -21,6 +21,7 @@ from idic.images.camera import Camera
 from idic.images.quality.field_noise import FieldNoise, field_noise
 from idic.model.experiment import CorrelatedNoise, Depth, FieldPoints, Noise
 from idic.readers.fields.chosen_stages import StageRule, chosen_stages
+from idic.readers.fields.flattened import Flattening
 from idic.readers.fields.outline import MIN_HOLE, loops_of
 from idic.readers.fields.placement import Edges, Placement, fitted_placement
 from idic.readers.fields.plane import out_of_plane
@@ -38,10 +39,16 @@ def open_series(config: ExperimentFile, folder: Path, file: Path) -> FieldSeries
     return open_fields(paths, table.fields_format, table.fields_unit, pixel_size)
 
 
-def stack_of(series: FieldSeries, references: Sequence[int], kind: str) -> FieldStack:
-    """The displacements since the mean of the reference stages; of a solid also that along the normal of its points."""
+def stack_of(series: FieldSeries, references: Sequence[int], kind: str, thickness: float | None) -> FieldStack:
+    """The displacements since the mean of the reference stages; of a solid also that along the normal of its points,
+    of a sheet those of its middle, laid flat."""
     points = measured_points(series, references)
-    return FieldStack(series, points, 3 if kind == "solid" and points.plane is not None else 2)
+    if points.heights is None:
+        return FieldStack(series, points)
+    if kind == "solid":
+        return FieldStack(series, points, 3)
+    half = thickness if kind == "plane_stress" else None  # a cut in plane strain does not bend
+    return FieldStack(series, points, 2, Flattening.of(points.positions, points.heights, half))
 
 
 def kept_stages(table: StagesTable, stack: FieldStack, references: Sequence[int],
@@ -266,9 +273,10 @@ def field_notes(stack: FieldStack, grid: FieldPoints, last: int,
             f"{np.degrees(np.hypot(*found.tilt)):.2g}°, curvature {1e3 * found.curvature:.2g} 1/m")
     if grid.depth is not None:
         return [*notes, text]
-    text += "; it is not compared, as a plane model has no motion there (kind = \"solid\" compares it)"
     bending = 0.5 * found.curvature * (thickness or 0.0)
-    if bending > MIN_TOLD_CURVATURE_STRAIN:
-        text += (f"; this bends the surface by a strain of {bending:.1e}, which a plane model does not have: "
-                 "it is in the residual, or in the parameters")
+    text += ("; the plane model is compared with the middle of the sheet, laid flat: tilt, arcs"
+             + (f" and the strain of bending at the surface ({bending:.1e})" if bending > MIN_TOLD_CURVATURE_STRAIN
+                else " and bending" if thickness else "") + " are taken out of the motion in the plane")
+    if not thickness and 0.5 * found.curvature > MIN_TOLD_CURVATURE_STRAIN:
+        text += "; with thickness_mm the strain of bending at the surface would be, too"
     return [*notes, text]

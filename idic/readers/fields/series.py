@@ -15,6 +15,7 @@ from idic.readers.delimited.log_table import Table
 from idic.readers.fields.aramis import is_aramis, read_aramis, read_aramis_head
 from idic.readers.fields.column_tables import FORMATS as COLUMN_FORMATS
 from idic.readers.fields.column_tables import read_columns
+from idic.readers.fields.flattened import Flattening
 from idic.readers.fields.mudic import SUFFIXES as MUDIC_SUFFIXES
 from idic.readers.fields.mudic import read_mudic
 from idic.readers.fields.ncorr import SUFFIXES as NCORR_SUFFIXES
@@ -241,6 +242,8 @@ class MeasuredPoints:
         None for fields of two coordinates.
     start : array (n, d), mm
         What displacements, or positions, are counted from.
+    heights : array (n,), mm, or None
+        Over that plane.
     """
 
     positions: np.ndarray
@@ -249,6 +252,7 @@ class MeasuredPoints:
     keys: np.ndarray
     plane: Plane | None
     start: np.ndarray
+    heights: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -303,18 +307,21 @@ def measured_points(series: FieldSeries, references: Sequence[int]) -> MeasuredP
                          remedy="export the points of the whole surface")
     plane = mean_plane(positions) if positions.shape[1] == 3 else None
     flat = positions if plane is None else positions @ plane.axes.T
-    return MeasuredPoints(flat[:, :2], pitch, None if first.ids is None else first.ids[known], points, plane, start)
+    return MeasuredPoints(flat[:, :2], pitch, None if first.ids is None else first.ids[known], points, plane, start,
+                          None if plane is None else flat[:, 2] - flat[:, 2].mean())
 
 
 class FieldStack:
     """The displacements of a test, frame by frame, as rows of an image: follows the `Stack` protocol.
 
     `frame` gives (n_points, 2 or 3) in µm, along the columns and the rows of the points' grid (rows count downwards,
-    against y) and along the normal of three coordinates; NaN where a point was not measured.
+    against y) and along the normal of three coordinates; NaN where a point was not measured. flattening : lays three
+    coordinates flat, where two are given.
     """
 
-    def __init__(self, series: FieldSeries, points: MeasuredPoints, n_components: int = 2):
-        self.series, self.points, self.n_components = series, points, n_components
+    def __init__(self, series: FieldSeries, points: MeasuredPoints, n_components: int = 2,
+                 flattening: Flattening | None = None):
+        self.series, self.points, self.n_components, self.flattening = series, points, n_components, flattening
 
     @property
     def entries(self) -> tuple[FieldEntry, ...]:
@@ -355,4 +362,6 @@ class FieldStack:
                              found=f"{np.abs(np.median(moved[known], axis=0)).max():.3g} mm",
                              remedy="remove stages of other specimens from the pattern")
         c = self.n_components
+        if self.flattening is not None:
+            moved = self.flattening(moved)
         return np.ascontiguousarray(UM_PER_MM * moved[:, :c] * _ROWS_DOWN[:c], dtype=np.float32)

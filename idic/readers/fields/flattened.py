@@ -1,0 +1,77 @@
+"""What a plane model can be compared with: the motion of a sheet's middle surface, laid flat.
+
+Points of three coordinates show how a sheet leaves its plane. A tilt of the whole sheet shortens it as seen from the
+front, bending stretches the seen side, and an arc is longer than its chord; a plane model has none of the three. With
+the rise w of the surface over its plane, a polynomial of the second degree whose slopes are K x, and half of the
+thickness h,
+
+    u = R (x3 + u3) - x3                  the tilt turned back; R: the smallest turn of the normal
+      + h K x                             from the seen side to the middle (Kirchhoff 1850)
+      + a(K0 + K, x) - a(K0, x)           from the chord to the arc, K0 of the reference stage
+
+    a(K, x) = sum_i (k_i^2 xi_i^3 / 6) e_i,       k_i, e_i principal curvatures and their directions, xi_i = x . e_i
+
+docs/method.md, equation 15.9. The arc is exact to the second order where one curvature is zero: a sheet that can be
+laid flat.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+MIN_KNOWN = 12  # points that show the rise
+
+
+@dataclass(frozen=True, eq=False)
+class Flattening:
+    """Of the stages of one test.
+
+    positions : (n, 3) mm, of the reference stage about its middle, along its plane and over it; curvature : (2, 2)
+    1/mm, of that stage; half_mm : from the seen side to the middle, 0 where the thickness is not known
+    """
+
+    positions: np.ndarray
+    curvature: np.ndarray
+    half_mm: float
+
+    @classmethod
+    def of(cls, positions: np.ndarray, heights: np.ndarray, thickness_mm: float | None) -> Flattening:
+        """heights : (n,) mm, of the reference stage over its plane"""
+        at = np.column_stack([positions - positions.mean(axis=0), heights])
+        return cls(at, _rise(at[:, :2], heights)[1], 0.5 * (thickness_mm or 0.0))
+
+    def __call__(self, moved: np.ndarray) -> np.ndarray:
+        """Displacement along the plane  # (n, 3) mm -> (n, 2) mm, NaN where not measured"""
+        known = np.isfinite(moved).all(axis=1)
+        if known.sum() < MIN_KNOWN:
+            return moved[:, :2]
+        now, x = self.positions + moved, self.positions[:, :2]
+        level = np.column_stack([now[known, :2], np.ones(known.sum())])
+        tilt = np.linalg.lstsq(level, now[known, 2], rcond=None)[0][:2]
+        turned = now @ _upright(tilt).T - self.positions
+        slope, K = _rise(x[known], turned[known, 2])
+        return (turned[:, :2] + self.half_mm * (slope + x @ K) + _arc(self.curvature + K, x)
+                - _arc(self.curvature, x))
+
+
+def _upright(tilt: np.ndarray) -> np.ndarray:
+    """The smallest turn that lays a plane of this slope level  # (2,) -> (3, 3)"""
+    normal = np.array([-tilt[0], -tilt[1], 1.0]) / np.sqrt(1.0 + tilt @ tilt)
+    skew = np.array([[0.0, 0.0, -normal[0]], [0.0, 0.0, -normal[1]], [normal[0], normal[1], 0.0]])
+    return np.eye(3) + skew + skew @ skew / (1.0 + normal[2])  # Rodrigues
+
+
+def _rise(x: np.ndarray, rise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slope in the middle and matrix of curvatures of the best polynomial of the second degree  # (2,), (2, 2) 1/mm"""
+    size = float(np.abs(x).max())
+    a, b = (x / size).T
+    c = np.linalg.lstsq(np.column_stack([np.ones_like(a), a, b, 0.5 * a * a, a * b, 0.5 * b * b]), rise, rcond=None)[0]
+    return c[1:3] / size, np.array([[c[3], c[4]], [c[4], c[5]]]) / size**2
+
+
+def _arc(curvature: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """How much longer the way along the surface is than its chord, from the middle on  # (n, 2) mm"""
+    values, axes = np.linalg.eigh(curvature)
+    return (values**2 * (x @ axes) ** 3 / 6.0) @ axes.T
