@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from typer.testing import CliRunner
 
+from idic.cli.app import app
 from idic.experiment_file.load import load_experiment
 from idic.identify.joint import join
 from idic.identify.specimens.scatter import scatter
@@ -111,6 +114,47 @@ def test_specimens_that_differ_are_told_apart_with_their_scatter(tmp_path):
     assert found["between_ci95"][0] < found["between_std"] < found["between_ci95"][1] and found["p_value"] < 1e-6
     assert found["mean"] == pytest.approx(np.mean(list(factors.values())) * E2, rel=0.005)
     assert "specimens differ by more than their error bars" in joint_page(result)
+
+
+def said(*arguments: object) -> str:
+    """What a command prints, its lines joined."""
+    shown = CliRunner().invoke(app, [str(word) for word in arguments])
+    assert shown.exit_code == 0, shown.output
+    return " ".join(shown.output.split())
+
+
+@pytest.mark.slow
+def test_three_directions_from_init_to_the_report_by_the_command_line(tmp_path):
+    """Each specimen is off by its own factor; its axes were cut by eye, its thickness measured to 0.5 %."""
+    factors = {0: 1.02, 90: 1.0, 45: 0.985}
+    folders = [tmp_path / f"s{angle}" for angle in factors]
+    for folder, (angle, factor) in zip(folders, factors.items(), strict=True):
+        write_specimen(folder, angle + 0.5, stiffer=factor, n=9)
+        (folder / "experiment.toml").unlink()
+        said("init", folder)
+        file = folder / "experiment.toml"
+        text = file.read_text(encoding="utf-8")
+        law = "\n".join([EXPERIMENT[EXPERIMENT.index("law ="):EXPERIMENT.index("angle")].replace("{{", "{").replace(
+            "}}", "}"), f"angle = {{ value = {angle}, identify = true, prior = {{ mean = {angle}, std = 1.0 }} }}", ""])
+        thickness = '[[dof]]\nname = "geometry.thickness"\nvalue = 2.0\nprior = { mean = 2.0, std = 0.01 }\n'
+        first, last = text.index("law ="), text.index("[[boundary]]")
+        text = text[:first] + law + text[last:] + thickness
+        file.write_text(text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 "), encoding="utf-8")
+        assert "PLY" not in said("check", folder)  # init names the material ALL
+    out = tmp_path / "all"
+    printed = said("identify", *folders, "--out", out, "--no-prefect", "--workers", "0")
+    result = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    assert result["status"] == "converged" and "ALL.E1" in printed
+    for name, truth in (("E1", E1), ("E2", E2), ("nu12", NU12), ("G12", G12)):
+        entry = result["parameters"][f"ALL.{name}"]
+        error = abs(entry["value"] - truth)  # specimens off by 2 %, of which one or two show a constant
+        assert error < 3.0 * np.hypot(entry["std"], 0.02 * truth) and entry["std"] < 0.1 * truth, name
+    for angle in factors:
+        entry = result["parameters"][f"s{angle}.ALL.angle"]
+        assert abs(entry["value"] - angle - 0.5) < 4.0 * max(entry["std"], 0.05), angle
+    assert any(found["between_std"] is not None for found in result["specimens"].values())
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "Specimen by specimen" in page and "between specimens" in page
 
 
 # the scatter alone --------------------------------------------------------------------------------------
