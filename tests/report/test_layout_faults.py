@@ -1,5 +1,6 @@
 """What was once seen wrong on the pages: overprinted labels, markers without a legend, saturated scales, odd axes."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -113,17 +114,22 @@ def test_a_bad_value_has_no_green_chip():
 
 
 @needs_browser
-def test_what_is_wider_than_the_screen_says_so(tmp_path):
+def test_a_table_wider_than_the_screen_says_so_and_a_chart_fits(tmp_path):
     file = tmp_path / "report.html"
     file.write_text(render_page(make_record()), encoding="utf-8")
-    count = '[...document.querySelectorAll(".hint")].filter(p => p.offsetHeight > 0).length'
-    wide = ('[...document.querySelectorAll(".scroll, figure > .card")].filter(e => e.offsetHeight > 0 && '
-            'e.scrollWidth > e.clientWidth + 2).length')
-    phone, desk = (look_at(file, width, whole=False, script=f"JSON.stringify([{count}, {wide}])")
-                   for width in (390, 1440))
-    hints, boxes = map(int, phone.value.strip("[]").split(","))
-    assert hints == boxes > 3 and phone.overflow <= 0
-    assert desk.value == "[0,0]"
+    count = """(() => { const seen = (what) => [...document.querySelectorAll(what)].filter(e => e.offsetHeight > 0);
+        const wide = (what) => seen(what).filter(e => e.scrollWidth > e.clientWidth + 2).length;
+        const before = [seen(".hint").length, wide(".scroll"), wide("figure > .card"),
+                        seen("figure > .card > img[role=button]").length];
+        const chart = document.querySelector("figure > .card > img[role=button]");
+        const press = () => { chart.dispatchEvent(new KeyboardEvent("keydown", {key: "Enter"}));
+                              return wide("figure > .card"); };
+        return JSON.stringify([...before, ...(chart ? [press(), press()] : [])]); })()"""
+    phone, desk = (look_at(file, width, whole=False, script=count) for width in (390, 1440))
+    hints, tables, charts, enlarged, *after = json.loads(phone.value)
+    assert hints == tables + enlarged and tables > 0 and enlarged > 1 and phone.overflow <= 0
+    assert charts == 0 and after == [1, 0]  # every chart fits; one is enlarged by a key, and fits again
+    assert json.loads(desk.value) == [0, 0, 0, 0]
 
 
 @needs_browser
