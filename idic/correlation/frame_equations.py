@@ -60,7 +60,7 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
     A frame without contrast has no pixel in any sum.
     """
     experiment, camera, reference = context.experiment, context.camera, context.reference
-    response = _turned(experiment, response)
+    response = turned_response(experiment, response)
     nodes = experiment.mesh.nodes
     view = view_of(experiment, camera).at(response.frame)
     motion = view.motion(nodes, response.u)
@@ -78,7 +78,7 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
         few=isinstance(nodal, FieldEquations))
 
 
-def _turned(experiment: Experiment, response: FrameResponse) -> FrameResponse:
+def turned_response(experiment: Experiment, response: FrameResponse) -> FrameResponse:
     """The motion in the axes of this camera."""
     if not experiment.axis_order:
         return response

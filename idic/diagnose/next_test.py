@@ -20,11 +20,11 @@ import numpy as np
 
 from idic.correlation.channels import channel_equations
 from idic.correlation.context import FrameResponse
-from idic.correlation.frame_equations import global_columns
+from idic.correlation.frame_equations import global_columns, turned_response
 from idic.diagnose.refit import Refit, identification_at
 from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.evidence import Columns, Evidence
-from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence, residual_evidence
 from idic.diagnose.screen.score import null_model, score
 from idic.errors import InputError, NotConverged
 from idic.identify.in_memory import Identification
@@ -240,8 +240,7 @@ def _shown(model: Model, continuation: Continuation, seen: np.ndarray) -> _Shown
     evidence, context = model.residual.evidence, model.residual.context
     experiment = continued(context.experiment, continuation)
     forward = build_forward(experiment)
-    context = replace(context, experiment=experiment, camera=_held(context.camera, len(continuation.motion)))
-    view, nodes = replace(model.residual.view, camera=context.camera), experiment.mesh.nodes
+    cameras = [_later(camera, experiment, len(continuation.motion)) for camera in model.residual.cameras]
     local = np.vstack([model.found.local, np.zeros((len(continuation.motion), model.found.local.shape[1]))])
     old = {int(k) for k in evidence.frames}
     fields, channels, motion, channel_residual = [], [], [], []
@@ -250,13 +249,24 @@ def _shown(model: Model, continuation: Continuation, seen: np.ndarray) -> _Shown
         if frame in old or frame >= context.experiment.n_frames - len(continuation.motion):
             response = FrameResponse(frame, at.seen_u, at.channels, at.seen_du, at.dchannels, at.seen_local_du,
                                      at.local_dchannels)
-            rows = channel_equations(context, response)
-            fields.append(global_columns(context, response)[seen])
+            rows = channel_equations(cameras[0].context, response)
+            seen_by = [(one, turned_response(one.context.experiment, response)) for one in cameras]
+            fields.append(np.concatenate([global_columns(one.context, own) for one, own in seen_by])[seen])
             channels.append(rows.d_global)
-            motion.append(view.at(frame).motion(nodes, at.seen_u).ravel()[seen])
+            motion.append(np.concatenate([
+                one.view.at(frame).motion(one.context.experiment.mesh.nodes, own.u).ravel() for one, own in seen_by
+            ])[seen])
             channel_residual.append(rows.residual)
     return _Shown(Columns(context.names, np.array(fields), np.array(channels)), np.array(motion),
                   np.array(channel_residual))
+
+
+def _later(camera: CameraResidual, experiment: Experiment, n: int) -> CameraResidual:
+    """A camera before `n` further frames; experiment : the continued one."""
+    held = _held(camera.context.camera, n)
+    own = next(view for view in experiment.views if view.camera_name == camera.context.experiment.camera_name)
+    return replace(camera, context=replace(camera.context, experiment=own, camera=held),
+                   view=replace(camera.view, camera=held))
 
 
 def _apart(evidence: Evidence, one: _Shown, other: _Shown, continuation: Continuation) -> float:

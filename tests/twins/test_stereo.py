@@ -14,10 +14,17 @@ from scipy.spatial.transform import Rotation
 from idic.correlation.context import CorrelationContext, FrameResponse
 from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.frame_equations import frame_system, with_all_cameras
+from idic.diagnose.locate.adjoint_sources import image_adjoint
+from idic.diagnose.locate.freedoms import in_images
+from idic.diagnose.refit import identification_at
+from idic.diagnose.residual.heldout import positions
+from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose.residual.residual_maps import maps_of_evidence
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 from idic.identify.weights import noise_weights
+from idic.model.experiment import Column
 from idic.model.forward import build_forward
 from idic.virtual_tests.stereo.plate import REDUCED, TRUTH, Size, plate_test, write_plate
 
@@ -96,3 +103,33 @@ def test_parameters_of_the_stereo_test_are_within_their_stated_deviations(folder
     assert found["status"] == "converged"
     # the coarse mesh of the user is wrong by some per cent: the stated deviations hold the misfit
     assert max(abs(score) for score in scores(found, TRUTH).values()) < 3.0
+
+
+def test_the_evidence_of_a_diagnosis_joins_both_cameras(folder):
+    experiment = load_experiment(folder)
+    exact = tuple(replace(entry, drive=replace(entry.drive, noise_std=0.0)) if isinstance(entry.drive, Column)
+                  else entry for entry in experiment.prescribed)  # no unknown of a frame that the cameras share
+    experiment = replace(experiment, prescribed=exact)
+    left, right = (replace(view, cameras=()) for view in experiment.views)
+    local = np.zeros((experiment.n_frames, 0))
+    both, *alone = (residual_evidence(identification_at(one, TRUTH, local, None)) for one in (experiment, left, right))
+    assert [len(one.cameras) for one in (both, *alone)] == [2, 1, 1]
+    assert both.evidence.n_pixels == sum(one.evidence.n_pixels for one in alone)
+    assert len(both.evidence.seen) == sum(len(one.evidence.seen) for one in alone)
+    white = [one.evidence.whiten(one.null) for one in (both, *alone)]
+    grams, scores = zip(*((one.evidence.products(own, one.evidence.weighed(own)), one.evidence.scores(own))
+                          for one, own in zip((both, *alone), white, strict=True)), strict=True)
+    force = white[0].channels.reshape(-1, len(TRUTH))  # counts once
+    expected = grams[1] + grams[2] - both.evidence.channel_weight[0] * force.T @ force
+    # the cameras have one noise gain in the sums of both, 2 % off their own
+    assert np.allclose(grams[0], expected, rtol=0.03, atol=0.03 * np.sqrt(np.outer(*[np.diagonal(expected)] * 2)).max())
+    of_force = sum(white[0].channels[t].T @ part.channel_q for t, part in enumerate(both.evidence.parts))
+    assert np.all(np.abs(scores[0] - scores[1] - scores[2] + of_force) < 0.2 * np.sqrt(np.diagonal(expected)))
+    # motion of the body to all images, and back by the transpose
+    rng, n_nodes = np.random.default_rng(0), experiment.mesh.n_nodes
+    moved, p = rng.normal(size=(n_nodes, 3, 1)), rng.normal(size=(len(both.evidence.seen), 1))
+    back = image_adjoint(both, -1, p).reshape(moved.shape)
+    assert np.sum(in_images(both, -1, moved) * p) == pytest.approx(np.sum(back * moved))
+    at, two = positions(both), maps_of_evidence(both, int(both.evidence.frames[-1]))
+    assert at[:n_nodes, 0].max() < at[n_nodes:, 0].min() and len(two) == 2
+    assert all(np.nanstd(one) < 1.3 for one in two)  # the mesh is coarse

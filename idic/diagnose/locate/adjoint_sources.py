@@ -117,14 +117,17 @@ def element_scores(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, 
 
 def image_adjoint(residual: ResidualEvidence, index: int, p: np.ndarray) -> np.ndarray:
     """From the dofs of the image to those of the body: transpose of `View.columns`  # (n_seen, m) -> (n_dof, m)"""
-    nodes, u, evidence = residual.context.experiment.mesh.nodes, residual.u[index], residual.evidence
-    c, dim = evidence.n_components, nodes.shape[1]
-    units = np.tile(np.eye(dim), (len(nodes), 1, 1))  # a unit of each component at every node
-    view = residual.view.at(int(evidence.frames[index]))
-    local = view.columns(nodes, u, units).reshape(len(nodes), c, dim)
-    whole = np.zeros((len(nodes) * c, p.shape[1]))
+    evidence, frame = residual.evidence, int(residual.evidence.frames[index])
+    n_nodes, dim = residual.context.experiment.mesh.nodes.shape
+    units = np.tile(np.eye(dim), (n_nodes, 1, 1))  # a unit of each component at every node
+    c, total = evidence.n_components, 0.0
+    whole = np.zeros((len(residual.cameras) * n_nodes * c, p.shape[1]))
     whole[evidence.seen] = p
-    return np.einsum("ncd,ncm->ndm", local, whole.reshape(len(nodes), c, -1)).reshape(-1, p.shape[1])
+    for camera, own in zip(residual.cameras, np.split(whole, len(residual.cameras)), strict=True):
+        nodes, u = camera.context.experiment.mesh.nodes, camera.turned(residual.u[index])
+        local = camera.view.at(frame).columns(nodes, u, camera.turned(units)).reshape(n_nodes, c, dim)
+        total = total + np.einsum("ncd,ncm->ndm", local, own.reshape(n_nodes, c, -1))
+    return total.reshape(-1, p.shape[1])
 
 
 def recorded_residual(evidence: Evidence, q: np.ndarray) -> np.ndarray:

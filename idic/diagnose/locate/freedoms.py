@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.polynomial import legendre
+from scipy.linalg import block_diag
 
 from idic.correlation.frame_equations import nodal_gradient
 from idic.correlation.view import GREY, View
 from idic.diagnose.locate.tangents import Tangent
-from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
 from idic.images.camera import PARAMETERS
 from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
 from idic.images.rigid_motion import RIGID
@@ -73,32 +74,45 @@ def boundary_fields(residual: ResidualEvidence, tangent: Tangent,
                     patterns: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     """Image motion of the boundary's freedoms in one frame  # (n_seen, p)"""
     experiment = residual.context.experiment
-    moved = tangent.answer(*patterns)
-    nodes, u = experiment.mesh.nodes, residual.u[tangent.index]
-    view = residual.view.at(int(residual.evidence.frames[tangent.index]))
-    columns = view.columns(nodes, u, experiment.turned(moved.reshape(*nodes.shape, -1)))
-    return _unit(columns[residual.evidence.seen])
+    moved = tangent.answer(*patterns).reshape(*experiment.mesh.nodes.shape, -1)
+    return _unit(in_images(residual, tangent.index, moved))
+
+
+def in_images(residual: ResidualEvidence, index: int, moved: np.ndarray) -> np.ndarray:
+    """Changes of the motion of the nodes in one frame as motions in all images  # (n_nodes, dim, p) mm -> (n_seen,
+    p)"""
+    frame, u = int(residual.evidence.frames[index]), residual.u[index]
+    return residual.at_seen(lambda camera: camera.view.at(frame).columns(
+        camera.context.experiment.mesh.nodes, camera.turned(u), camera.turned(moved)))
 
 
 def camera_fields(residual: ResidualEvidence, index: int) -> np.ndarray:
-    """Image motions that the camera parameters of one frame allow  # (n_seen, q)
+    """Image motions that the camera parameters of one frame allow, every camera by itself  # (n_seen, q)
 
     Grey images: every camera parameter of this frame alone (it moved, turned, its focus breathed), and distortion and
     tilt that were always there; of a lens, its place, focal length, centre and distortion. Heights: the specimen
     shifted, turned, magnified in the image; levels of the instrument and its scale of heights.
     """
-    experiment, view, evidence = residual.context.experiment, residual.view, residual.evidence
-    nodes, u = experiment.mesh.nodes, residual.u[index]
+    frame = int(residual.evidence.frames[index])
+    own = [_of_camera(camera, frame, camera.turned(residual.u[index])) for camera in residual.cameras]
+    whole = own[0] if len(own) == 1 else block_diag(*own)
+    return _unit(whole[residual.evidence.seen])
+
+
+def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
+    """What one camera may do in one frame  # (n_components n_nodes, q)"""
+    experiment, view = camera.context.experiment, camera.view
+    nodes = experiment.mesh.nodes
     if view.kind != GREY:
-        return _unit(_of_instrument(experiment, view, u)[evidence.seen])
-    here = view.at(int(evidence.frames[index]))
+        return _of_instrument(experiment, view, u)
+    here = view.at(frame)
     own, constant = (LENS, CONSTANT_LENS) if isinstance(view.camera,
                                                         PlacedCamera) else (PARAMETERS, CONSTANT_CAMERA_PARAMETERS)
     deformed = here.deformed(nodes, u)
     moved = [here.moved_camera.parameter_jacobian(deformed, name).ravel() for name in own]
     gradient = nodal_gradient(experiment, u)
     still = [here.camera_column(nodes, u, gradient, name) for name in constant]
-    return _unit(np.column_stack(moved + still)[evidence.seen])
+    return np.column_stack(moved + still)
 
 
 def _unit(fields: np.ndarray) -> np.ndarray:

@@ -27,10 +27,13 @@ def left_place(residual: ResidualEvidence, grid: Grid) -> np.ndarray | None:
         excess += np.where(seen, rhs**2 / np.where(seen, np.diagonal(matrix), 1.0) - 1.0, 0.0)
     if not excess.max(initial=0.0) > MIN_PEAK_Z * np.sqrt(2.0 * len(evidence.parts)):
         return None
-    strong = excess > MIN_PEAK_SHARE * excess.max()
+    n_nodes = residual.context.experiment.mesh.n_nodes
+    camera = basis.first_node(evidence) // n_nodes
+    strong = (excess > MIN_PEAK_SHARE * excess.max()) & (camera == camera[np.argmax(excess)])
     places, weights = basis.places[strong], excess[strong]
-    if np.ptp(places, axis=0).max() > MAX_EXTENT_SHARE * grid.extent.max():
+    visible = grid.extent / [len(residual.cameras), 1]  # cameras stand side by side
+    if np.ptp(places, axis=0).max() > MAX_EXTENT_SHARE * visible.max():
         return None
     middle = (weights[:, None] * places).sum(axis=0) / weights.sum()
     nearest = int(np.argmin(((grid.at - middle) ** 2).sum(axis=1)))
-    return residual.context.experiment.mesh.nodes[nearest]
+    return residual.context.experiment.mesh.nodes[nearest % n_nodes]

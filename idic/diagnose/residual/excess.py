@@ -18,7 +18,7 @@ from scipy import stats
 
 from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.margin import ASSUMED, Margin
-from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
 from idic.identify.judgement.significance import z_text
 
 LAGS_PX = (6, 10, 14, 20)  # beyond the reach of interpolation and low-pass
@@ -82,21 +82,22 @@ def pixel_tests(residual: ResidualEvidence) -> tuple[ExcessTest, ...]:
     sums = _Sums()
     chosen = np.unique(np.linspace(0, len(residual.evidence.parts) - 1, MAX_TESTED_FRAMES).astype(int))
     for index in chosen:
-        sums.add(*_white_pixels(residual, int(index)), residual)
+        for camera in residual.cameras:
+            sums.add(*_white_pixels(residual, camera, int(index)), camera)
     tests = [sums.omnibus(), *sums.whiteness()]
     return tuple(tests + [_runs(residual.evidence, k) for k in range(len(residual.evidence.channel_weight))])
 
 
-def _white_pixels(residual: ResidualEvidence, index: int) -> tuple[np.ndarray, np.ndarray]:
+def _white_pixels(residual: ResidualEvidence, camera: CameraResidual, index: int) -> tuple[np.ndarray, np.ndarray]:
     """White residual in standard deviations of noise at each pixel, and the mask of counted pixels."""
-    evidence, context = residual.evidence, residual.context
+    evidence, context = residual.evidence, camera.context
     frame, nodes = int(evidence.frames[index]), context.experiment.mesh.nodes
-    motion = residual.view.at(frame).motion(nodes, residual.u[index])
+    motion = camera.view.at(frame).motion(nodes, camera.turned(residual.u[index]))
     nodal = context.reference.compare(context.experiment, frame, motion)
     fit = np.linalg.pinv(nodal.bb, hermitian=True) @ nodal.rb if nodal.n_brightness else np.zeros(0)
     found = context.reference.compare_pixels(context.experiment, frame, motion, fit)
     kappa, c = evidence.kappa, evidence.share
-    rest = (found.r - c * residual.shared_gv) / np.sqrt(kappa[index])
+    rest = (found.r - c * camera.shared_gv) / np.sqrt(kappa[index])
     k = float(np.sum(1.0 / kappa))
     own = found.noise_gain * (1.0 - c / kappa[index]) ** 2 + c**2 * (k - 1.0 / kappa[index]) * found.noise_gain.mean()
     variance = (own + found.reference_gain / found.n_images * (1.0 - c * k) ** 2) / kappa[index]
@@ -110,14 +111,14 @@ class _Sums:
         self.squares = self.n = self.effective = 0.0
         self.products = {name: np.zeros(2) for name in ("motion", "gain", "offset")}  # sum m m', sum m^2 m'^2
 
-    def add(self, r: np.ndarray, valid: np.ndarray, residual: ResidualEvidence) -> None:
+    def add(self, r: np.ndarray, valid: np.ndarray, camera: CameraResidual) -> None:
         self.squares += float((r[valid] ** 2).sum())
         self.n += float(valid.sum())
-        image = _image(residual, np.where(valid, r, 0.0))
+        image = _image(camera, np.where(valid, r, 0.0))
         neighbour = [float((a * b).sum() / max((image**2).sum(), 1e-300)) for a, b in _pairs(image, 1)]
         self.effective += valid.sum() / (1.0 + 2.0 * neighbour[0] ** 2) / (1.0 + 2.0 * neighbour[1] ** 2)
-        patterns = residual.context.reference.pattern_maps()
-        maps = {name: [image * _image(residual, values) for values in patterns[name]] for name in patterns}
+        patterns = camera.context.reference.pattern_maps()
+        maps = {name: [image * _image(camera, values) for values in patterns[name]] for name in patterns}
         if maps:
             maps["offset"] = [image]
         for name, fields in maps.items():
@@ -147,8 +148,8 @@ class _Sums:
         return tests
 
 
-def _image(residual: ResidualEvidence, values: np.ndarray) -> np.ndarray:
-    return np.nan_to_num(residual.context.reference.pixel_map.to_image(values))
+def _image(camera: CameraResidual, values: np.ndarray) -> np.ndarray:
+    return np.nan_to_num(camera.context.reference.pixel_map.to_image(values))
 
 
 def _pairs(field: np.ndarray, lag: int) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from idic.correlation.context import CorrelationContext
 from idic.correlation.grey import blur_of_noise
@@ -103,10 +104,31 @@ def pixel_parts(context: CorrelationContext, basis: PixelBasis, maps: Sequence[t
     return parts
 
 
+def joined_pixels(bases: Sequence[PixelBasis], parts: Sequence[Sequence[PixelPart]],
+                  n_local: int) -> tuple[tuple[tuple[str, int], ...], list[PixelPart]]:
+    """The pixel columns of several cameras as one set; hats are numbered on from camera to camera.
+
+    parts : per camera and frame; n_local : frame-local unknowns of the simulation, which the cameras have in common
+    """
+    if len(bases) == 1:
+        return bases[0].names, list(parts[0])
+    names, joined = [], []
+    for basis in bases:
+        first = 1 + max((number for _, number in names), default=-1)
+        names += [(kind, first + number) for kind, number in basis.names]
+    for of_cameras in zip(*parts, strict=True):
+        local = np.vstack([part.border[:, :n_local] for part in of_cameras])
+        own = block_diag(*(part.border[:, n_local:] for part in of_cameras))
+        joined.append(PixelPart(block_diag(*(part.coupling for part in of_cameras)),
+                                block_diag(*(part.gram for part in of_cameras)),
+                                np.concatenate([part.q for part in of_cameras]), np.hstack([local, own])))
+    return tuple(names), joined
+
+
 def columns_of_kind(names: Sequence[tuple[str, int]], kind: str, mean: float) -> np.ndarray:
     """Amplitudes of the pixel columns of every hat of a kind  # (k, n_hats)
 
-    mean : of the grey values of the reference image
+    mean : of the grey values of the reference image; of several cameras, of all of them
     """
     parts = {GAIN: 1.0, OFFSET: mean} if kind == LIGHT else {kind: 1.0}
     places = sorted({number for name, number in names if name in parts})

@@ -16,6 +16,7 @@ from idic.diagnose.residual.subspace import Grid, explained, grid_over, hats
 from idic.fe.mesh.mesh import surface_cells
 
 FREE_MOTION_SPACING = 2.5  # element sizes between the free motions' grid points
+CAMERA_GAP_SHARE = 0.25  # of the width of the mesh, between the images of two cameras: few motions reach over it
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,9 +115,15 @@ def readings(evidence: Evidence) -> np.ndarray:
 
 
 def positions(residual: ResidualEvidence) -> np.ndarray:
-    """Nodes in the reference image  # (n_nodes, 2) px"""
-    context = residual.context
-    return context.camera.project(residual.view.points(context.experiment.mesh.nodes))
+    """Nodes in the reference image; of further cameras beside it, to the right  # (n_cameras n_nodes, 2) px"""
+    found, end = [], 0.0
+    for number, camera in enumerate(residual.cameras):
+        at = camera.context.camera.project(camera.view.points(camera.context.experiment.mesh.nodes))
+        if number:
+            at = at + [end + CAMERA_GAP_SHARE * float(np.ptp(at[:, 0])) - at[:, 0].min(), 0.0]
+        end = float(at[:, 0].max())
+        found.append(at)
+    return found[0] if len(found) == 1 else np.concatenate(found)
 
 
 def grid_of(residual: ResidualEvidence, elements: float = FREE_MOTION_SPACING) -> Grid:

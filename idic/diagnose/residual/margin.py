@@ -68,14 +68,15 @@ class Margin:
         """Of a region; weight : (n_nodes,) share of every node in it."""
         if self.floor is None or not weight.any():
             return self.px
-        there = float(np.sqrt(np.average(self.floor.nodes_px**2, weights=weight)))
+        there = float(np.sqrt(np.average(np.resize(self.floor.nodes_px, weight.shape)**2, weights=weight)))
         return max(PRACTICAL_MARGIN_PX, FLOOR_FACTOR * there)
 
     def nodes_px(self, n_nodes: int) -> np.ndarray:
-        """Of every node  # (n_nodes,)"""
+        """Of every node, camera by camera: further ones have the floor of the main one  # (n_nodes,)"""
         if self.floor is None:
             return np.full(n_nodes, PRACTICAL_MARGIN_PX)
-        return np.maximum(PRACTICAL_MARGIN_PX, FLOOR_FACTOR * self.floor.nodes_px)
+        own = np.maximum(PRACTICAL_MARGIN_PX, FLOOR_FACTOR * self.floor.nodes_px)
+        return own if n_nodes == len(own) else np.tile(own, n_nodes // len(own))
 
 
 ASSUMED = Margin()

@@ -1,12 +1,15 @@
-"""From a finished identification to its evidence: its simulation, two passes over the images.
+"""From a finished identification to its evidence: its simulation, two passes over the images of every camera.
 
 The second pass is what the reference image's noise costs: R = sum of all residuals must be known before the first
 frame can be made white.
+
+Cameras that see grey values are joined: every camera has image dofs of its own, numbered camera by camera, as if the
+mesh had as many nodes again; frame-local unknowns of the simulation are common, gain and offset are each camera's own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,10 +19,10 @@ from idic.correlation.channels import channel_equations
 from idic.correlation.context import CorrelationContext, FrameResponse
 from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.frame import NodalEquations
-from idic.correlation.frame_equations import correlated_frames, global_columns
+from idic.correlation.frame_equations import correlated_frames, global_columns, turned_response, with_all_cameras
 from idic.correlation.view import GREY, View, view_of
 from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence, noise_share
-from idic.diagnose.residual.grey_value_effects import pixel_basis, pixel_parts, sums_against
+from idic.diagnose.residual.grey_value_effects import joined_pixels, pixel_basis, pixel_parts, sums_against
 from idic.identify.in_memory import Identification
 from idic.identify.kept_simulation import response_of
 
@@ -27,20 +30,46 @@ MAX_KEPT_BYTES = 300e6  # of residual maps, at most
 
 
 @dataclass(frozen=True, eq=False)
+class CameraResidual:
+    """One camera: camera, reference image and parameters; shared_gv : R per pixel of the map."""
+
+    context: CorrelationContext
+    view: View
+    shared_gv: np.ndarray
+
+    def turned(self, field: np.ndarray) -> np.ndarray:
+        """A nodal field of the simulation in the axes of this camera  # (n_nodes, dim, ...)"""
+        return self.context.experiment.turned(field)
+
+
+@dataclass(frozen=True, eq=False)
 class ResidualEvidence:
     """What the tests start from.
 
     evidence : the white residual; null : columns of the identified parameters; u : (T, n_nodes, dim) mm; channels :
-    (T, n_channels) simulated; context : camera, reference image and parameters; shared_gv : R per pixel of the map.
+    (T, n_channels) simulated; cameras : whose images the evidence holds, the main camera first.
     """
 
     evidence: Evidence
     null: Columns
     u: np.ndarray
     channels: np.ndarray
-    context: CorrelationContext
-    view: View
-    shared_gv: np.ndarray
+    cameras: tuple[CameraResidual, ...]
+
+    @property
+    def context(self) -> CorrelationContext:
+        """Of the main camera."""
+        return self.cameras[0].context
+
+    @property
+    def view(self) -> View:
+        """Of the main camera."""
+        return self.cameras[0].view
+
+    def at_seen(self, of_camera: Callable[[CameraResidual], np.ndarray]) -> np.ndarray:
+        """Image fields of all cameras at the seen dofs  # of_camera: (n_components n_nodes, ...) -> (n_seen, ...)"""
+        parts = [of_camera(camera) for camera in self.cameras]
+        return (parts[0] if len(parts) == 1 else np.concatenate(parts))[self.evidence.seen]
 
 
 def residual_evidence(found: Identification, light: bool = True, null: bool = True,
@@ -52,9 +81,8 @@ def residual_evidence(found: Identification, light: bool = True, null: bool = Tr
     null : False leaves out the columns of the identified parameters, which a judgement of what is left does not need
     responses : of `simulated`, where the same point has been simulated for another copy of the recording
     """
-    context = context_of(found, null)
-    view = view_of(context.experiment, context.camera)
-    return _assemble(context, view, simulated(found, null) if responses is None else responses, found.local, light)
+    contexts = joined_cameras(context_of(found, null))
+    return _assemble(contexts, simulated(found, null) if responses is None else responses, found.local, light)
 
 
 def simulated(found: Identification, null: bool = True) -> list[FrameResponse]:
@@ -80,43 +108,85 @@ def context_of(found: Identification, null: bool = True) -> CorrelationContext:
                               found.weights, forward.drives.local_precision)
 
 
-def _assemble(context: CorrelationContext, view: View, responses: Sequence[FrameResponse], local: np.ndarray,
+def joined_cameras(context: CorrelationContext) -> tuple[CorrelationContext, ...]:
+    """The contexts of the cameras whose grey values are joined; height images and measured fields stand alone."""
+    if not context.experiment.cameras or not _is_grey(context):
+        return (context,)
+    main, *others = with_all_cameras(context).cameras
+    return (replace(main, others=()), *(other for other in others if _is_grey(other)))
+
+
+def _is_grey(context: CorrelationContext) -> bool:
+    return view_of(context.experiment, context.camera).kind == GREY and context.experiment.points is None
+
+
+class _CameraPasses:
+    """Both passes of one camera over its images: its sums in every frame, and what all frames share."""
+
+    def __init__(self, context: CorrelationContext, responses: Sequence[FrameResponse]):
+        experiment, nodes = context.experiment, context.experiment.mesh.nodes
+        self.context, self.view = context, view_of(experiment, context.camera)
+        self.responses = [turned_response(experiment, response) for response in responses]
+        self.views = [self.view.at(response.frame) for response in responses]
+        motions = [view.motion(nodes, response.u) for view, response in zip(self.views, self.responses, strict=True)]
+        self.sums = [context.reference.compare(experiment, response.frame, motion)
+                     for response, motion in zip(responses, motions, strict=True)]
+        self.maps = _ResidualMaps(context, [response.frame for response in responses], motions)
+        self.seen = _seen_dofs(self.sums[0])
+        self.back = np.array([context.reference.pull_back(motion) for motion in motions])
+        self.inverse_variance = 1.0 / context.weights.image_noise**2
+        self.local_columns = [view.columns(nodes, response.u, response.local_du)
+                              for view, response in zip(self.views, self.responses, strict=True)]
+
+    @property
+    def kappa(self) -> np.ndarray:
+        """Of the frames  # (T,)"""
+        return np.array([share.kappa for share in self.sums])
+
+    def share(self, kappa: np.ndarray) -> None:
+        """The residual that all frames have in common."""
+        self.shared, self.chi2 = _shared_residual(self.maps, kappa, self.context.reference.n_images)
+        self.still_q, self.still_rb = sums_against(self.context, self.shared)
+
+    def white(self, t: int, root: float, c: float) -> tuple[np.ndarray, np.ndarray]:
+        """Right-hand sides of the nodes and of brightness in a white frame."""
+        n_nodes = len(self.context.experiment.mesh.nodes)
+        pushed = np.einsum("nij,ni->nj", self.back[t], self.still_q.reshape(n_nodes, -1)).ravel()  # B^T
+        return (self.sums[t].q - c * pushed) / root, (self.sums[t].rb - c * self.still_rb) / root
+
+
+def _assemble(contexts: Sequence[CorrelationContext], responses: Sequence[FrameResponse], local: np.ndarray,
               light: bool) -> ResidualEvidence:
-    experiment, nodes = context.experiment, context.experiment.mesh.nodes
-    motions = [view.at(response.frame).motion(nodes, response.u) for response in responses]
-    shares = [context.reference.compare(experiment, response.frame, motion)
-              for response, motion in zip(responses, motions, strict=True)]
-    kappa = np.array([share.kappa for share in shares])
-    maps = _ResidualMaps(context, [response.frame for response in responses], motions)
+    passes = [_CameraPasses(context, responses) for context in contexts]
+    main, context = passes[0], contexts[0]
+    # cameras differ in it by some per cent of one tenth
+    kappa = main.kappa if len(passes) == 1 else np.mean([one.kappa for one in passes], axis=0)
+    for one in passes:
+        one.share(kappa)
     n_images = context.reference.n_images
-    shared, chi2 = _shared_residual(maps, kappa, n_images)
-    seen = _seen_dofs(shares[0])
-    back = np.array([context.reference.pull_back(motion) for motion in motions])
-    still_q, still_rb = sums_against(context, shared)
-    c, inverse_variance = noise_share(kappa, n_images), 1.0 / context.weights.image_noise**2
+    c = noise_share(kappa, n_images)
+    first = np.cumsum([0, *(one.sums[0].q.size for one in passes)])
+    seen = np.concatenate([start + one.seen for start, one in zip(first, passes, strict=False)])
     white_local = _white_local(local[[response.frame for response in responses]], kappa, c)
-    parts, fields, channels, local_columns = [], [], [], []
-    for t, (response, share) in enumerate(zip(responses, shares, strict=True)):
-        root = np.sqrt(kappa[t])
-        pushed = np.einsum("nij,ni->nj", back[t], still_q.reshape(len(nodes), -1)).ravel()  # B^T
-        q, rb = (share.q - c * pushed) / root, (share.rb - c * still_rb) / root
-        columns, rows = global_columns(context, response), channel_equations(context, response)
-        local_columns.append(view.at(response.frame).columns(nodes, response.u, response.local_du))
-        parts.append(_part(share, q, rb, rows, local_columns[-1], white_local[t], seen, context, inverse_variance))
-        fields.append(columns[seen])
+    parts, fields, channels = [], [], []
+    for t, response in enumerate(responses):
+        rows = channel_equations(context, response)
+        parts.append(_part(passes, t, np.sqrt(kappa[t]), c, rows, white_local[t]))
+        fields.append(np.concatenate([global_columns(one.context, one.responses[t])[one.seen] for one in passes]))
         channels.append(rows.d_global)
     names = ()
-    if light and view.kind == GREY and experiment.points is None:
-        basis = pixel_basis(context)
-        names = basis.names
-        pixels = pixel_parts(context, basis, maps, kappa, shared, c, back, seen, local_columns)
+    if light and main.view.kind == GREY and context.experiment.points is None:
+        bases = [pixel_basis(one.context) for one in passes]
+        found = [pixel_parts(one.context, basis, one.maps, kappa, one.shared, c, one.back, one.seen, one.local_columns)
+                 for one, basis in zip(passes, bases, strict=True)]
+        names, pixels = joined_pixels(bases, found, local.shape[1])
         parts = [replace(part, pixel=pixel) for part, pixel in zip(parts, pixels, strict=True)]
-    evidence = Evidence(np.array(maps.frames), seen, kappa, back,
-                        context.weights.channel_noise**-2.0, chi2 * inverse_variance,
-                        sum(share.n_valid for share in shares), tuple(parts), names, n_images)
+    evidence = Evidence(np.array(main.maps.frames), seen, kappa, np.concatenate([one.back for one in passes], axis=1),
+                        context.weights.channel_noise**-2.0, sum(one.chi2 * one.inverse_variance for one in passes),
+                        sum(share.n_valid for one in passes for share in one.sums), tuple(parts), names, n_images)
     return ResidualEvidence(evidence, Columns(context.names, np.array(fields), np.array(channels)),
-                    np.array([r.u for r in responses]), np.array([r.channels for r in responses]), context, view,
-                    shared)
+                    np.array([r.u for r in responses]), np.array([r.channels for r in responses]),
+                    tuple(CameraResidual(one.context, one.view, one.shared) for one in passes))
 
 
 def _white_local(local: np.ndarray, kappa: np.ndarray, c: float) -> np.ndarray:
@@ -129,27 +199,39 @@ def _white_local(local: np.ndarray, kappa: np.ndarray, c: float) -> np.ndarray:
     return (local - c * shared) / np.sqrt(kappa)[:, None]
 
 
-def _part(share: NodalEquations, q, rb, rows, local_columns, local, seen, context, inverse_variance) -> FrameEvidence:
-    """Weights, right-hand sides and the frame's own unknowns: first the local ones, then brightness."""
-    A = sparse.csr_array(share.H[seen][:, seen]) * inverse_variance
+def _part(passes: Sequence[_CameraPasses], t: int, root: float, c: float, rows, local: np.ndarray) -> FrameEvidence:
+    """Weights, right-hand sides and the frame's own unknowns: first the local ones, then brightness, by cameras."""
+    context = passes[0].context
     weight = context.weights.channel_noise**-2.0
-    local_columns, hb = local_columns[seen], share.hb[seen].toarray()
-    m, nb, n_seen = local_columns.shape[1], hb.shape[1], len(seen)
-    border = np.zeros((n_seen + len(weight), m + nb))
-    border[:n_seen, :m] = A @ local_columns
-    border[:n_seen, m:] = hb * inverse_variance
+    m, n_light = len(local), [one.sums[t].hb.shape[1] for one in passes]
+    sizes = [len(one.seen) for one in passes]
+    n_seen, size = sum(sizes), m + sum(n_light)
+    border, inner, q, inner_q = np.zeros((n_seen + len(weight), size)), np.zeros((size, size)), [], np.zeros(size)
     border[n_seen:, :m] = weight[:, None] * rows.d_local
-    inner = np.zeros((m + nb, m + nb))
-    inner[:m, :m] = local_columns.T @ border[:n_seen, :m] + rows.d_local.T @ border[n_seen:, :m]
+    matrices, row, column, light = [], 0, m, 0.0
+    for one, n, nb in zip(passes, sizes, n_light, strict=True):
+        share, seen, local_columns = one.sums[t], one.seen, one.local_columns[t][one.seen]
+        at, own = slice(row, row + n), slice(column, column + nb)
+        right, bright = one.white(t, root, c)
+        matrices.append(sparse.csr_array(share.H[seen][:, seen]) * one.inverse_variance)
+        border[at, :m] = matrices[-1] @ local_columns
+        border[at, own] = share.hb[seen].toarray() * one.inverse_variance
+        q.append(right[seen] * one.inverse_variance)
+        inner[:m, :m] += local_columns.T @ border[at, :m]
+        inner[:m, own] = local_columns.T @ border[at, own]
+        inner[own, :m] = inner[:m, own].T
+        inner[own, own] = share.bb * one.inverse_variance
+        inner_q[:m] += local_columns.T @ q[-1]
+        inner_q[own] = bright * one.inverse_variance
+        light += _light(share.bb, bright, one.context.experiment.noise.std_gv)
+        row, column = row + n, column + nb
+    inner[:m, :m] += rows.d_local.T @ border[n_seen:, :m]
     inner[:m, :m] += context.local_precision
-    inner[:m, m:] = local_columns.T @ border[:n_seen, m:]
-    inner[m:, :m] = inner[:m, m:].T
-    inner[m:, m:] = share.bb * inverse_variance
-    q, channel_q = q[seen] * inverse_variance, weight * rows.residual
-    inner_q = np.concatenate([local_columns.T @ q + rows.d_local.T @ channel_q - context.local_precision @ local,
-                              rb * inverse_variance])
-    light = _light(share.bb, rb, context.experiment.noise.std_gv)
-    return FrameEvidence(A, q, channel_q, border, np.linalg.pinv(inner, hermitian=True), inner_q, light=light)
+    channel_q = weight * rows.residual
+    inner_q[:m] += rows.d_local.T @ channel_q - context.local_precision @ local
+    A = matrices[0] if len(matrices) == 1 else sparse.csr_array(sparse.block_diag(matrices, format="csr"))
+    return FrameEvidence(A, np.concatenate(q), channel_q, border, np.linalg.pinv(inner, hermitian=True), inner_q,
+                         light=light)
 
 
 def _light(bb: np.ndarray, rb: np.ndarray, std_gv: float) -> float:

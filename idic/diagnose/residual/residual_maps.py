@@ -7,20 +7,22 @@ import numpy as np
 
 from idic.correlation.context import CorrelationContext
 from idic.correlation.view import view_of
-from idic.diagnose.residual.residual_evidence import ResidualEvidence, context_of
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, context_of, joined_cameras
 from idic.identify.in_memory import Identification
 
 
-def map_of_evidence(residual: ResidualEvidence, frame: int) -> np.ndarray:
-    """Residual map of a compared frame  # (ny, nx), NaN outside"""
+def maps_of_evidence(residual: ResidualEvidence, frame: int) -> tuple[np.ndarray, ...]:
+    """Residual maps of a compared frame, one per camera  # (ny, nx), NaN outside"""
     at = int(np.flatnonzero(residual.evidence.frames == frame)[0])
-    return residual_in_sigma(residual.context, frame, residual.u[at])
+    return tuple(residual_in_sigma(camera.context, frame, camera.turned(residual.u[at])) for camera in residual.cameras)
 
 
-def map_of_identification(found: Identification, frame: int) -> np.ndarray:
-    """Residual map of an identified point; it is simulated up to this frame, without derivatives  # (ny, nx)"""
+def maps_of_identification(found: Identification, frame: int) -> tuple[np.ndarray, ...]:
+    """Residual maps of an identified point, one per camera; it is simulated up to this frame, without derivatives  #
+    (ny, nx)"""
     u = next(state.u for state in found.march() if state.frame + found.experiment.reference == frame)
-    return residual_in_sigma(context_of(found), frame, u)
+    return tuple(residual_in_sigma(context, frame, context.experiment.turned(u))
+                 for context in joined_cameras(context_of(found)))
 
 
 def map_of_noise(like: np.ndarray, seed: int) -> np.ndarray:

@@ -24,7 +24,8 @@ class Grid:
     Models of one recording that are compared share it: a lens that a model adds moves the nodes, and a row of cells
     more or less would be taken for a better or worse model.
 
-    at : (n_nodes, 2) px, column and row of the nodes; low, extent : (2,) px, its corner and size; cells : (2,) numbers
+    at : (n_nodes, 2) px, column and row of the nodes, camera by camera; low, extent : (2,) px, its corner and size;
+    cells : (2,) numbers
     """
 
     at: np.ndarray
@@ -60,6 +61,11 @@ class Basis:
     @property
     def n(self) -> int:
         return self.fields.shape[1]
+
+    def first_node(self, evidence: Evidence) -> np.ndarray:
+        """A node that every field moves; of further cameras beyond the first n_nodes  # (p,)"""
+        by_field = self.fields.tocsc()
+        return evidence.seen[by_field.indices[by_field.indptr[:-1]]] // evidence.n_components
 
 
 def hats(evidence: Evidence, grid: Grid) -> Basis:

@@ -14,9 +14,9 @@ import numpy as np
 
 from idic.diagnose.residual.excess import seen_planes
 from idic.diagnose.residual.excess_left import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
-from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.heldout import Fit, positions
 from idic.diagnose.residual.margin import ASSUMED, Margin
-from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
 from idic.diagnose.residual.subspace import Basis, Grid, explained, hats
 from idic.model.experiment import Experiment
 
@@ -35,10 +35,10 @@ def local_residual_tests(before: ResidualEvidence, after: ResidualEvidence, grid
     """
     found = []
     for centre, radius in _new_inclusions(before.context.experiment, after.context.experiment, values):
-        place, size = _in_image(before, centre, radius)
-        distance = size + float((grid.extent / grid.cells).max())
+        circles = _in_images(before, centre, radius)
+        margin_px = float((grid.extent / grid.cells).max())
         fields = [hats(residual.evidence, grid) for residual in (before, after)]  # a camera of its own sees other nodes
-        near, still_near = (_near(basis, place, distance) for basis in fields)
+        near, still_near = (_near(basis, circles, margin_px) for basis in fields)
         if 0 < near.n < MAX_LOCAL_SHARE * fields[0].n and still_near.n:
             local = margin.local_px(_moved_nodes(before, near))
             found.append(ExcessLeft(_fit(before, near), _fit(after, still_near), _power(before, near),
@@ -57,16 +57,23 @@ def _new_inclusions(before: Experiment, after: Experiment,
             yield centre, float(values[f"{stem}.radius"])
 
 
-def _in_image(residual: ResidualEvidence, centre: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
-    """A circle on the body as the camera sees it: centre (2,) px, radius px."""
+def _in_images(residual: ResidualEvidence, centre: np.ndarray, radius: float) -> list[tuple[np.ndarray, float]]:
+    """A circle on the body as every camera sees it: centre (2,) px where `positions` has the camera, radius px."""
     rim = radius * np.eye(len(centre))[:2]
-    at = residual.context.camera.project(residual.view.points(np.vstack([centre, centre + rim, centre - rim])))
-    return at[0], float(np.linalg.norm(at[1:] - at[0], axis=1).max())
+    points, beside, found = np.vstack([centre, centre + rim, centre - rim]), positions(residual), []
+    for camera, shown in zip(residual.cameras, np.split(beside, len(residual.cameras)), strict=True):
+        def seen(of_mesh: np.ndarray, camera: CameraResidual = camera) -> np.ndarray:
+            return camera.context.camera.project(camera.view.points(of_mesh))
+
+        at = seen(camera.turned(points)) + (shown - seen(camera.context.experiment.mesh.nodes))[0]
+        found.append((at[0], float(np.linalg.norm(at[1:] - at[0], axis=1).max())))
+    return found
 
 
-def _near(basis: Basis, place: np.ndarray, distance: float) -> Basis:
-    """The fields whose hats stand within a distance (px)."""
-    near = np.flatnonzero(np.linalg.norm(basis.places - place, axis=1) < distance)
+def _near(basis: Basis, circles: list[tuple[np.ndarray, float]], margin_px: float) -> Basis:
+    """The fields whose hats stand within a circle, or beside one by less than the margin."""
+    near = np.flatnonzero(np.any([np.linalg.norm(basis.places - place, axis=1) < size + margin_px
+                                  for place, size in circles], axis=0))
     return Basis(basis.fields[:, near], basis.places[near], basis.component[near])
 
 

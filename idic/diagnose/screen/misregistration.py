@@ -22,8 +22,9 @@ HIDDEN_BY_MOTION = ("the motion that is left takes contrast from the images and 
 def lost_contrast_chi2(residual: ResidualEvidence, motions: Fit) -> float:
     """Chi-square of the contrast that is lost by unexplained motion; motions : what free motions explain."""
     off = max(float(motions.gain.sum() - motions.rank.sum()), 0.0)
-    f = residual.context.reference.f  # type: ignore[attr-defined]
-    texture = residual.evidence.n_pixels * float(np.var(f)) / residual.context.weights.image_noise**2
+    contrast = [float(np.var(camera.context.reference.f)) / camera.context.weights.image_noise**2  # type: ignore
+                for camera in residual.cameras]
+    texture = residual.evidence.n_pixels * float(np.mean(contrast))
     return off**2 / (4.0 * texture) if texture else 0.0
 
 

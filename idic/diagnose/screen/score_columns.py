@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from idic.correlation.channels import channel_equations
-from idic.correlation.context import FrameResponse
-from idic.correlation.frame_equations import global_columns, nodal_gradient
+from idic.correlation.context import CorrelationContext, FrameResponse
+from idic.correlation.frame_equations import global_columns, nodal_gradient, turned_response
+from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.residual.evidence import Columns, joined
 from idic.diagnose.residual.grey_value_effects import columns_of_kind
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
@@ -29,7 +30,7 @@ from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
 
 Load = Callable[[Mapping[str, Any]], Experiment]  # edits of experiment.toml -> the experiment
-Gradients = dict[int, np.ndarray]  # deformation gradient at the nodes by frame, for all columns of a camera
+Gradients = dict[tuple[int, int], np.ndarray]  # deformation gradient at the nodes by frame and camera
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ def _of_grey_values(residual: ResidualEvidence, variant: Variant) -> Columns:
     evidence, (kind, courses) = residual.evidence, variant.pixels
     if not evidence.pixel_names:
         return residual.null.pick([])
-    mean = float(residual.context.reference.f.mean())  # type: ignore[attr-defined]
+    mean = float(np.mean([camera.context.reference.f.mean() for camera in residual.cameras]))  # type: ignore
     ways = columns_of_kind(evidence.pixel_names, kind, mean)
     pixels = np.einsum("ct,kn->tkcn", courses[:, evidence.frames], ways).reshape(len(evidence.frames), len(ways), -1)
     n, shape = pixels.shape[2], residual.channels.shape
@@ -111,8 +112,7 @@ def _stepped(found: Identification, residual: ResidualEvidence, trials: Sequence
         du[..., nulls] -= answer.du[..., of_nulls]
         _to_fixed_points(found.experiment, residual.u[t], moved, du)
         dchannels[:, nulls] -= answer.dchannels[:, of_nulls]
-        view = residual.view.at(int(residual.evidence.frames[t]))
-        fields.append(view.columns(found.experiment.mesh.nodes, residual.u[t], du)[residual.evidence.seen])
+        fields.append(in_images(residual, t, du))
         channels.append(dchannels)
     n, fields, channels = len(others), np.array(fields), np.array(channels)
     answered = ~(np.isnan(fields).any(axis=(0, 1)) | np.isnan(channels).any(axis=(0, 1)))
@@ -174,7 +174,7 @@ def _with_recording(found: Identification, residual: ResidualEvidence, variants:
                     stepped: Columns, gradients: Gradients) -> Columns:
     """What the probes change between simulation and record (camera, scale of a channel, time of the log) on top."""
     fields, channels = stepped.fields.copy(), stepped.channels.copy()
-    stems = ("channel.", "time.", f"{found.experiment.camera_name}.")
+    stems = ("channel.", "time.", *(f"{view.camera_name}." for view in found.experiment.views))
     for k, variant in enumerate(variants):
         names = tuple(name for name in variant.new if name.startswith(stems))
         if names:
@@ -200,8 +200,7 @@ def _direct(found: Identification, residual: ResidualEvidence, variant: Variant,
     known = {name: value for name, value in values.items() if name in experiment.parameters}
     parameters = experiment.parameters.with_values(known | dict(variant.null))
     whole = replace(found.experiment, parameters=parameters, channels=experiment.channels)
-    camera = replace(residual.context.camera, motion=experiment.camera.motion)
-    context = replace(residual.context, camera=camera, experiment=whole, parameters=parameters, moving=())
+    contexts = [_with_motion(camera.context, whole, experiment) for camera in residual.cameras]
     n_seen, n_channels = len(residual.evidence.seen), residual.channels.shape[1]
     fields = np.zeros((len(residual.u), n_seen, len(variant.new)))
     channels = np.zeros((len(residual.u), n_channels, len(variant.new)))
@@ -211,12 +210,26 @@ def _direct(found: Identification, residual: ResidualEvidence, variant: Variant,
         response = FrameResponse(int(frame), residual.u[t], residual.channels[t], np.zeros((*shape, 0)), nothing,
                                  np.zeros((*shape, 0)), nothing)
         here = [i for i, name in enumerate(variant.new) if _concerns(name, int(frame))]
-        context = replace(context, names=tuple(variant.new[i] for i in here))
-        if t not in gradients and any(name.startswith(f"{whole.camera_name}.") for name in context.names):
-            gradients[t] = nodal_gradient(whole, residual.u[t])
-        fields[t][:, here] = global_columns(context, response, gradients.get(t))[residual.evidence.seen]
-        channels[t][:, here] = channel_equations(context, response).d_global
+        own = tuple(variant.new[i] for i in here)
+        columns = []
+        for number, context in enumerate(contexts):
+            seen = turned_response(context.experiment, response)
+            if (t, number) not in gradients and any(name.startswith(f"{context.experiment.camera_name}.")
+                                                    for name in own):
+                gradients[t, number] = nodal_gradient(context.experiment, seen.u)
+            columns.append(global_columns(replace(context, names=own), seen, gradients.get((t, number))))
+        fields[t][:, here] = np.concatenate(columns)[residual.evidence.seen]
+        channels[t][:, here] = channel_equations(replace(contexts[0], names=own), response).d_global
     return Columns(variant.new, fields, channels)
+
+
+def _with_motion(context: CorrelationContext, whole: Experiment, enriched: Experiment) -> CorrelationContext:
+    """The context of a camera with the parameters and channels of `whole`, and the motion that `enriched` gives it."""
+    name = context.experiment.camera_name
+    own = next(view for view in whole.views if view.camera_name == name)
+    motion = next(view.camera.motion for view in enriched.views if view.camera_name == name)
+    return replace(context, camera=replace(context.camera, motion=motion), experiment=own,
+                   parameters=whole.parameters, moving=())
 
 
 def _concerns(name: str, frame: int) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
@@ -18,11 +20,14 @@ CANDIDATES_SHOWN = 12  # candidates in the ranking
 MAPS_WIDTH_SHARE = 0.87  # of the width: maps beside their colour bar
 
 
-def residual_maps(record: DiagnosisRecord) -> Picture | None:
-    """Residual in standard deviations before, after, on the held-out copy and of noise alone, one colour bar."""
-    if not record.residuals:
-        return None
-    shown = _cropped(record.residuals)
+def residual_maps(record: DiagnosisRecord) -> tuple[Picture, ...]:
+    """Residual in standard deviations before, after, on the held-out copy and of noise alone: a picture per camera."""
+    return tuple(_residual_maps(record, camera, maps) for camera, maps in record.residuals)
+
+
+def _residual_maps(record: DiagnosisRecord, camera: str, maps: Sequence[tuple[str, np.ndarray]]) -> Picture:
+    """The maps of one camera with one colour bar."""
+    shown = _cropped(maps)
     ny, nx = shown[0][1].shape
     n = len(shown)
     columns = n if nx < 0.8 * ny else 1 if nx > 4 * ny else min(n, 2)
@@ -42,11 +47,11 @@ def residual_maps(record: DiagnosisRecord) -> Picture | None:
         for axis in axes[n:]:
             axis.set_axis_off()
         figure.colorbar(drawn, ax=list(axes), label="residual [σ of noise]", shrink=0.8, aspect=30)
-        return to_picture(figure, "diagnosis_residual", f"Residual of frame {record.frame} in standard deviations",
-                      "The frame with the largest excess of the identified model, before and after the enrichment, and "
-                      "a "
-                      "draw of noise with an rms of 1 (independent from pixel to pixel; interpolation smooths the "
-                      "noise of a residual).")
+        return to_picture(figure, f"diagnosis_residual{camera and '_' + camera}",
+                          f"Residual of frame {record.frame} in standard deviations{camera and ', camera ' + camera}",
+                          "The frame with the largest excess of the identified model, before and after the enrichment, "
+                          "and a draw of noise with an rms of 1 (independent from pixel to pixel; interpolation "
+                          "smooths the noise of a residual).")
 
 
 def excess_course(record: DiagnosisRecord) -> Picture:

@@ -37,7 +37,7 @@ def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
         ("better", "Residual before and after",
          "The identified model (before) and the enriched model (after)." if named
          else "The identified model; no candidate was selected.",
-         (drawn(figures.residual_maps, record), drawn(figures.excess_course, record), *curves)),
+         (*(drawn(figures.residual_maps, record) or ()), drawn(figures.excess_course, record), *curves)),
         ("where", "Place, onset and side", "", record.further),
         ("which", "Candidates by score", "", (drawn(figures.ranking, record), drawn(figures.courses, record))),
         ("moved", "Change of the parameters" if named else "Constancy of the parameters", "",

@@ -34,8 +34,9 @@ class DiagnosisRecord:
         diagnosis.json.
     titles : mapping
         Candidate to its name in standard words.
-    residuals : tuple of (label, (ny, nx) float)
-        Residual maps in standard deviations of noise, NaN outside: before, after, held out, a draw of noise.
+    residuals : tuple of (camera, tuple of (label, (ny, nx) float))
+        Residual maps in standard deviations of noise, NaN outside: before, after, held out, a draw of noise; of every
+        camera, whose name is "" where there is but one.
     frame : int
         The frame of the maps, with the largest excess before.
     excess_frames : (T,) int
@@ -55,7 +56,7 @@ class DiagnosisRecord:
     title: str
     content: Mapping
     titles: Mapping[str, str]
-    residuals: tuple[tuple[str, np.ndarray], ...]
+    residuals: tuple[tuple[str, tuple[tuple[str, np.ndarray], ...]], ...]
     frame: int
     excess_frames: np.ndarray
     excess_before: np.ndarray

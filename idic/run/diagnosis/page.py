@@ -14,7 +14,7 @@ from idic.diagnose.model_change import WindowCurve, law_pairs, window_curves
 from idic.diagnose.notes import Notes
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.residual.residual_maps import map_of_evidence, map_of_identification, map_of_noise
+from idic.diagnose.residual.residual_maps import map_of_noise, maps_of_evidence, maps_of_identification
 from idic.diagnose.residual.thinning import JUDGEMENT, thinned
 from idic.report.diagnosis.page import draw_sections, render_page
 from idic.report.diagnosis.record import Curve, DiagnosisRecord
@@ -64,17 +64,21 @@ def _windows(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:
     return tuple(replace(curve, name=shown[curve.name]) for curve in curves)
 
 
-def _residuals(diagnosis: Diagnosis, frame: int) -> tuple[tuple[str, np.ndarray], ...]:
-    before = map_of_evidence(diagnosis.residual_before, frame)
+def _residuals(diagnosis: Diagnosis, frame: int) -> tuple[tuple[str, tuple[tuple[str, np.ndarray], ...]], ...]:
+    """Name of every camera, "" of a single one, and its maps with their titles."""
+    before = maps_of_evidence(diagnosis.residual_before, frame)
     shown = [("before", before)]
     if diagnosis.residual_after is not None:
-        shown.append(("after", map_of_evidence(diagnosis.residual_after, frame)))
+        shown.append(("after", maps_of_evidence(diagnosis.residual_after, frame)))
         last = diagnosis.rounds[-1]
         model = last.winner.refitted if last.winner is not None else last.null
         copy = thinned(diagnosis.source.load(), JUDGEMENT, SEED)
         found = identification_at(copy, model.values, model.local, model.steps)
-        shown.append(("after, held-out copy", map_of_identification(found, frame)))
-    return (*shown, ("noise, drawn", map_of_noise(before, SEED)))
+        shown.append(("after, held-out copy", maps_of_identification(found, frame)))
+    shown.append(("noise, drawn", tuple(map_of_noise(one, SEED) for one in before)))
+    cameras = diagnosis.residual_before.cameras
+    names = [camera.context.experiment.camera_name for camera in cameras] if len(cameras) > 1 else [""]
+    return tuple((name, tuple((title, maps[k]) for title, maps in shown)) for k, name in enumerate(names))
 
 
 def _curves(diagnosis: Diagnosis) -> tuple[Curve, ...]:

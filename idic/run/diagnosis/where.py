@@ -83,8 +83,9 @@ def _blind(experiment: Experiment, residual: ResidualEvidence) -> np.ndarray:
         middle = element_centres(experiment.mesh)[:, 0]
         return (middle < seen.min()) | (middle > seen.max())
     blind = np.ones(experiment.mesh.n_elements, dtype=bool)
-    owners = np.asarray(residual.context.reference.pixel_map.element)
-    if experiment.n_dim == 3:  # faces, of one kind
-        owners = np.asarray(experiment.mesh.edge_sets[experiment.surface])[owners, 0]
-    blind[owners] = False
+    for camera in residual.cameras:
+        owners = np.asarray(camera.context.reference.pixel_map.element)
+        if experiment.n_dim == 3:  # faces, of one kind
+            owners = np.asarray(experiment.mesh.edge_sets[camera.context.experiment.surface])[owners, 0]
+        blind[owners] = False
     return blind

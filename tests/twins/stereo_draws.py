@@ -1,0 +1,151 @@
+"""Repeats of the stereo plate: one truth, and noise of images, force and grip and an error of the calibration per draw.
+
+The truth is computed on the mesh and with the increments of the model, so that errors are those of noise and
+calibration alone; images are by ray tracing. Every estimate is one step of Gauss and Newton from the truth: the
+simulation and its derivatives are common to all draws.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.correlation.context import CorrelationContext, FrameResponse
+from idic.correlation.experiment_reference import build_reference, camera_at
+from idic.correlation.frame_equations import frame_system, with_all_cameras
+from idic.correlation.shared_noise import closed_system, generalised_weights
+from idic.correlation.system import reduce_systems
+from idic.dic.stereo import surface_motion
+from idic.experiment_file.load import load_experiment
+from idic.identify.covariance import covariance, scaled_system, spectrum
+from idic.identify.kept_simulation import response_of
+from idic.identify.weights import noise_weights
+from idic.images.stack import ArrayStack
+from idic.model.experiment import Experiment
+from idic.model.forward import build_forward
+from idic.parameters import JointPrior, ParameterSet
+from idic.virtual_tests.render import Sensor, record
+from idic.virtual_tests.stereo.plate import (FORCE_NOISE_N, GRIP_NOISE_MM, INCREMENTS, REDUCED, TRUTH, PlateTest,
+                                             plate_test, speckle_of, write_plate)
+from idic.virtual_tests.stereo.ray_tracing import traced_image
+
+SIZE = replace(REDUCED, true=REDUCED.user)
+FOCAL_SHARE, ANGLE_DEG = 0.003, 0.1  # standard deviations of the calibration
+MATERIAL = tuple(TRUTH)
+
+
+@dataclass(frozen=True, eq=False)
+class Repeats:
+    """What all draws have in common.
+
+    clean : per camera (n_frames, ny, nx) grey values without noise; responses : of the frames after the reference, at
+    the truth; force : (n_frames,) N; prior : of the calibration, its mean the truth
+    """
+
+    test: PlateTest
+    experiment: Experiment
+    parameters: ParameterSet
+    responses: tuple[FrameResponse, ...]
+    clean: tuple[np.ndarray, ...]
+    sensor: Sensor
+    prior: JointPrior
+
+
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """One repeat.
+
+    experiment : its images and force; grip_error : (n_frames,) mm of the log; mean : (n,) the calibration that the file
+    states
+    """
+
+    experiment: Experiment
+    grip_error: np.ndarray
+    mean: np.ndarray
+
+
+def build_repeats(folder: Path) -> Repeats:
+    """Simulate and trace the test once."""
+    test = plate_test(SIZE)
+    fx = test.rig.cameras[0].fx
+    stated = {f"{n}.{name}": FOCAL_SHARE * fx for n in (0, 1) for name in ("fx", "fy")} | {"1.rotation_y": ANGLE_DEG}
+    file = write_plate(folder, test, deviations=stated)
+    text = file.read_text().replace('calibration = "calibration.json"',
+                                    'calibration = "calibration.json"\nidentify_calibration = true')
+    file.write_text(f"{text}\n[options]\nsubsteps = {INCREMENTS}\n")
+    experiment = load_experiment(file)
+    parameters = experiment.parameters.with_values(TRUTH)
+    forward = build_forward(experiment)
+    moving = tuple(name for name in parameters.free if forward.moves(name))
+    logged = next(entry.drive.values for entry in experiment.prescribed if entry.nodes == "RIGHT"
+                  and entry.component == "x")
+    states = forward.march(parameters, moving, (test.grip - logged)[:, None], None, True)
+    responses = tuple(response_of(at, experiment.reference) for at in states if at.frame > 0)
+    texture = speckle_of(np.random.default_rng(0).spawn(1)[0], SIZE)
+    noise = experiment.noise.std_gv
+    sensor = Sensor(SIZE.shape, background=0.1 * 256.0, noise_std=float(np.sqrt(noise**2 - 1.0 / 12.0)))
+    clean = tuple(np.array([traced_image(test.scene, u, camera, texture.value, sensor) for u in test.displacements])
+                  for camera in test.rig.cameras)
+    prior, = experiment.parameters.joint
+    return Repeats(test, experiment, parameters, responses, clean, sensor, prior)
+
+
+def draw(repeats: Repeats, rng: np.random.Generator) -> Draw:
+    """Noise of every image, force and grip, and what the calibration file says."""
+    experiment, n = repeats.experiment, repeats.experiment.n_frames
+    stacks = [ArrayStack([record(image, repeats.sensor, rng) for image in images]) for images in repeats.clean]
+    channel, = experiment.channels
+    force = repeats.test.force + FORCE_NOISE_N * rng.standard_normal(n)
+    noisy = replace(experiment, stack=stacks[0], channels=(replace(channel, values=force),),
+                    cameras=(replace(experiment.cameras[0], stack=stacks[1]),))
+    mean = rng.multivariate_normal(repeats.prior.mean, repeats.prior.covariance)
+    return Draw(noisy, GRIP_NOISE_MM * rng.standard_normal(n), mean)
+
+
+def integrated(repeats: Repeats, one: Draw) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray]:
+    """Names, errors and stated standard deviations of all free degrees of freedom, both scaled, and errors of the
+    material where the calibration is known  # (n,), (n,), (n_material,)"""
+    experiment, parameters = one.experiment, repeats.parameters
+    forward, names = build_forward(experiment), parameters.free
+    moving = tuple(name for name in names if forward.moves(name))
+    camera = camera_at(experiment, parameters)
+    weights = generalised_weights(noise_weights(experiment))
+    context = with_all_cameras(CorrelationContext(
+        experiment, parameters, names, moving, camera, build_reference(experiment, camera), weights,
+        forward.drives.local_precision, local_scatter=forward.drives.local_scatter))
+    systems = [frame_system(context, response, -one.grip_error[[response.frame]]) for response in repeats.responses]
+    system, gram = closed_system(context, reduce_systems(systems))
+    believed = ParameterSet(parameters.values(), (replace(repeats.prior, mean=one.mean),))
+    scaled = scaled_system(system, believed, gram, weights.image_noise)
+    found = spectrum(scaled)
+    known = [names.index(name) for name in MATERIAL]
+    alone = np.linalg.solve(scaled.M[np.ix_(known, known)], scaled.b[known])
+    return names, found.inverse @ scaled.b, np.sqrt(np.diagonal(covariance(scaled, found))), alone
+
+
+def two_steps(repeats: Repeats, one: Draw) -> np.ndarray:
+    """Errors of the material, scaled, by free stereo FE-DIC and then FEMU, every node alike; the calibration is known
+    # (n_material,)"""
+    measured = surface_motion(one.experiment)
+    weight = 1.0 / np.sqrt(np.mean(measured.noise_mm**2))
+    slopes = np.array([repeats.parameters[name].slope() for name in MATERIAL])
+    m, frames = len(MATERIAL), len(repeats.responses)
+    rows, rhs = [], []
+    for t, response in enumerate(repeats.responses):
+        at = measured.nodes
+        grip = np.zeros((3 * len(at), frames))
+        grip[:, t] = response.local_du[at].reshape(-1)
+        rows.append(weight * np.hstack([response.du[at].reshape(-1, m) * slopes, grip]))
+        rhs.append(weight * (measured.u_mm[response.frame] - response.u[at]).ravel())
+        own = np.zeros((2, m + frames))
+        own[0, :m], own[0, m + t] = response.dchannels[0] * slopes, response.local_dchannels[0, 0]
+        own[0] /= FORCE_NOISE_N
+        own[1, m + t] = 1.0 / GRIP_NOISE_MM  # the log says true + error, the simulation holds the true one
+        rows.append(own)
+        force = one.experiment.channels[0].values[response.frame]
+        rhs.append(np.array([(force - response.channels[0]) / FORCE_NOISE_N,
+                             one.grip_error[response.frame] / GRIP_NOISE_MM]))
+    found, *_ = np.linalg.lstsq(np.vstack(rows), np.concatenate(rhs), rcond=None)
+    return found[:m]
