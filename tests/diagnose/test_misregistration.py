@@ -25,9 +25,8 @@ def speckle():
 
 
 def residual_of(f):
-    return SimpleNamespace(context=SimpleNamespace(reference=SimpleNamespace(f=f),
-                                                   weights=SimpleNamespace(image_noise=NOISE_GV)),
-                           evidence=SimpleNamespace(n_pixels=f.size))
+    context = SimpleNamespace(reference=SimpleNamespace(f=f), weights=SimpleNamespace(image_noise=NOISE_GV))
+    return SimpleNamespace(cameras=(SimpleNamespace(context=context),), evidence=SimpleNamespace(n_pixels=f.size))
 
 
 def motions(chi2):

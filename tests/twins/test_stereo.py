@@ -4,12 +4,17 @@ to."""
 from __future__ import annotations
 
 import shutil
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from pinhole_twin import scores
 from scipy.spatial.transform import Rotation
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "diagnose"))
+from side_twins import screening  # noqa: E402
 
 from idic.correlation.context import CorrelationContext, FrameResponse
 from idic.correlation.experiment_reference import build_reference, camera_at
@@ -20,8 +25,10 @@ from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.heldout import positions
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.residual_maps import maps_of_evidence
+from idic.diagnose.screen.candidate import Situation, candidates
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_file import read_toml
 from idic.identify.in_memory import identify
 from idic.identify.weights import noise_weights
 from idic.model.experiment import Column
@@ -133,3 +140,34 @@ def test_the_evidence_of_a_diagnosis_joins_both_cameras(folder):
     at, two = positions(both), maps_of_evidence(both, int(both.evidence.frames[-1]))
     assert at[:n_nodes, 0].max() < at[n_nodes:, 0].min() and len(two) == 2
     assert all(np.nanstd(one) < 1.3 for one in two)  # the mesh is coarse
+
+
+def test_candidates_of_the_calibration_speak_of_every_camera(folder):
+    experiment = load_experiment(folder)
+    where = Situation(read_toml(folder / "experiment.toml"), experiment, experiment.parameters.as_values(), {}, {},
+                      np.zeros((experiment.n_frames, experiment.mesh.n_nodes, 3)), np.zeros((experiment.n_frames, 1)))
+    known = {candidate.name: candidate for candidate in candidates()}
+    of_rig = [variant for name in ("focal_length", "stereo_angle") for variant in known[name].variants(where)]
+    assert [variant.label for variant in of_rig] == ["another focal length of left", "another focal length of right",
+                                                     "right is turned against left"]
+    for variant in of_rig:
+        assert set(variant.new) <= set(load_experiment(folder, variant.edits).parameters.free)
+
+
+@pytest.mark.slow  # a minute of processor time
+@pytest.mark.parametrize("fault", ["stereo_angle", "specimen_motion"])
+def test_a_fault_of_the_rig_or_of_the_grips_is_told_from_the_material(tmp_path, fault):
+    """The right camera was turned by 0.1 degrees after the calibration, or the specimen comes 0.1 mm nearer."""
+    test = plate_test(replace(SMALL, frames=(3, 3, 3), true=(2, 3, 2, 1)))
+    believed = test.rig
+    if fault == "stereo_angle":
+        right = believed.cameras[1]
+        turn = Rotation.from_rotvec([0.0, np.deg2rad(0.1), 0.0]).as_matrix()
+        turned = replace(right, rotation=turn @ right.rotation, translation_mm=turn @ right.translation_mm)
+        believed = replace(believed, cameras=(believed.cameras[0], turned))
+    else:
+        nearer = np.linspace(0.0, 0.1, len(test.grip))[:, None, None] * np.array([0.0, 0.0, 1.0])
+        test = replace(test, displacements=test.displacements + nearer)
+    _, result = screening(write_plate(tmp_path, test, believed=believed))
+    best = result.ranked[0]
+    assert best.candidate.name == fault and best.standing == "significant"

@@ -10,13 +10,15 @@ PROBE_SHARE = 0.003  # of the focal length of the file
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
-    experiment, camera = situation.experiment, situation.experiment.camera
-    names = tuple(f"{experiment.camera_name}.{axis}" for axis in ("fx", "fy"))
-    if not isinstance(camera, PlacedCamera) or (edits := further_dofs(situation, *names)) is None:
-        return ()
-    at = dict(zip(names, (camera.lens.fx, camera.lens.fy), strict=True))
-    return (Variant("another focal length", edits, names, at, {n: (1.0 + PROBE_SHARE) * v for n, v in at.items()},
-                    direct=True),)
+    found, views = [], situation.experiment.views
+    for view in views:
+        names = tuple(f"{view.camera_name}.{axis}" for axis in ("fx", "fy"))
+        if not isinstance(view.camera, PlacedCamera) or (edits := further_dofs(situation, *names)) is None:
+            continue
+        at = dict(zip(names, (view.camera.lens.fx, view.camera.lens.fy), strict=True))
+        label = "another focal length" + (f" of {view.camera_name}" if len(views) > 1 else "")
+        found.append(Variant(label, edits, names, at, {n: (1.0 + PROBE_SHARE) * v for n, v in at.items()}, direct=True))
+    return tuple(found)
 
 
 register(Candidate(

@@ -1,0 +1,34 @@
+"""Angle between cameras with a lens: another one than the calibration says, after a blow or a screw that gave way."""
+
+from __future__ import annotations
+
+from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.screen.edits import further_dofs
+from idic.images.placed_camera import PlacedCamera
+
+TURNS = ("rotation_x", "rotation_y", "rotation_z")
+PROBE_DEG = 0.1
+
+
+def variants(situation: Situation) -> tuple[Variant, ...]:
+    found, main = [], situation.experiment.camera_name
+    for view in situation.experiment.views[1:]:
+        if not isinstance(view.camera, PlacedCamera):
+            continue
+        names = tuple(f"{view.camera_name}.{turn}" for turn in TURNS)
+        if (edits := further_dofs(situation, *names)) is None:
+            continue
+        at = {name: view.camera.lens.values()[turn] for name, turn in zip(names, TURNS, strict=True)}
+        found.append(Variant(f"{view.camera_name} is turned against {main}", edits, names, at,
+                             {name: value + PROBE_DEG for name, value in at.items()}, direct=True))
+    return tuple(found)
+
+
+register(Candidate(
+    "stereo_angle", "camera", "wrong angle between the cameras", "the angles of the calibration",
+    rivals={"focal_length": "both change the lengths that one camera sees",
+            "placement": "the mesh leans against the specimen before all cameras, not before one",
+            "specimen_motion": "a motion along the line of sight during the test, not an angle wrong from the start"},
+    separating_tests=("calibrate the pair again, as it stands", "shift the specimen, unloaded, through the view"),
+    variants=variants,
+    paraphrase="one camera has been turned since the calibration"))
