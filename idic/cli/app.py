@@ -83,6 +83,7 @@ FileStore = Annotated[str | None, typer.Option(
     "--store", metavar="URL", envvar="IDIC_STORE",
     help="Workers of the scheduler do not see this disk: files go through s3://bucket/prefix (any URL of fsspec), or "
          "\"driver\".")]
+RefusedStore = Annotated[str | None, typer.Option("--store", envvar="IDIC_STORE", hidden=True)]
 UsePrefect = Annotated[bool, typer.Option(
     "--prefect/--no-prefect",
     help="--no-prefect: no Prefect server and no flow; a small identification stays in this process.")]

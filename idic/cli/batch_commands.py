@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from idic.cli.app import (MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption, Workers, app,
+from idic.cli.app import (MemoryLimit, Overrides, RefusedStore, Scheduler, Sensitivity, SensitivityOption, Workers, app,
                           read_overrides,
                           wide_console)
 from idic.cli.command import user_path
@@ -38,14 +38,17 @@ def batch(
     memory_limit: MemoryLimit = None,
     sensitivity: SensitivityOption = Sensitivity.auto,
     overrides: Overrides = None,
+    store: RefusedStore = None,
 ) -> None:
     """Identify many experiments, or one from many starts."""
     with outcome(resume=True):
         from rich.console import Console
 
         from idic.cli.progress import progress_view
+        from idic.workers.mirrored_runner import refuse_store
         from idic.workers.prefect_server import start_server
 
+        refuse_store(store, "batch")
         settings = read_overrides(overrides)
         with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out, STAGES) as view:
             from idic_flows.batch import BatchConsole, run_batch

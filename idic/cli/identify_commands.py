@@ -66,10 +66,14 @@ def demo(
     workers: Workers = None,
     scheduler: Scheduler = None,
     prefect: UsePrefect = True,
+    store: RefusedStore = None,
 ) -> None:
     """Identify a small built-in experiment with known truth."""
     run, began = out / "run", time.monotonic()
     with outcome(run=run):
+        from idic.workers.mirrored_runner import refuse_store
+
+        refuse_store(store, "demo")
         _clear_earlier_demo(out)
         typer.echo(f"writing a virtual tensile test with known parameters to {user_path(out / 'experiment')}")
         with _server(prefect):  # now: it starts while the images are rendered

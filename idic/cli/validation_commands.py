@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from idic.cli.app import MemoryLimit, Scheduler, Seed, Workers, app
+from idic.cli.app import MemoryLimit, RefusedStore, Scheduler, Seed, Workers, app
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
@@ -27,9 +27,13 @@ def study(
     scheduler: Scheduler = None,
     memory_limit: MemoryLimit = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an earlier study in the folder.")] = False,
+    store: RefusedStore = None,
 ) -> None:
     """Validate the method on virtual tests with known truth."""
     with outcome(run=out, resume=True):
+        from idic.workers.mirrored_runner import refuse_store
+
+        refuse_store(store, "study")
         with _study_console(out) as console:
             from idic_flows.study import run_study
 
@@ -53,9 +57,13 @@ def trial(
     workers: Workers = None,
     scheduler: Scheduler = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an earlier trial in the folder.")] = False,
+    store: RefusedStore = None,
 ) -> None:
     """Test the diagnosis blind, on virtual tests with sealed truths. CalculiX solves half of the single effects."""
     with outcome(run=out, resume=True):
+        from idic.workers.mirrored_runner import refuse_store
+
+        refuse_store(store, "trial")
         with _study_console(out, ("sealing truths", "trials", "evaluating answers")) as console:
             from idic_flows.blind_trial import run_blind_trial
 

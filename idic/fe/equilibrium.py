@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -45,7 +45,9 @@ class Control:
 class Converged:
     """An equilibrium: displacement (n_nodes, d), point states per group, and the evaluation that belongs to them.
 
-    ``force_scale`` (N) is the largest nodal reaction or load so far; ``factor`` is the last factorisation used;
+    ``force_scale`` (N) is the largest nodal reaction or load so far; ``factor`` is the last factorisation used,
+    ``gain`` the part of the error that an iteration with it left in the last correction, inf where none was made;
+    ``symmetric``: the symmetric part of the tangent served as far as it was tried;
     ``bend`` of a path that a gauge controls: how far the increment left its tangent, relative to its length.
     """
 
@@ -58,6 +60,8 @@ class Converged:
     factor: Factor | None = None
     factor_matrices: tuple[np.ndarray, ...] = ()
     bend: float = 0.0
+    gain: float = np.inf
+    symmetric: bool = True
 
     @property
     def time(self) -> float:
@@ -87,10 +91,10 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
     def evaluate(u, guesses):
         return assembly.evaluate(system, params, u, start.states, dt, drives, guesses)
 
-    factor, matrices, iterations = start.factor, start.factor_matrices, 0
+    known, iterations = _Known(start.factor, start.factor_matrices, symmetric=start.symmetric), 0
     if predictor is None:
         ev = admissible(evaluate(start.u, start.states))
-        move, factor, matrices = _tangent_move(system, ev, drives, held, factor, matrices)
+        move, known = _tangent_move(system, ev, drives, held, known)
         move = _clamped(move, held, limit)
         ev, iterations = admissible(evaluate(start.u + move.reshape(start.u.shape), start.states)), 1
     else:
@@ -103,15 +107,16 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
         rounding, coarseness = negligible(system, ev)
         if unbalanced <= control.tolerance * scale + rounding or unbalanced <= coarseness:
             states = tuple(g.state for g in ev.groups)
-            return Converged(drives, ev.u, states, scale, ev, iterations, factor, matrices)
+            return Converged(drives, ev.u, states, scale, ev, iterations, known.factor, known.matrices,
+                             gain=known.gain, symmetric=known.symmetric)
         first = unbalanced if first is None else first
         if iterations >= control.max_iterations or not unbalanced < 1e6 * max(first, scale):
             raise NotConverged(where_unbalanced(system, ev, unbalanced, scale, iterations))
         rhs, correction = -ev.residual.ravel()[system.pattern.dofs], np.zeros(ev.u.size)
         if unbalanced**2 <= MAX_CHORD_UNBALANCE * control.tolerance * scale * before:  # same gain as the last time
-            correction[system.pattern.dofs] = factor.solve(rhs)
+            correction[system.pattern.dofs] = known.factor.approximate(rhs)
         else:
-            correction[system.pattern.dofs], factor, matrices = _solution(system, ev, rhs, factor, matrices)
+            correction[system.pattern.dofs], known = _solution(system, ev, rhs, known)
         before = unbalanced
         correction = _clamped(correction, held, limit).reshape(ev.u.shape)
         ev = _corrected(system, evaluate, ev, correction, LINE_SEARCH_PARTS if line_search else (1.0,))
@@ -122,34 +127,50 @@ def linear_move(system: System, params: Mapping[str, np.ndarray], start: Converg
     """The displacement increment to `drives` if stiffness stayed as it is at `start`  # (n_nodes, d) mm"""
     ev = admissible(assembly.evaluate(system, params, start.u, start.states, drives.time - start.time, drives))
     held = np.asarray(system.model.constraints.dofs)
-    move, _, _ = _tangent_move(system, ev, drives, held, start.factor, start.factor_matrices)
+    known = _Known(start.factor, start.factor_matrices, symmetric=start.symmetric)
+    move, _ = _tangent_move(system, ev, drives, held, known)
     return move.reshape(start.u.shape)
 
 
+MAX_GAIN_KEPT = 0.03  # of the error per iteration: at most eight iterations to the last digit
 MAX_CHORD_UNBALANCE = 0.1  # of the tolerance: an old factor that is expected to bring the forces below this is used
 LINE_SEARCH_PARTS = (1.0, 0.5, 0.25, 0.125, 0.0625)  # parts of a Newton correction that a line search tries
 
 
-def _tangent_move(system: System, ev: Evaluation, drives: Drives, held: np.ndarray, factor: Factor | None,
-                  matrices: tuple) -> tuple[np.ndarray, Factor, tuple]:
+@dataclass(frozen=True)
+class _Known:
+    """The last factors, and what `Converged` says of them."""
+
+    factor: Factor | None
+    matrices: tuple[np.ndarray, ...] = ()
+    gain: float = np.inf
+    symmetric: bool = True
+
+
+def _tangent_move(system: System, ev: Evaluation, drives: Drives, held: np.ndarray,
+                  known: _Known) -> tuple[np.ndarray, _Known]:
     """Displacement increment (n_dof,) linearised about the start of the step, prescribed increments included."""
     move = np.zeros(ev.u.size)
     move[held] = drives.prescribed - ev.u.ravel()[held]
     rhs = -(ev.residual.ravel() + assembly.stiffness_times(system, ev, move[:, None])[:, 0])
-    move[system.pattern.dofs], factor, matrices = _solution(system, ev, rhs[system.pattern.dofs], factor, matrices)
-    return move, factor, matrices
+    move[system.pattern.dofs], known = _solution(system, ev, rhs[system.pattern.dofs], known)
+    return move, known
 
 
-def _solution(system: System, ev: Evaluation, rhs: np.ndarray, factor: Factor | None,
-              matrices: tuple) -> tuple[np.ndarray, Factor, tuple]:
+def _solution(system: System, ev: Evaluation, rhs: np.ndarray, known: _Known) -> tuple[np.ndarray, _Known]:
     """Solution with the tangent of an evaluation, by an earlier factor where a new one costs much and it still
     serves."""
-    if system.pattern.costs_much and factor is not None and not matrices:
-        found = iterated(system.pattern.matrix(assembly.stiffness_values(system, ev)), factor, rhs)
+    if system.pattern.costs_much and known.factor is not None and not known.matrices:
+        found = iterated(system.pattern.matrix(assembly.stiffness_values(system, ev)), known.factor, rhs)
         if found is not None:
-            return found, factor, matrices
-    factor, matrices = _factor(system, ev, factor, matrices)
-    return factor.solve(rhs), factor, matrices
+            return found.x, replace(known, gain=found.gain)
+    factor, matrices = _factor(system, ev, known.factor, known.matrices, known.symmetric)
+    known = _Known(factor, matrices, symmetric=factor.of_symmetric_part)
+    if factor.of_symmetric_part and not matrices:
+        found = iterated(factor.matrix, factor, rhs)
+        if found is not None:
+            return found.x, replace(known, gain=found.gain)
+    return factor.solve(rhs), known
 
 
 def _corrected(system: System, evaluate, ev: Evaluation, correction: np.ndarray, parts) -> Evaluation:
@@ -230,7 +251,8 @@ def _clamped(move: np.ndarray, held: np.ndarray, limit: float) -> np.ndarray:
     return free
 
 
-def _factor(system: System, ev: Evaluation, factor: Factor | None, matrices) -> tuple[Factor, tuple]:
+def _factor(system: System, ev: Evaluation, factor: Factor | None, matrices,
+            symmetric: bool = True) -> tuple[Factor, tuple]:
     """Factorise the stiffness; small-strain laws without memory keep the factor while nothing changed."""
     constant = all(g.law.small and g.law.spec.n_state == 0 for g in system.groups) and not system.pressures
     if constant:
@@ -240,7 +262,8 @@ def _factor(system: System, ev: Evaluation, factor: Factor | None, matrices) -> 
         if factor is not None and matrices and all(_same(a, b) for a, b in zip(present, matrices, strict=True)):
             return factor, matrices
     try:
-        return factorise(system.pattern, assembly.stiffness_values(system, ev)), present if constant else ()
+        values = assembly.stiffness_values(system, ev)
+        return factorise(system.pattern, values, symmetric), present if constant else ()
     except SingularMatrix as error:
         raise NotConverged(f"the stiffness is singular ({error}): check material parameters and supports") from None
 
@@ -249,9 +272,17 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
     return bool(np.abs(a - b).max() <= 1e-12 * np.abs(b).max())  # rounding of the plane-stress condensation
 
 
+def serves(system: System, at: Converged) -> bool:
+    """Whether the factors that found an equilibrium are near its tangent: iterations cost less than new ones."""
+    return system.pattern.costs_much and not at.factor_matrices and at.factor is not None and at.gain <= MAX_GAIN_KEPT
+
+
 def consistent_factor(system: System, at: Converged) -> Factor:
-    """The factorised consistent tangent at a converged increment."""
-    return _factor(system, at.evaluation, at.factor, at.factor_matrices)[0]
+    """The consistent tangent at a converged increment, factorised or with the factors of before where they serve."""
+    if serves(system, at):
+        return replace(at.factor, matrix=system.pattern.matrix(assembly.stiffness_values(system, at.evaluation)),
+                       kept=True)
+    return _factor(system, at.evaluation, at.factor, at.factor_matrices, at.symmetric)[0]
 
 
 def factorise_tangent(system: System, evaluation: Evaluation) -> Factor:

@@ -14,7 +14,7 @@ from idic.errors import InputError, NotConverged
 from idic.fe.assembly.assembly import System, discretise
 from idic.fe.boundary import drives_at
 from idic.fe.controlled import solve_controlled
-from idic.fe.equilibrium import Control, Converged, consistent_factor, solve_increment
+from idic.fe.equilibrium import Control, Converged, consistent_factor, serves, solve_increment
 from idic.fe.increment_size import IncrementSize
 from idic.fe.model import Direction, Model, Reaction, validate
 from idic.fe.predictor import WarmStart, extrapolated
@@ -219,8 +219,10 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
                 factor = None  # of the increment before
                 # room for one; the next increment begins with it
                 if system.pattern.costs_much and not new.factor_matrices:
-                    now, new = replace(now, factor=None), replace(new, factor=None)
-                    new = replace(new, factor=consistent_factor(system, new))
+                    now = replace(now, factor=None)
+                    new = new if serves(system, new) else replace(new, factor=None)
+                    factor = consistent_factor(system, new)
+                    new = replace(new, factor=factor, symmetric=factor.of_symmetric_part)
                 factor = new.factor if system.pattern.costs_much else consistent_factor(system, new)
                 changes = differentiate(system, params, directions, times, now, new, factor, changes)
             if warm is not None:

@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from strange_solver import LENGTH, THICKNESS, WIDTH
+from external.strange_solver import LENGTH, THICKNESS, WIDTH
 
 from idic.fe.mesh.mesh import make_mesh
 from idic.fe.mesh.refine import raise_order

@@ -71,7 +71,6 @@ def test_a_singular_matrix_is_refused():
 def test_threads_give_the_same_bits(monkeypatch):
     """Also with triangles so small that all ways of solving with them occur."""
     monkeypatch.setattr(substitution, "MIN_FRONTS_FOR_THREADS", 1)
-    monkeypatch.setattr(substitution, "MIN_PIVOTS_WITHOUT_LOCK", 20)
     pattern, values, _ = assembled(brick(8, 7, 6), range(0, 300, 7))
     rhs = np.random.default_rng(0).random((pattern.n, 3))
     alone = factorise(pattern, values.copy())

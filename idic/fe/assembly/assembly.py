@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.assembly import expansion, kernels, kernels_solid, locking
+from idic.fe.assembly import expansion, in_parts, kernels, kernels_solid, locking
 from idic.fe.assembly.variation import factor_of
 from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
 from idic.fe.solver.linear import Pattern, make_pattern
@@ -242,14 +242,16 @@ def external_force(system: System, drives: Drives, u: np.ndarray) -> np.ndarray:
 def _deform(group: Group, u: np.ndarray) -> tuple[GroupEvaluation, str]:
     d = u.shape[1]
     F = np.empty((group.n_points, d, d))
-    smallest = kernels.deformation_gradients(group.connectivity, group.grads, u, F)
+    smallest = min(_in_parts(group, lambda e, p: kernels.deformation_gradients(
+        group.connectivity[e], group.grads[p], u, F[p])))
     g = GroupEvaluation(F, F, F, F)
     if not group.law.small and not smallest > 0.0:
         return g, f"an element would turn inside out (det F = {smallest:.3g})"
     if group.mean_dilatation and not group.law.small:
         g.Fbar, g.scale = np.empty_like(F), np.empty(group.n_points)
         g.b, g.Jbar = np.empty(group.dofs.shape), np.empty(len(group.elements))
-        locking.modify_finite(F, group.grads, group.weights, g.Fbar, g.scale, g.b, g.Jbar)
+        _in_parts(group, lambda e, p: locking.modify_finite(F[p], group.grads[p], group.weights[p], g.Fbar[p],
+                                                            g.scale[p], g.b[e], g.Jbar[e]))
     elif group.mean_dilatation:
         g.Fbar = F.copy()
         locking.average_trace(g.Fbar[:, None], group.weights, len(group.elements))
@@ -336,9 +338,14 @@ def element_matrices(group: Group, g: GroupEvaluation) -> None:
     if g.scale is not None:
         side = np.empty(group.dofs.shape)
         dilate = kernels_solid if solid else locking
-        dilate.tangent_finite(g.F, g.scale, g.Jbar, group.grads, group.weights, g.P, g.A, side)
-        stiffness(group.grads, group.weights, g.A, Ke)
-        locking.add_rank_one(side, g.b, Ke)
+
+        def part(e, p):
+            dilate.tangent_finite(g.F[p], g.scale[p], g.Jbar[e], group.grads[p], group.weights[p], g.P[p], g.A[p],
+                                  side[e])
+            stiffness(group.grads[p], group.weights[p], g.A[p], Ke[e])
+            locking.add_rank_one(side[e], g.b[e], Ke[e])
+
+        _in_parts(group, part)
     elif group.mean_dilatation:
         left, right, s = np.empty(group.dofs.shape), np.empty(group.dofs.shape), np.empty(len(group.elements))
         locking.tangent_small(group.grads, group.weights, g.A, left, right, s)
@@ -346,8 +353,12 @@ def element_matrices(group: Group, g: GroupEvaluation) -> None:
         locking.add_rank_one(left + s[:, None] * group.mean_b, group.mean_b, Ke)
         locking.add_rank_one(group.mean_b, right, Ke)
     else:
-        stiffness(group.grads, group.weights, g.A, Ke)
+        _in_parts(group, lambda e, p: stiffness(group.grads[p], group.weights[p], g.A[p], Ke[e]))
     g.Ke = Ke
+
+
+def _in_parts(group: Group, work) -> list:
+    return in_parts.in_parts(len(group.elements), group.n_points, work)
 
 
 def stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.ndarray:
@@ -404,9 +415,11 @@ def point_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray
     nd = dstate.shape[1]
     dF = np.zeros((group.n_points, nd, d, d))
     if du is not None:
-        (kernels_solid if d == 3 else kernels).gradient_changes(group.connectivity, group.grads, du, dF)
+        changes = (kernels_solid if d == 3 else kernels).gradient_changes
+        _in_parts(group, lambda e, p: changes(group.connectivity[e], group.grads[p], du, dF[p]))
         if g.scale is not None:
-            locking.changes_finite(g.F, g.scale, g.Jbar, group.weights, dF)
+            _in_parts(group, lambda e, p: locking.changes_finite(g.F[p], g.scale[p], g.Jbar[e], group.weights[p],
+                                                                 dF[p]))
         elif group.mean_dilatation:
             locking.average_trace(dF, group.weights, len(group.elements))
     guess = np.ascontiguousarray(g.state[:, -1]) if mode == 2 else None

@@ -21,6 +21,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from idic.fe.assembly import in_parts
 from idic.fe.mesh import element
 from idic.fe.model import Direction, Model
 from idic.materials.core import points
@@ -39,7 +40,7 @@ def stress(law: CompiledLaw, mode: int, F, e, state, params, dt: float, *, guess
 def tangent(law: CompiledLaw, mode: int, F, e, state, params, dt: float, *, guess=None):
     """As `points.tangent`  # P, state_new, A (n, d*d, d*d), ok"""
     if e is None:
-        return points.tangent(law, mode, F, state, params, dt, guess=guess)
+        return in_parts.tangent(law, mode, F, state, params, dt, guess)
     law_mode, Fm, guess = _seen(law, mode, F, e, state, guess)
     P, state_new, A, ok = points.tangent(law, law_mode, Fm, state, params, dt, guess=guess)
     n, d = F.shape[:2]
@@ -66,7 +67,7 @@ def directional(law: CompiledLaw, mode: int, F, e, P, state, params, dt: float, 
     dP (n, nd, d, d), dstate_new (n, nd, n_state), ok
     """
     if e is None:
-        return points.directional(law, mode, F, state, params, dt, dF, dstate, dparams, guess=guess)
+        return in_parts.directional(law, mode, F, state, params, dt, dF, dstate, dparams, guess)
     n, nd, d = dF.shape[:3]
     s = np.ones(n) if law.small else 1.0 + e
     law_mode, Fm, law_guess = _seen(law, mode, F, e, state, guess)

@@ -2,7 +2,8 @@
 
 Where the band is narrow (strips, small 2D meshes) LAPACK band LU, numbered by reverse Cuthill-McKee or along an axis,
 whichever gives the narrower band; else an LU by dense fronts, numbered by nested dissection. Matrices are unsymmetric
-in general (F-bar, follower loads, non-associated laws).
+in general (F-bar, follower loads, non-associated laws). Where an LU costs much, the symmetric part is factorised for
+half of it, if it is positive definite and near the matrix; iterations correct the rest.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.fe.solver import band, dissection, multifrontal, substitution
+from idic.fe.solver import band, cholesky, dissection, krylov, multifrontal, substitution
 from idic.fe.assembly import kernels
 
 MAX_HALF_BANDWIDTH_OF_BAND_LU = {2: 180, 3: 400}  # by dimension; beyond, fronts are faster (10 000 dofs)
@@ -27,6 +28,8 @@ MAX_HALF_BANDWIDTH_OF_OWN_LU = 100  # faster than LAPACK (twice at 27): rare row
 MIN_OPERATIONS_PER_ENTRY = 500  # of an LU by fronts: from here on a factorisation costs over 15 solutions
 
 MAX_BACKWARD_ERROR = 1e-13  # of an LU by fronts; beyond, its row exchanges were not enough and SuperLU takes over
+
+MAX_LEFT_BY_SYMMETRIC_PART = 0.1  # of a right-hand side: beyond, an LU is worth its work
 
 
 class SingularMatrix(Exception):
@@ -73,6 +76,10 @@ class Pattern:
         entries = sum(s * (s + 1) / 2 + s * b for s, b in sizes)
         return sum(s**3 / 3 + s**2 * b + s * b**2 for s, b in sizes) > MIN_OPERATIONS_PER_ENTRY * entries
 
+    @cached_property
+    def tree(self) -> cholesky.Tree:
+        return cholesky.tree_of(self.fronts)
+
     def matrix(self, values: np.ndarray) -> csc_array:
         """The matrix with these stored values, in compressed columns."""
         return csc_array((values, self.indices, self.indptr), shape=(self.n, self.n))
@@ -102,19 +109,37 @@ class Factor:
     """A factorised matrix.
 
     lu : band of LAPACK with pivots, fronts, or SuperLU
+    matrix : where the factors are those of a similar one: of its symmetric part, or (``kept``) of an earlier tangent
     """
 
     pattern: Pattern
-    lu: np.ndarray | tuple[multifrontal.FrontFactor, ...] | SuperLU
+    lu: np.ndarray | tuple[multifrontal.FrontFactor, ...] | cholesky.SymmetricFactor | SuperLU
     pivots: np.ndarray | None = None
+    matrix: csc_array | None = field(default=None, repr=False)
+    kept: bool = False
+
+    @property
+    def of_symmetric_part(self) -> bool:
+        return isinstance(self.lu, cholesky.SymmetricFactor)
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Solve for one (n,) or several (n, m) right-hand sides, in equation numbering."""
         if self.pattern.n == 0 or rhs.size == 0:
             return np.zeros_like(rhs)
+        if self.matrix is None:
+            return self.approximate(rhs)
+        found = krylov.solution(self.matrix, self.approximate, rhs.reshape(self.pattern.n, -1))
+        if found is None:
+            return factorise(self.pattern, self.matrix.data, symmetric=self.kept).solve(rhs)
+        return found.reshape(rhs.shape)
+
+    def approximate(self, rhs: np.ndarray) -> np.ndarray:
+        """Solutions with the matrix of the factors itself."""
         if isinstance(self.lu, tuple):
             columns = rhs.reshape(self.pattern.n, -1)
             return substitution.solve(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
+        if isinstance(self.lu, cholesky.SymmetricFactor):
+            return self.lu.solve(rhs.reshape(self.pattern.n, -1)).reshape(rhs.shape)
         if self.pivots is None:
             return self.lu.solve(np.ascontiguousarray(rhs))
         kl = self.pattern.half_bandwidth
@@ -131,16 +156,26 @@ class Factor:
         """Solve with the transposed matrix, for adjoints; shapes as in `solve`."""
         if self.pattern.n == 0 or rhs.size == 0:
             return np.zeros_like(rhs)
+        columns = rhs.reshape(self.pattern.n, -1)
+        if self.matrix is not None:
+            found = krylov.solution(self.matrix.T, self._approximate_transposed, columns)
+            if found is None:
+                return factorise(self.pattern, self.matrix.data, symmetric=self.kept).solve_transposed(rhs)
+            return found.reshape(rhs.shape)
         if isinstance(self.lu, tuple):
-            columns = rhs.reshape(self.pattern.n, -1)
             return substitution.solve_transposed(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
-        if self.pivots is None:
+        if isinstance(self.lu, SuperLU):
             return self.lu.solve(np.ascontiguousarray(rhs), "T")
         kl = self.pattern.half_bandwidth
         x, info = dgbtrs(self.lu, kl, kl, np.asfortranarray(rhs), self.pivots, trans=1)
         if info != 0:
             raise SingularMatrix(f"dgbtrs: info {info}")
         return x
+
+    def _approximate_transposed(self, columns: np.ndarray) -> np.ndarray:
+        if self.of_symmetric_part:
+            return self.approximate(columns)
+        return substitution.solve_transposed(self.pattern.fronts, self.lu, columns)
 
 
 def make_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], prescribed: np.ndarray,
@@ -227,14 +262,18 @@ def _compressed_columns(n: int, equations: Sequence[np.ndarray]) -> tuple[np.nda
     return total.indptr.astype(np.int32), total.indices.astype(np.int32)
 
 
-def factorise(pattern: Pattern, values: np.ndarray) -> Factor:
-    """LU of the matrix with these stored values (overwritten); raises SingularMatrix."""
+def factorise(pattern: Pattern, values: np.ndarray, symmetric: bool = True) -> Factor:
+    """Factors of the matrix with these stored values (a band is overwritten); raises SingularMatrix.
+
+    symmetric : try the symmetric part where an LU costs much
+    """
     if pattern.n == 0:
         return Factor(pattern, values, np.zeros(0, dtype=np.int32))
     if not np.isfinite(values.sum()):  # one pass without a mask as large as the band
         raise SingularMatrix("the stiffness is not finite")
     if pattern.half_bandwidth is None:
-        return _sparse_factor(pattern, values)
+        similar = _symmetric_factor(pattern, values) if symmetric and pattern.costs_much else None
+        return _sparse_factor(pattern, values) if similar is None else similar
     kl = pattern.half_bandwidth
     if kl <= MAX_HALF_BANDWIDTH_OF_OWN_LU:
         pivots = np.empty(pattern.n, dtype=np.int32)
@@ -246,6 +285,16 @@ def factorise(pattern: Pattern, values: np.ndarray) -> Factor:
     if info != 0:
         raise SingularMatrix(f"pivot {info} of {pattern.n} is zero")
     return Factor(pattern, lu, pivots)
+
+
+def _symmetric_factor(pattern: Pattern, values: np.ndarray) -> Factor | None:
+    """Factors of the symmetric part; None where it is not positive definite or not near the matrix."""
+    fronts = cholesky.factor(pattern.fronts, pattern.tree, values)
+    if fronts is None:
+        return None
+    factor, rhs = Factor(pattern, fronts, None, pattern.matrix(values)), np.cos(np.arange(pattern.n, dtype=float))
+    left = np.linalg.norm(rhs - factor.matrix @ factor.approximate(rhs)) / np.linalg.norm(rhs)
+    return factor if left <= MAX_LEFT_BY_SYMMETRIC_PART else None
 
 
 def _sparse_factor(pattern: Pattern, values: np.ndarray) -> Factor:

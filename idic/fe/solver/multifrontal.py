@@ -15,11 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.blas import dgemm
-from scipy.linalg.lapack import dgetrf, dlaswp
+from scipy.linalg.lapack import dlaswp
 
 from idic.fe.assembly.kernels import kernel
-from idic.fe.solver.threads import pool_of_threads, solve_triangle
+from idic.fe.solver.lapack import factorise_general, product, solve_triangle, subtract_product
+from idic.fe.solver.threads import pool_of_threads
 
 MAX_IMBALANCE = 1.1  # the longest of the threads over their mean
 
@@ -61,6 +61,17 @@ class FrontFactor:
     pivots: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+
+    def eliminate_from(self, x: np.ndarray) -> None:
+        """x (s, m) becomes L11^-1 P x."""
+        x[:] = dlaswp(x, self.pivots)
+        solve_triangle(self.lu, x, right=False, lower=True, unit=True)
+
+    def substitute_in(self, x: np.ndarray, beyond: np.ndarray) -> None:
+        """x (s, m) becomes U11^-1 (x - U12 beyond)."""
+        if len(beyond):
+            x -= product(self.upper, beyond)
+        solve_triangle(self.lu, x, right=False, lower=False, unit=False)
 
 
 def analyse(ends: np.ndarray, children: Sequence[Sequence[int]], indptr: np.ndarray,
@@ -106,7 +117,12 @@ def factor(fronts: Sequence[Front], values: np.ndarray) -> tuple[FrontFactor, ..
     With threads (`idic.fe.solver.threads`) parts of the tree that do not see each other are factorised side by side.
     Every front is computed as without.
     """
-    work, pool = _Elimination(fronts, values), pool_of_threads()
+    return eliminated(fronts, Elimination(fronts, values))
+
+
+def eliminated(fronts: Sequence[Front], work: Elimination) -> tuple | None:
+    """The factors of all fronts, with as many threads as there are; None where one cannot be eliminated."""
+    pool = pool_of_threads()
     if pool is None:
         return tuple(work.factors) if all(work.eliminate(k) for k in range(len(fronts))) else None
     parts = independent_parts(fronts, pool._max_workers)
@@ -117,32 +133,33 @@ def factor(fronts: Sequence[Front], values: np.ndarray) -> tuple[FrontFactor, ..
     return tuple(work.factors)
 
 
-class _Elimination:
+class Elimination:
     """The fronts of one matrix; a front is eliminated after its children."""
 
     def __init__(self, fronts: Sequence[Front], values: np.ndarray):
-        self._fronts, self._values = fronts, values
-        self._updates: dict[int, np.ndarray] = {}  # what a front leaves on its boundary
+        self.fronts, self.values = fronts, values
+        self.updates: dict[int, np.ndarray] = {}  # what a front leaves on its boundary
         self.factors: list[FrontFactor] = [None] * len(fronts)  # type: ignore[list-item]
 
     def eliminate(self, k: int) -> bool:
         """Eliminate front `k`; False where it is singular."""
-        front = self._fronts[k]
+        front = self.fronts[k]
         s, b = front.end - front.first, len(front.boundary)
         blocks, update = np.zeros(s * (s + 2 * b)), np.zeros(b * b)
-        blocks[front.targets] = self._values[front.sources]
+        blocks[front.targets] = self.values[front.sources]
         for child, places in zip(front.children, front.embeddings, strict=True):
-            extend(blocks, update, s, b, self._updates.pop(child), places)
-        lu, pivots, info = dgetrf(_columns(blocks[:s * s], s), overwrite_a=1)
-        if info != 0:
+            extend(blocks, update, s, b, self.updates.pop(child), places)
+        lu = columns(blocks[:s * s], s)
+        pivots = factorise_general(lu)
+        if pivots is None:
             return False
-        lower, upper = _columns(blocks[s * s:s * (s + b)], b), _columns(blocks[s * (s + b):], s)
+        lower, upper = columns(blocks[s * s:s * (s + b)], b), columns(blocks[s * (s + b):], s)
         if b:
             upper = dlaswp(upper, pivots, overwrite_a=1)
-            solve_triangle(lu, upper, right=False, lower=True)
-            solve_triangle(lu, lower, right=True, lower=False)
-            update = dgemm(-1.0, lower, upper, 1.0, _columns(update, b), overwrite_c=1).ravel(order="K")
-        self._updates[k] = update
+            solve_triangle(lu, upper, right=False, lower=True, unit=True)
+            solve_triangle(lu, lower, right=True, lower=False, unit=False)
+            subtract_product(lower, upper, columns(update, b))
+        self.updates[k] = update
         self.factors[k] = FrontFactor(lu, pivots, lower, upper)
         return True
 
@@ -167,7 +184,7 @@ def independent_parts(fronts: Sequence[Front], n: int) -> list[tuple[int, int]]:
         parts = [*parts[1:], *fronts[parts[0]].children]
 
 
-def _columns(flat: np.ndarray, rows: int) -> np.ndarray:
+def columns(flat: np.ndarray, rows: int) -> np.ndarray:
     """A flat array as a matrix of so many rows, column after column."""
     return flat.reshape((rows, len(flat) // max(rows, 1)), order="F")
 

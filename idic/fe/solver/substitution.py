@@ -8,11 +8,11 @@ import numpy as np
 from scipy.linalg.blas import dgemm, dtrsm
 from scipy.linalg.lapack import dlaswp
 
+from idic.fe.solver.lapack import product
 from idic.fe.solver.multifrontal import Front, FrontFactor, independent_parts
-from idic.fe.solver.threads import pool_of_threads, solve_triangle
+from idic.fe.solver.threads import pool_of_threads
 
 MIN_FRONTS_FOR_THREADS = 200  # a solution reads each front once: smaller trees are not worth it
-MIN_PIVOTS_WITHOUT_LOCK = 128  # of a triangle that is worth a call without the interpreter's lock
 
 
 def solve(fronts: Sequence[Front], factors: Sequence[FrontFactor], rhs: np.ndarray) -> np.ndarray:
@@ -41,10 +41,9 @@ def solve(fronts: Sequence[Front], factors: Sequence[FrontFactor], rhs: np.ndarr
 def _forward(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.ndarray) -> None:
     """Forward substitution."""
     for front, f in zip(fronts, factors, strict=True):
-        y = _with_lower(f, dlaswp(x[front.first:front.end], f.pivots))
-        x[front.first:front.end] = y
+        f.eliminate_from(x[front.first:front.end])
         if len(front.boundary):
-            x[front.boundary] -= dgemm(1.0, f.lower, y)
+            x[front.boundary] -= product(f.lower, x[front.first:front.end])
 
 
 def _forward_beneath(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.ndarray,
@@ -53,10 +52,9 @@ def _forward_beneath(fronts: Sequence[Front], factors: Sequence[FrontFactor], x:
     beyond, end = [], fronts[span[1] - 1].end
     for k in range(*span):
         front, f = fronts[k], factors[k]
-        y = _with_lower(f, dlaswp(x[front.first:front.end], f.pivots))
-        x[front.first:front.end] = y
+        f.eliminate_from(x[front.first:front.end])
         if len(front.boundary):
-            share, inside = dgemm(1.0, f.lower, y), int(np.searchsorted(front.boundary, end))
+            share, inside = product(f.lower, x[front.first:front.end]), int(np.searchsorted(front.boundary, end))
             x[front.boundary[:inside]] -= share[:inside]
             beyond.append((front.boundary[inside:], share[inside:]))
     return beyond
@@ -65,24 +63,7 @@ def _forward_beneath(fronts: Sequence[Front], factors: Sequence[FrontFactor], x:
 def _backward(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.ndarray) -> None:
     """Backward substitution."""
     for front, f in zip(reversed(fronts), reversed(factors), strict=True):
-        y = x[front.first:front.end]
-        if len(front.boundary):
-            y = y - dgemm(1.0, f.upper, x[front.boundary])
-        if len(y) < MIN_PIVOTS_WITHOUT_LOCK:
-            y = dtrsm(1.0, f.lu, y)
-        else:
-            y = np.array(y, order="F")
-            solve_triangle(f.lu, y, right=False, lower=False)
-        x[front.first:front.end] = y
-
-
-def _with_lower(f: FrontFactor, y: np.ndarray) -> np.ndarray:
-    """L11^-1 y; a large triangle without the interpreter's lock."""
-    if len(y) < MIN_PIVOTS_WITHOUT_LOCK:
-        return dtrsm(1.0, f.lu, y, lower=1, diag=1)
-    y = np.array(y, order="F")
-    solve_triangle(f.lu, y, right=False, lower=True)
-    return y
+        f.substitute_in(x[front.first:front.end], np.asfortranarray(x[front.boundary]))
 
 
 def solve_transposed(fronts: Sequence[Front], factors: Sequence[FrontFactor], rhs: np.ndarray) -> np.ndarray:

@@ -1,0 +1,103 @@
+"""BLAS and LAPACK on arrays stored column by column, in place; other threads go on meanwhile.
+
+SciPy's own wrappers keep the interpreter's lock, so that threads would wait for each other. Rows of a larger array are
+taken without a copy: the leading dimension is that of the array.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+from numba.extending import get_cython_function_address
+
+
+def _routine(library: str, name: str, n_arguments: int):
+    address = get_cython_function_address(f"scipy.linalg.cython_{library}", name)
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * n_arguments)(address)
+
+
+_dgemm, _dgemv = _routine("blas", "dgemm", 13), _routine("blas", "dgemv", 11)
+_dtrsm, _dtrsv, _dsyrk = _routine("blas", "dtrsm", 11), _routine("blas", "dtrsv", 8), _routine("blas", "dsyrk", 10)
+_dgetrf, _dpotrf = _routine("lapack", "dgetrf", 6), _routine("lapack", "dpotrf", 5)
+
+_kept_letters = {letter: ctypes.c_char(letter.encode()) for letter in "LRUNT"}
+_letter = {letter: ctypes.addressof(stored) for letter, stored in _kept_letters.items()}
+_kept_numbers = (ctypes.c_double * 3)(1.0, -1.0, 0.0)
+_ONE, _MINUS_ONE, _ZERO = (ctypes.addressof(_kept_numbers) + 8 * k for k in range(3))
+_kept_step = ctypes.c_int(1)
+_STEP = ctypes.addressof(_kept_step)
+
+
+def _leading(matrix: np.ndarray) -> int:
+    """Entries from one column to the next."""
+    return max(1, matrix.strides[1] // 8 if matrix.shape[1] > 1 else matrix.shape[0])
+
+
+def solve_triangle(triangle: np.ndarray, block: np.ndarray, *, right: bool, lower: bool, unit: bool,
+                   transposed: bool = False) -> None:
+    """Overwrite a block (m, n) by the solution with a triangle.
+
+    Parameters
+    ----------
+    triangle : (k, k); lower : its lower part, else its upper part; unit : with ones on the diagonal
+    right : X T = block, else T X = block; transposed : with T^T in place of T
+    """
+    m, n = block.shape
+    sizes = (ctypes.c_int * 4)(m, n, _leading(triangle), _leading(block))
+    at = ctypes.addressof(sizes)
+    part, turned, diagonal = _letter["L" if lower else "U"], _letter["T" if transposed else "N"], _letter[
+        "U" if unit else "N"]
+    if n == 1 and not right:
+        _dtrsv(part, turned, diagonal, at, triangle.ctypes.data, at + 8, block.ctypes.data, _STEP)
+    else:
+        _dtrsm(_letter["R" if right else "L"], part, turned, diagonal, at, at + 4, _ONE, triangle.ctypes.data, at + 8,
+               block.ctypes.data, at + 12)
+
+
+def product(a: np.ndarray, b: np.ndarray, transposed: bool = False) -> np.ndarray:
+    """a b, or a^T b  # (rows of a or of a^T, columns of b)"""
+    rows, inner = a.shape[::-1] if transposed else a.shape
+    out = np.empty((rows, b.shape[1]), order="F")
+    turned = _letter["T" if transposed else "N"]
+    sizes = (ctypes.c_int * 6)(rows, b.shape[1], inner, _leading(a), _leading(b), max(1, rows))
+    at = ctypes.addressof(sizes)
+    if b.shape[1] == 1:
+        shape = (ctypes.c_int * 2)(*a.shape)
+        by = ctypes.addressof(shape)
+        _dgemv(turned, by, by + 4, _ONE, a.ctypes.data, at + 12, b.ctypes.data, _STEP, _ZERO, out.ctypes.data, _STEP)
+    else:
+        _dgemm(turned, _letter["N"], at, at + 4, at + 8, _ONE, a.ctypes.data, at + 12, b.ctypes.data, at + 16, _ZERO,
+               out.ctypes.data, at + 20)
+    return out
+
+
+def subtract_product(a: np.ndarray, b: np.ndarray, out: np.ndarray) -> None:
+    """out (m, n) less a b."""
+    sizes = (ctypes.c_int * 6)(*out.shape, a.shape[1], _leading(a), _leading(b), _leading(out))
+    at = ctypes.addressof(sizes)
+    _dgemm(_letter["N"], _letter["N"], at, at + 4, at + 8, _MINUS_ONE, a.ctypes.data, at + 12, b.ctypes.data, at + 16,
+           _ONE, out.ctypes.data, at + 20)
+
+
+def subtract_square(a: np.ndarray, out: np.ndarray) -> None:
+    """Lower triangle of out (m, m) less a a^T."""
+    sizes = (ctypes.c_int * 4)(len(out), a.shape[1], _leading(a), _leading(out))
+    at = ctypes.addressof(sizes)
+    _dsyrk(_letter["L"], _letter["N"], at, at + 4, _MINUS_ONE, a.ctypes.data, at + 8, _ONE, out.ctypes.data, at + 12)
+
+
+def factorise_lower(matrix: np.ndarray) -> bool:
+    """Overwrite the lower triangle of a matrix (n, n) by its Cholesky factor; False: it is not positive definite."""
+    sizes = (ctypes.c_int * 3)(len(matrix), _leading(matrix), 0)
+    at = ctypes.addressof(sizes)
+    _dpotrf(_letter["L"], at, matrix.ctypes.data, at + 4, at + 8)
+    return sizes[2] == 0
+
+
+def factorise_general(matrix: np.ndarray) -> np.ndarray | None:
+    """Overwrite a matrix (n, n) by L and U; the row, from 0, that each was exchanged with (n,), None: singular."""
+    pivots, sizes = np.empty(len(matrix), dtype=np.int32), (ctypes.c_int * 3)(len(matrix), _leading(matrix), 0)
+    at = ctypes.addressof(sizes)
+    _dgetrf(at, at, matrix.ctypes.data, at + 4, pivots.ctypes.data, at + 8)
+    return None if sizes[2] else pivots - np.int32(1)

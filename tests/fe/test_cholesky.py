@@ -1,0 +1,106 @@
+"""Factors of the symmetric part, iterated to the solution of an unsymmetric matrix; where an LU takes over."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+from test_factorisation_cost import brick, dofs_of, plate
+
+from idic.fe.assembly import in_parts, kernels
+from idic.fe.march import march
+from idic.fe.model import Direction
+from idic.fe.solver import cholesky, linear
+from idic.fe.solver.threads import solver_threads
+
+from fe_bodies import PARAMETERS, body, held, where
+
+
+@pytest.fixture(autouse=True)
+def every_factorisation_costs_much(monkeypatch):
+    monkeypatch.setattr(linear, "MIN_OPERATIONS_PER_ENTRY", 0)
+
+
+def nearly_symmetric(mesh, prescribed=(), skew=0.005, shift=1.0):
+    """A pattern by fronts, and values that are positive definite (with a positive shift) but for a skew part."""
+    dofs, rng = dofs_of(mesh), np.random.default_rng(4)
+    pattern = linear.make_pattern(mesh.nodes, [dofs], np.asarray(prescribed, dtype=int), widest_band=-1)
+    values, m = np.zeros(pattern.n_stored), dofs.shape[1]
+    root, other = rng.standard_normal((2, len(dofs), m, m))
+    kernels.scatter(root @ root.transpose(0, 2, 1) / m + shift * np.eye(m) + skew * (other - other.transpose(0, 2, 1)),
+                    pattern.positions(dofs), values)
+    return pattern, values, csc_array((values.copy(), pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
+
+
+@pytest.mark.parametrize("mesh, prescribed",
+                         [(plate(12, 9), range(40)), (brick(6, 5, 4), range(0, 300, 7)), (brick(1, 1, 1), ())],
+                         ids=["plate", "brick", "one element"])
+def test_the_symmetric_part_gives_the_solutions_of_superlu(mesh, prescribed):
+    pattern, values, matrix = nearly_symmetric(mesh, prescribed)
+    factor, reference, rhs = linear.factorise(pattern, values), splu(matrix), np.random.default_rng(0).random(
+        (pattern.n, 20))  # more than are iterated at a time
+    rhs[:, 1] = 0.0
+    assert factor.of_symmetric_part
+    for own, theirs in ((factor.solve(rhs), reference.solve(rhs)),
+                        (factor.solve_transposed(rhs), reference.solve(rhs, "T")),
+                        (factor.solve(rhs[:, 0]), reference.solve(rhs[:, 0]))):
+        np.testing.assert_allclose(own, theirs, rtol=0, atol=1e-11 * np.abs(theirs).max())  # condition below 100
+
+
+def test_its_factor_is_that_of_lapack():
+    pattern, values, matrix = nearly_symmetric(brick(3, 2, 2), skew=0.0)
+    own = cholesky.factor(pattern.fronts, pattern.tree, values)
+    rhs = np.random.default_rng(1).random((pattern.n, 2))
+    np.testing.assert_allclose(own.solve(rhs), np.linalg.solve(matrix.toarray(), rhs), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("given", [{"shift": -3.0}, {"skew": 2.0}], ids=["indefinite", "far from symmetric"])
+def test_an_lu_takes_over(given):
+    pattern, values, matrix = nearly_symmetric(brick(4, 3, 3), **given)
+    factor, rhs = linear.factorise(pattern, values), np.ones(pattern.n)
+    assert isinstance(factor.lu, tuple)
+    assert np.abs(matrix @ factor.solve(rhs) - rhs).max() < 1e-10
+
+
+original = linear.factorise
+
+
+@pytest.mark.parametrize("orders, again", [(0.02, False), (2.0, True)], ids=["near", "far"])
+def test_a_kept_factor_gives_the_solution_of_another_matrix_or_is_replaced(orders, again, monkeypatch):
+    pattern, values, matrix = nearly_symmetric(brick(4, 3, 3))
+    factor = linear.factorise(pattern, values)
+    scale = 10.0 ** (orders * np.random.default_rng(3).random(pattern.n))
+    columns = np.repeat(np.arange(pattern.n), np.diff(pattern.indptr))
+    other = pattern.matrix(matrix.data * scale[pattern.indices] * scale[columns])
+    made, rhs = [], np.random.default_rng(2).random((pattern.n, 3))
+    monkeypatch.setattr(linear, "factorise", lambda *a, **k: made.append(1) or original(*a, **k))
+    kept = linear.Factor(pattern, factor.lu, None, other, kept=True)
+    assert np.abs(other @ kept.solve(rhs) - rhs).max() < 1e-10 and bool(made) is again
+    assert np.abs(other.T @ kept.solve_transposed(rhs) - rhs).max() < 1e-10
+
+
+def test_threads_give_the_same_bits(monkeypatch):
+    """Of a factorisation, of solutions, and of a march whose points are computed in parts."""
+    pattern, values, _ = nearly_symmetric(brick(8, 7, 6), range(0, 300, 7))
+    rhs = np.random.default_rng(0).random((pattern.n, 3))
+    alone = linear.factorise(pattern, values.copy())
+    with solver_threads(3):
+        together = linear.factorise(pattern, values.copy())
+        assert np.array_equal(together.lu.entries, alone.lu.entries)
+        assert np.array_equal(together.solve(rhs), alone.solve(rhs))
+    monkeypatch.setattr(in_parts, "MIN_POINTS", 1)
+    monkeypatch.setattr(linear, "MAX_HALF_BANDWIDTH_OF_BAND_LU", {3: -1})
+    one = march(*stretched(), [Direction("yield_stress", material=(0, 2))])
+    with solver_threads(2):
+        two = list(march(*stretched(), [Direction("yield_stress", material=(0, 2))]))
+    for a, b in zip(one, two, strict=True):
+        assert np.array_equal(a.u, b.u) and np.array_equal(a.du, b.du)
+
+
+def stretched():
+    mesh = brick(4, 3, 3)
+    left, right = (where(mesh, lambda x, *_, at=at: abs(x - at) < 1e-9) for at in (0.0, 4.0))
+    motion = [(right, 0, np.linspace(0.0, 0.048, 4))]
+    model = body(mesh, "solid", "j2_linear", "finite", held(mesh, [(left, i, 0.0) for i in range(3)] + motion, 4))
+    return model, {"BODY": PARAMETERS["j2_linear"]}, np.arange(4.0)
