@@ -10,9 +10,8 @@ from typing import Annotated
 
 import typer
 
-from idic.cli.app import (AllowExternal, FileStore, MemoryLimit, Overrides, Scheduler, Sensitivity, SensitivityOption,
-                          Workers, app,
-                          UsePrefect, exit_code, read_overrides)
+from idic.cli.app import (AllowExternal, FileStore, MemoryLimit, Overrides, RefusedStore, Scheduler, Sensitivity,
+                          SensitivityOption, UsePrefect, Workers, app, exit_code, read_overrides)
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome, paused
 
