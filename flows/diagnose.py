@@ -10,9 +10,8 @@ from pathlib import Path
 from idic.run.context import experiments_of
 from idic.run.diagnosis.diagnose import diagnose, write_all
 from idic.run.diagnosis.source import open_source
-from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.workers.mirrored_runner import checked_store, without_common_disk
 from idic.workers.runner import TaskRunner
+from idic.workers.workplace import Workplace
 from idic_flows.settings import connected, flow_server  # before Prefect: it reads its settings from the environment
 from idic_flows.stages import run_stage
 
@@ -39,11 +38,10 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     """
     began = time.perf_counter()
     open_source(run)
-    limit = checked_memory_limit(memory_limit, workers, scheduler)
-    store = checked_store(store, scheduler)
-    check_scheduler(scheduler, run, say=stage, store=store)
-    with (flow_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as cluster,
-          without_common_disk(cluster, store, run, experiments_of(run)) as runner):
+    place = Workplace(workers, scheduler, memory_limit, store)
+    place.check(run, say=stage)
+    with (flow_server() as server,
+          place.opened(run, experiments_of(run), ("idic.run.diagnosis.diagnose",)) as runner):
         with connected(server):
             return _diagnose_in_prefect(str(run), runner, stage, began, resume, blocks, quick)
 

@@ -18,12 +18,12 @@ from idic_flows.stages import publish_evaluations, publish_residual, publish_sch
 
 from idic.identify.driver import StageHook, run_loop
 from idic.identify.step.state import LoopState
-from idic.run.plain import Console, OpenRun, earlier_result, plan_run
+from idic.run.plain import Console, OpenRun, on_workers, plan_run
 from idic.run.runs import check_pause
 from idic.run.session import Timing
 from idic.run.warm_up import compile_image_kernels
-from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.workers.mirrored_runner import checked_store, without_common_disk
+from idic.workers.runner import TaskRunner
+from idic.workers.workplace import Workplace
 
 
 def run_identification(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
@@ -57,21 +57,11 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     planned = plan_run(paths, out, dict(overrides or {}), console.stage)
     planned.check(sensitivity)
     check_pause(planned, pause_after)
-    limit = checked_memory_limit(memory_limit, workers, scheduler)
-    store = checked_store(store, scheduler)
-    check_scheduler(scheduler, out, planned.to_see, console.stage, store)
-    with flow_server() as server, planned.claim(resume):
-        large = resume and planned.worth_scanning_by_workers
-        done = earlier_result(planned, console) if resume and not large else None
-        if done is not None:
-            return done
-        with (open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as cluster,
-              without_common_disk(cluster, store, out, planned.to_see) as runner):
-            done = earlier_result(planned, console, runner) if large else None
-            if done is not None:
-                return done
-            console.stage("reading images")
-            planned.ingest(runner, lambda done, total: console.tasks("ingest", done, total))
+    place = Workplace(workers, scheduler, memory_limit, store)
+    place.check(out, planned.to_see, console.stage)
+    with flow_server() as server:
+
+        def work(runner: TaskRunner) -> dict:
             compiled = runner.background(compile_image_kernels, planned.first_job, "compile")
             console.stage("starting Prefect")
             with connected(server):
@@ -85,6 +75,8 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
                             raise
                         console.stage("the Prefect server is gone: the identification continues without it")
                         return run.identify()
+
+        return on_workers(planned, place, out, resume, console, work)
 
 
 def _identify_in_prefect(run: OpenRun, compiled: Callable[[], None], paths: Sequence[str | Path],

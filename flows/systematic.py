@@ -10,9 +10,8 @@ from idic_flows.settings import connected, flow_server  # before Prefect: it rea
 from idic_flows.stages import run_stage
 
 from idic.run.systematic import assessed_experiments, systematic
-from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.workers.mirrored_runner import checked_store, without_common_disk
 from idic.workers.runner import Progress, TaskRunner
+from idic.workers.workplace import Workplace
 
 
 def run_systematic(run: str | Path, bias: bool = True, spread: bool = True, workers: int | None = None,
@@ -34,11 +33,9 @@ def run_systematic(run: str | Path, bias: bool = True, spread: bool = True, work
     InputError
         As `idic.run.systematic.systematic`.
     """
-    limit = checked_memory_limit(memory_limit, workers, scheduler)
-    store = checked_store(store, scheduler)
-    check_scheduler(scheduler, run, say=stage, store=store)
-    with (flow_server() as server, open_cluster(workers, scheduler, limit, ("idic.run.systematic",)) as cluster,
-          without_common_disk(cluster, store, run, assessed_experiments(run)) as runner):
+    place = Workplace(workers, scheduler, memory_limit, store)
+    place.check(run, say=stage)
+    with flow_server() as server, place.opened(run, assessed_experiments(run), ("idic.run.systematic",)) as runner:
         with connected(server):
             return _assess_in_prefect(str(run), runner, bias, spread, progress)
 

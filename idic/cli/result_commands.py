@@ -113,15 +113,12 @@ def systematic(
         from idic.cli.tables import systematic_table, treatments_table
         from idic.run.reporting.write import write_report
         from idic.run.systematic import assessed_experiments, systematic as assess
-        from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-        from idic.workers.mirrored_runner import checked_store, without_common_disk
+        from idic.workers.workplace import Workplace
 
-        limit = checked_memory_limit(memory_limit, workers, scheduler)
-        store, seen = checked_store(store, scheduler), assessed_experiments(run)
-        check_scheduler(scheduler, run, say=typer.echo, store=store)
+        place, seen = Workplace(workers, scheduler, memory_limit, store), assessed_experiments(run)
+        place.check(run, say=typer.echo)
         with (progress_view(Console(stderr=True, soft_wrap=True), run, SYSTEMATIC_STAGES) as view,
-              open_cluster(workers, scheduler, limit, ("idic.run.systematic",)) as cluster,
-              without_common_disk(cluster, store, run, seen) as runner):
+              place.opened(run, seen, ("idic.run.systematic",)) as runner):
             view.stage(SYSTEMATIC_STAGES[0])
             result = assess(run, runner, bias, spread, lambda done, total: view.tasks("comparisons", done, total))
             view.stage("report")

@@ -27,9 +27,9 @@ from idic.run.runs import Points, Run, SingleRun, check_pause
 from idic.run.session import Timing
 from idic.store.arrays import leave_stuck_io
 from idic.store.run_store import RunStore
-from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.workers.mirrored_runner import checked_store, without_common_disk
+from idic.workers.dask_executor import open_cluster
 from idic.workers.runner import SerialRunner, TaskRunner
+from idic.workers.workplace import Workplace
 
 
 @dataclass(frozen=True)
@@ -140,25 +140,34 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
     check_pause(planned, pause_after)
     if workers is None and scheduler is None and memory_limit is None and not planned.worth_workers:
         workers = 0
-    limit = checked_memory_limit(memory_limit, workers, scheduler)
-    store = checked_store(store, scheduler)
-    check_scheduler(scheduler, out, planned.to_see, console.stage, store)
-    with threadpool_limits(1, user_api="blas"), planned.claim(resume):
+    place = Workplace(workers, scheduler, memory_limit, store)
+    place.check(out, planned.to_see, console.stage)
+
+    def work(runner: TaskRunner) -> dict:
+        console.dashboards(None, runner.dashboard, None)
+        run = OpenRun(planned, runner, sensitivity, Timing(), began, console, pause_after)
+        with run.kept_when_interrupted():
+            return run.identify()
+
+    with threadpool_limits(1, user_api="blas"):
+        return on_workers(planned, place, out, resume, console, work)
+
+
+def on_workers(planned: Run, place: Workplace, out: str | Path, resume: bool, console: Console,
+               work: Callable[[TaskRunner], dict]) -> dict:
+    """``work(runner)`` in the claimed RUN folder with the images taken in; or the result of an earlier process."""
+    with planned.claim(resume):
         large = resume and planned.worth_scanning_by_workers
         done = earlier_result(planned, console) if resume and not large else None
         if done is not None:
             return done
-        with (open_cluster(workers, scheduler, limit, preload=("idic.run.tasks",)) as cluster,
-              without_common_disk(cluster, store, out, planned.to_see) as runner):
+        with place.opened(out, planned.to_see, preload=("idic.run.tasks",)) as runner:
             done = earlier_result(planned, console, runner) if large else None
             if done is not None:
                 return done
             console.stage("reading images")
             planned.ingest(runner, lambda done, total: console.tasks("ingest", done, total))
-            console.dashboards(None, runner.dashboard, None)
-            run = OpenRun(planned, runner, sensitivity, Timing(), began, console, pause_after)
-            with run.kept_when_interrupted():
-                return run.identify()
+            return work(runner)
 
 
 def earlier_result(planned: Run, console: Console, runner: TaskRunner | None = None) -> dict | None:

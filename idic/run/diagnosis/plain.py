@@ -11,8 +11,7 @@ from threadpoolctl import threadpool_limits
 from idic.run.context import experiments_of
 from idic.run.diagnosis.diagnose import diagnose, write_all
 from idic.run.diagnosis.source import open_source
-from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.workers.mirrored_runner import checked_store, without_common_disk
+from idic.workers.workplace import Workplace
 
 
 def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str | None = None,
@@ -41,12 +40,10 @@ def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str
     """
     began = time.perf_counter()
     open_source(run)
-    limit = checked_memory_limit(memory_limit, workers, scheduler)
-    store = checked_store(store, scheduler)
-    check_scheduler(scheduler, run, say=stage, store=store)
+    place = Workplace(workers, scheduler, memory_limit, store)
+    place.check(run, say=stage)
     with (threadpool_limits(1, user_api="blas"),
-          open_cluster(workers, scheduler, limit, ("idic.run.diagnosis.diagnose",)) as cluster,
-          without_common_disk(cluster, store, run, experiments_of(run)) as runner):
+          place.opened(run, experiments_of(run), ("idic.run.diagnosis.diagnose",)) as runner):
         diagnosis = diagnose(str(run), runner, stage, resume=resume, quick=quick)
         stage("writing figures and the enriched experiment")
         return write_all(str(run), diagnosis, began, blocks)
