@@ -33,7 +33,8 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     before, after = diagnosis.verdict.before, diagnosis.verdict.after
     search = search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
     camera = [diagnosis.margin.words] if diagnosis.margin.px > PRACTICAL_MARGIN_PX else []
-    return [*_quick(diagnosis), *search, *camera, *formal_fit(diagnosis.excess_left),
+    return [*_quick(diagnosis), *outline_caution(diagnosis.found.experiment.extras.get("outline_share"),
+                                                 diagnosis.verdict.word), *search, *camera, *formal_fit(diagnosis.excess_left),
             *channel_cautions(diagnosis.channels), *_few_elements(diagnosis), *softening_caution(diagnosis.rounds),
             *_not_simulated(diagnosis),
             *refits_cut_short(diagnosis.rounds), *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
@@ -45,6 +46,18 @@ def _quick(diagnosis: Diagnosis) -> list[str]:
         return []
     return ["This was a quick diagnosis: one candidate was refitted, to one copy of the recording with twice the noise "
             "variance. Its rivals were not refitted; run  idic diagnose  without --quick for the comparison."]
+
+
+def outline_caution(share: float | None, word: str) -> list[str]:
+    """Where the mesh is the outline of measured points, and something was found.
+
+    share : by how much its narrowest width may be off, of that width
+    """
+    if share is None or word in ("none", "blind"):
+        return []
+    return [f"The mesh is the outline of the points, whose narrowest width may be off by {share:.1%}. A wrong outline "
+            "looks like a wrong thickness, force scale or stiffness, and like another stiffness at notches and holes: "
+            "all that was found may be that. Draw the outline (outline_mm in mesh) and diagnose again."]
 
 
 def channel_cautions(channels: Sequence[ChannelLeft]) -> list[str]:

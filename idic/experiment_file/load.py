@@ -27,7 +27,7 @@ from idic.experiment_file.tables.heterogeneities import heterogeneities
 from idic.experiment_file.tables.lengths import Lengths, lengths
 from idic.experiment_file.pinhole.pairing import pairing_notes
 from idic.experiment_file.pinhole.lenses import Lenses, camera_tables, check_image, joint_priors, lenses, middle_of
-from idic.experiment_file.tables.mesh_on_image import arcs_of, mesh_on_image
+from idic.experiment_file.tables.mesh_on_image import arcs_of, mesh_on_image, outline_share
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_element_set, with_sets
 from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_solver, solver_notes
 from idic.experiment_file.tables.temperatures import Body, temperatures
@@ -220,7 +220,8 @@ class ExperimentFolder(RecordedFolder):
                 "still_frames": frames.still, "still_stack": frames.still_stack, "setup": self.config.setup.stated,
                 "has_times": times is not None, "columns": () if log is None else tuple(log.names),
                 "units": {} if log is None else {name: unit for name in log.names if (unit := log.unit(name))},
-                "files": tuple(str(path) for path in self.small_files())}
+                "files": tuple(str(path) for path in self.small_files()),
+                "outline_share": outline_share(self.config, frames.stack, scale.camera, self.file)}
 
     def element_order(self, mesh: Mesh, camera: Camera, frames: Frames) -> tuple[Mesh, tuple[str, ...]]:
         """The mesh with the element order of the options, on the arcs of a drawing, and a note if the order was

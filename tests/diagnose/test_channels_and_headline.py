@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_verdicts import LEFT, POWER, left, ranked, rival, round_of, screening
 
-from idic.diagnose.cautions import channel_cautions
+from idic.diagnose.cautions import channel_cautions, outline_caution
 from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.probability import P_NONE, P_UNEXPLAINED, P_WITH_LEFTOVER, probability
 from idic.diagnose.screen.candidate import Variant
@@ -150,3 +150,9 @@ def test_an_effect_that_does_not_show_is_named_with_the_shift_that_it_would_caus
     larger = Variant("another pixel size", {}, ("camera.pixel_size",), {"camera.pixel_size": 0.05},
                      {"camera.pixel_size": 0.051}, direct=True)
     assert probe_words(larger) == "another pixel size (pixel size +2 %)"
+
+
+def test_a_finding_on_an_outline_of_points_may_be_the_outline():
+    (said,) = outline_caution(0.052, "multiple")
+    assert "5.2%" in said and "outline_mm" in said
+    assert outline_caution(0.052, "none") == [] and outline_caution(None, "multiple") == []

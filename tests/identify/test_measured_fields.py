@@ -144,7 +144,10 @@ u = "measured"
 nodes = "BOTTOM"
 u = "measured"
 """)
-    mesh = load_experiment(tmp_path).mesh
+    there = load_experiment(tmp_path)
+    mesh = there.mesh
+    assert there.extras["outline_share"] == pytest.approx(0.6 / 12.0, rel=0.1)  # a distance, of the width at the hole
+    assert "the narrowest width of 12" in " ".join(there.notes) or "the narrowest width of 11" in " ".join(there.notes)
     rim = mesh.nodes[mesh.node_sets["HOLE1"]]
     centre = np.linalg.lstsq(np.column_stack([2 * rim, np.ones(len(rim))]), (rim**2).sum(axis=1), rcond=None)[0][:2]
     radius = np.hypot(*(rim - centre).T)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers.fields.outline import outline_of, sides
+from idic.readers.fields.outline import narrowest, outline_of, sides
 
 PITCH, MARGIN = 0.8, 0.5
 
@@ -93,3 +93,10 @@ def test_gaps_that_are_no_holes_are_told():
     at = found.gaps[np.argsort(found.gaps[:, 1]), :2]
     np.testing.assert_allclose(at, [[6.0, 20.0], [15.0, 40.0]], atol=PITCH)
     assert len(outline_of(grid(24.0, 60.0), PITCH, MARGIN).gaps) == 0
+
+
+def test_the_narrowest_width_is_that_between_a_hole_and_the_edges():
+    points = grid(24.0, 60.0)
+    found = outline_of(points[np.hypot(*(points - [12.0, 30.0]).T) > 5.0 + MARGIN], PITCH, MARGIN)
+    assert narrowest(found) == pytest.approx(14.0, abs=PITCH)
+    assert narrowest(outline_of(points, PITCH, MARGIN)) == pytest.approx(24.0, abs=1e-6)

@@ -14,7 +14,7 @@ from idic.experiment_file.tables.measured_fields import grid_of
 from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera
 from idic.images.stack import Stack
-from idic.readers.fields.outline import PointOutline, outline_of, sides
+from idic.readers.fields.outline import PointOutline, narrowest, outline_of, sides
 from idic.readers.fields.series import FieldStack, MeasuredPoints
 from idic.readers.outline_mesh import Drawing, from_image
 from idic.readers.roi_mesh import roi_mesh
@@ -45,7 +45,7 @@ def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Pa
         return _around_points(config, stack.points, scale.camera, file), []
     if table.outline_points_mm is not None and isinstance(stack, FieldStack):
         drawing, found = _of_outline(config, stack.points, scale.camera, file)
-        return drawing.mesh(file), _gap_notes(found)
+        return drawing.mesh(file), [*_edge_notes(found, stack.points.pitch), *_gap_notes(found)]
     if not table.in_px:
         return _mesh_in_mm(table, scale, file), []
     mesh = (drawing_of(table).mesh(file, KEY) if table.outline_px is not None
@@ -84,6 +84,20 @@ def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera,
     size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
     return Drawing(found.outline.tolist(), [hole.tolist() for hole in found.holes], size, table.elements == "quads",
                    sides(found.outline), table.mesher), found
+
+
+def _edge_notes(found: PointOutline, pitch: float) -> list[str]:
+    width = narrowest(found)
+    return [f"the outline of the points is known to half their distance, {0.5 * pitch:.2g} mm on every side: the "
+            f"narrowest width of {width:.3g} mm is off by up to {100.0 * pitch / width:.2g} %, and so are moduli by the "
+            "force, which no error bar counts; outline_mm draws it exactly"]
+
+
+def outline_share(config: ExperimentFile, stack: Stack, camera: Camera, file: Path) -> float | None:
+    """By how much the narrowest width of a mesh from the outline of points may be off, of that width; None without."""
+    if config.experiment.mesh.outline_points_mm is None or not isinstance(stack, FieldStack):
+        return None
+    return stack.points.pitch / narrowest(_of_outline(config, stack.points, camera, file)[1])
 
 
 def _gap_notes(found: PointOutline) -> list[str]:
