@@ -89,8 +89,8 @@ def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera,
 def _edge_notes(found: PointOutline, pitch: float) -> list[str]:
     width = narrowest(found)
     return [f"the outline of the points is known to half their distance, {0.5 * pitch:.2g} mm on every side: the "
-            f"narrowest width of {width:.3g} mm is off by up to {100.0 * pitch / width:.2g} %, and so are moduli by the "
-            "force, which no error bar counts; outline_mm draws it exactly"]
+            f"narrowest width of {width:.3g} mm is off by up to {100.0 * pitch / width:.2g} %, and so are moduli by "
+            "the force, which no error bar counts; outline_mm draws it exactly"]
 
 
 def outline_share(config: ExperimentFile, stack: Stack, camera: Camera, file: Path) -> float | None:
