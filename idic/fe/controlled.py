@@ -98,7 +98,7 @@ def _reads_right(system: System, ev: Evaluation, drives: Drives, held: np.ndarra
     gauge, u = system.model.control.gauge, ev.u.ravel()
     rounding = 64.0 * np.finfo(float).eps * float(np.abs(u).max(initial=0.0))
     off = float(np.abs(u[held] - drives.prescribed).max(initial=0.0))
-    return off <= rounding and abs(float(gauge @ u) - drives.reading) <= rounding * float(np.abs(gauge).sum())
+    return bool(off <= rounding and abs(gauge @ u - drives.reading) <= rounding * np.abs(gauge).sum())
 
 
 def _correction(system: System, ev: Evaluation, stiff: Evaluation, drives: Drives,
