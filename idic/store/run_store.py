@@ -23,7 +23,7 @@ import zarr
 
 from idic.errors import InputError
 from idic.images.stack import Stack
-from idic.store.arrays import Damaged, FrameArrays
+from idic.store.arrays import Damaged, FrameArrays, gets_smaller, write_compressed
 from idic.store.layout import FROM_PYTHON
 from idic.store.run_lock import LOCK_NAME, run_lock
 from idic.store.replace import replace_file
@@ -116,14 +116,15 @@ class RunStore:
         return self.path / name
 
     def thin(self, name: str, kept: Sequence[str]) -> Path:
-        """Replace a finished group by one with some of its arrays; one that has no other stays."""
+        """Replace a finished group by one with some of its arrays, compressed; one that gets no smaller stays."""
         source = self.group(name)
         arrays = _arrays_in(source)
-        if set(arrays) <= set(kept):
+        large = [array for array in arrays if array in kept and gets_smaller(source, array)]
+        if set(arrays) <= set(kept) and not large:
             return source
         with self.building(name, self.ident(source)) as folder:
-            for array in arrays:
-                if array in kept:
+            for array in (array for array in arrays if array in kept):
+                if array not in large or not _compressed(source, folder, array):
                     shutil.copytree(source / array, folder / array, copy_function=_link_or_copy)
         return self.path / name
 
@@ -331,6 +332,17 @@ def _seal(folder: Path) -> None:
 def _descriptions(folder: Path) -> dict[str, str]:
     files = sorted(folder.glob("*/zarr.json"))
     return {file.parent.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
+
+
+def _compressed(source: Path, folder: Path, array: str) -> bool:
+    """Write an array of a group into another one, compressed; False, and nothing is left, where it is damaged or the
+    disk is full."""
+    try:
+        write_compressed(source, folder, array)
+    except (Damaged, OSError):
+        shutil.rmtree(folder / array, ignore_errors=True)
+        return False
+    return True
 
 
 def _link_or_copy(source: str, target: str) -> None:

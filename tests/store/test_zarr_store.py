@@ -112,6 +112,33 @@ def test_damage_to_a_chunk_is_never_read_as_data(store, damage):
         array.read()
 
 
+def test_what_a_finished_run_keeps_is_compressed_with_the_same_bits(store):
+    u = np.sin(0.01 * np.arange(9600)).reshape(6, 800, 2)
+    with store.building("a", {"x": 1}) as group:
+        FrameArrays.create(group, "u", 6, (800, 2), 2).write(0, u)
+        FrameArrays.create(group, "local_du", 6, (800, 2), 2).write(0, u)
+        write_array(group, "steps", np.arange(6))
+    before = sum(file.stat().st_size for file in (store.path / "a" / "u").rglob("*") if file.is_file())
+    folder = store.thin("a", ("u", "steps"))
+    back = FrameArrays.open(folder, "u")
+    assert np.array_equal(back.read(), u) and back.frames_per_chunk == 2 and store.finished("a", {"x": 1}) == folder
+    assert sum(file.stat().st_size for file in (folder / "u").rglob("*") if file.is_file()) < 0.9 * before
+    assert not (folder / "local_du").exists() and np.array_equal(read_array(folder, "steps"), np.arange(6))
+    stamp = (folder / "zarr.json").stat().st_mtime_ns
+    assert store.thin("a", ("u", "steps")).joinpath("zarr.json").stat().st_mtime_ns == stamp  # it gets no smaller
+
+
+def test_a_damaged_array_is_kept_as_it_is_and_still_found_damaged(store):
+    with store.building("a") as group:
+        FrameArrays.create(group, "u", 6, (800, 2), 2).write(0, np.ones((6, 800, 2)))
+    chunk = store.path / "a" / "u" / "c" / "1" / "0" / "0"
+    content = bytearray(chunk.read_bytes())
+    content[20] ^= 1
+    chunk.write_bytes(content)
+    with pytest.raises(Damaged, match="missing or damaged"):
+        FrameArrays.open(store.thin("a", ("u",)), "u").read()
+
+
 # groups -------------------------------------------------------------------------------------------
 def test_a_group_that_fails_leaves_nothing_behind(store):
     with pytest.raises(ZeroDivisionError), store.building("it001/a") as group:

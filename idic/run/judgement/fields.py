@@ -71,7 +71,7 @@ def write_fields(job: PointJob, runner: TaskRunner) -> None:
         if seen is None:
             return
         write_array(folder, "smoothed", np.array([smoothed_length(seen, shared.camera)]))
-        FrameArrays.create(folder, "measured", len(frames), (len(index), 2), 1, "f4")
+        FrameArrays.create(folder, "measured", len(frames), (len(index), 2), 1, "f4", compressed=True)
         parts = [FieldJob(job, str(folder), frames[i:i + FRAMES_PER_TASK], i)
                  for i in range(0, len(frames), FRAMES_PER_TASK)]
         names = [f"fields-frames{part.frames[0]}-{part.frames[-1]}" for part in parts]

@@ -51,7 +51,7 @@ def write_collection(folder: Path, mesh: Mesh, frames: Iterable[tuple[float, Map
         The PVD file to open.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    points = three_columns(mesh.nodes)
+    points = three_columns(mesh.nodes).astype(np.float32)
     cells = [(VTK_NAMES[block.cell], np.asarray(block.connectivity, dtype=np.int32)) for block in mesh.blocks]
     entries = []
     for k, (time, fields) in enumerate(frames):
@@ -78,7 +78,7 @@ def three_columns(values: np.ndarray) -> np.ndarray:
 
 
 def _shortened(values: np.ndarray) -> np.ndarray:
-    """Strain, stress or state with 17 binary digits, 4e-6 of a value: a quarter less; ``run.zarr`` has all digits."""
+    """Values with 17 binary digits, 4e-6 of a value: a quarter less; ``run.zarr`` has all digits."""
     scale, exponent = np.frexp(values)
     return np.ldexp(np.round(np.ldexp(scale, N_DIGITS)), exponent - N_DIGITS).astype(np.float32)
 
@@ -89,7 +89,7 @@ def _frames(experiment: Experiment, u: FrameArrays,
     for k in range(u.n_frames):
         fields = {"displacement_mm": u.read(k, k + 1)[0].astype(np.float32)}
         if data is not None and data.frame == start + k:
-            fields |= {f"sensitivity_px_per_{step.replace(' ', '')}_{name}": data.phi_px[i]
+            fields |= {f"sensitivity_px_per_{step.replace(' ', '')}_{name}": _shortened(data.phi_px[i])
                        for i, (name, step) in enumerate(zip(data.names, data.steps, strict=True))}
         fields |= _measured_and_derived(record, start + k, len(experiment.mesh.nodes))
         yield experiment.times[start + k], fields
@@ -109,6 +109,6 @@ def _measured_and_derived(record: RunRecord, frame: int, n_nodes: int) -> dict[s
         found[name][series.surface.index] = _shortened(values)
     if series.measured is not None:
         motion = np.full((n_nodes, 2), np.nan, dtype=np.float32)
-        motion[series.surface.index] = series.measured[series.frames.index(frame)]
+        motion[series.surface.index] = _shortened(series.measured[series.frames.index(frame)])
         found[f"displacement_measured_{series.unit}"] = motion
     return found
