@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from idic.fe.mesh.refine import is_raised_by_default
+from idic.fe.mesh.halve import can_halve
+from idic.fe.mesh.refine import can_raise_order, is_raised_by_default
 from idic.fe.external.solver import EXTERNAL
 from idic.identify.covariance import (
     MAX_UNDETERMINED_SHARE,
@@ -49,9 +50,9 @@ from idic.parameters import ParameterSet
 
 SCHEMA = "idic.result/1"
 MIN_IMITATED_CORRELATION = 0.95  # of an undetermined parameter with its partners; below, the noise hides its effect
-MESH_COUNTED = ("the error by linear elements was estimated with quadratic ones; std counts it (mesh_bias, a part of "
-                "std_model)")
-MESH_NOT_COUNTED = "std does not count the error by linear elements; idic systematic estimates it (discretisation_bias)"
+MESH_COUNTED = ("the error by the mesh was estimated by a simulation on a finer one; std counts it (mesh_bias, a part "
+                "of std_model)")
+MESH_NOT_COUNTED = "std does not count the error by the mesh; idic systematic estimates it (discretisation_bias)"
 STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
 
 
@@ -103,7 +104,8 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
         if analysis.channels:
             result["noise"] |= {"channels": channel_noise_content(experiment, analysis.channels)}
             result["notes"] += channel_noise_notes(experiment, analysis.channels)
-        if experiment.solver is None and is_raised_by_default(experiment.mesh):
+        if experiment.solver is None and (is_raised_by_default(experiment.mesh) or (
+                experiment.n_dim == 3 and (can_raise_order(experiment.mesh) or can_halve(experiment.mesh)))):
             result["notes"].append(MESH_COUNTED if analysis.mesh_bias is not None else MESH_NOT_COUNTED)
     for p in parameters.values():
         entry = _parameter_entry(p, experiment.parameters, analysis)
@@ -157,7 +159,8 @@ class Analysis:
             self.variances = estimate(discrepancy, self.found.inverse, self.scaled.slopes, self.scaled.b)
             self.of_model = self.found.inverse @ self.variances.covariance @ self.found.inverse
         known = None if isinstance(discrepancy, str) else discrepancy.mesh_error
-        self.mesh_bias = None if known is None else self.found.inverse @ (self.scaled.slopes * known)  # (n,) scaled
+        own = None if known is None else self.scaled.slopes * known[:len(self.names)]
+        self.mesh_bias = None if own is None else self.found.inverse @ own  # (n,) scaled
         self.covariance = self.of_noise if self.of_model is None else self.of_noise + self.of_model
         self.share = undetermined_share(self.found)
 

@@ -260,8 +260,24 @@ class ForwardModel:
         """
         kept = set(every_second(len(self.frames)).tolist())
         near = (u for number, (u, _) in enumerate(known()) if number in kept)
-        coarse = self._march(parameters, (), local, None, False, near, frames=every_second(len(self.frames)))
+        coarse = self.march_at(parameters, local, every_second(len(self.frames)), near)
         return without_time_error(self.model, known(), coarse)
+
+    def march_at(self, parameters: ParameterSet, local: np.ndarray | None, frames: np.ndarray,
+                 warm_start: Iterable[np.ndarray] | None = None) -> Iterator[FrameState]:
+        """Simulate with an increment from each of some frames to the next, without derivatives.
+
+        Parameters
+        ----------
+        frames : increasing, counted from the reference, which is the first
+        warm_start : (n_nodes, d) mm of each of them
+
+        Raises
+        ------
+        NotConverged
+            If equilibrium is not found however small the increments.
+        """
+        return self._march(parameters, (), local, None, False, warm_start, frames=frames)
 
     def _march(self, parameters: ParameterSet, names: Sequence[str], local: np.ndarray | None,
                steps: np.ndarray | None, influence: bool, warm_start: Iterable[np.ndarray] | None = None,

@@ -23,7 +23,7 @@ def save_discrepancy(store: RunStore, number: int, found: DiscrepancySystem | st
             for name in ("M", "b", "noise", "channel_rows"):
                 write_array(folder, name, getattr(found, name))
             if found.mesh_error is not None:
-                write_array(folder, "mesh_error", found.mesh_error)
+                write_array(folder, "mesh_column", found.mesh_error)
             for component in found.components:
                 write_array(folder, f"root_{component.name}", component.root)
 
@@ -36,7 +36,7 @@ def load_discrepancy(store: RunStore, number: int) -> DiscrepancySystem | str:
     kind = zarr.open_group(store=str(folder), mode="r").attrs["ident"]
     if kind["reason"]:
         return str(kind["reason"])
-    mesh_error = read_array(folder, "mesh_error") if (folder / "mesh_error").exists() else None
+    mesh_error = read_array(folder, "mesh_column") if (folder / "mesh_column").exists() else None
     components = tuple(Component(name, read_array(folder, f"root_{name}")) for name in kind["components"])
     return DiscrepancySystem(tuple(kind["names"]), read_array(folder, "M"), read_array(folder, "b"),
                              read_array(folder, "noise"), components, dict(kind["motion_px"]),

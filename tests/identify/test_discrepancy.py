@@ -160,6 +160,28 @@ def test_what_is_finer_than_the_fields_is_not_taken_for_a_smooth_discrepancy():
     assert 0.89 <= np.mean(inside) <= 1.0  # 120 intervals: 95 % to 2 %, three times that
 
 
+def test_a_known_error_of_the_mesh_is_no_discrepancy_and_counts_with_its_size():
+    """Beside the noise the data hold one known field, which the parameters and the smooth fields take in part."""
+    rng = np.random.default_rng(6)
+    without, known, inside = 0, 0, []
+    for _ in range(40):
+        J = rng.standard_normal((ROWS, N + Q))
+        mesh = 0.5 * J @ rng.standard_normal(N + Q) + 0.5 * rng.standard_normal(ROWS)
+        data, M = mesh + rng.standard_normal(ROWS), J.T @ J
+        P = np.linalg.inv(M[:N, :N])
+        error = P @ (J.T @ data)[:N]
+        system = DiscrepancySystem(("a", "b", "c"), M, J.T @ data - M[:, :N] @ error, M,
+                                   (Component("motion", np.eye(Q)),), {"motion": 1.0})
+        told = replace(system, mesh_error=J.T @ mesh)
+        without += estimate(system, P, np.ones(N), system.b[:N]).significant
+        variances = estimate(told, P, np.ones(N), system.b[:N])
+        known += variances.significant
+        covariance = P + P @ variances.covariance @ P
+        inside.append(np.abs(error) < 1.96 * np.sqrt(np.diagonal(covariance)))
+    assert without == 40 and known <= 3  # by noise alone in about one of a hundred
+    assert np.mean(inside) > 0.9  # 120 intervals
+
+
 def test_noise_alone_is_rarely_taken_for_a_discrepancy():
     rng = np.random.default_rng(2)
     alarms = 0

@@ -14,7 +14,8 @@ from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
 from idic.fe.mesh.mesh import make_mesh
 from idic.identify import in_memory
-from idic.identify.systematic.discretisation import carried_local, discretisation_bias, refined
+from idic.identify.systematic.discretisation import discretisation_bias
+from idic.identify.systematic.refinement import carried_local, refined
 from idic.model.drives import build_drives
 from idic.identify.systematic.spread import Assessment, with_bias, with_spread
 from idic.identify.systematic.treatments import AS_GIVEN, treatments

@@ -29,7 +29,9 @@ from idic.diagnose.screen.candidate import Situation, candidates
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
+from idic.identify.discrepancy.mesh_error import is_counted, mesh_error
 from idic.identify.in_memory import identify
+from idic.identify.systematic.refinement import refined
 from idic.identify.weights import noise_weights
 from idic.model.experiment import Column
 from idic.model.forward import build_forward
@@ -68,6 +70,23 @@ def test_the_equations_of_two_cameras_with_a_lens_add(folder):
     of_channel = np.outer(*[response.dchannels[0]] * 2) / 10.0**2  # the force counts once
     assert np.allclose(joined.M + of_channel, first.M + second.M, rtol=1e-6)
     assert joined.n_pixels == first.n_pixels + second.n_pixels
+
+
+def test_the_error_of_a_coarse_mesh_is_the_motion_of_a_finer_one_less_its_own(folder):
+    experiment = load_experiment(folder)
+    assert is_counted(experiment)
+    forward, parameters, last = build_forward(experiment), experiment.parameters, 2  # elastic up to there
+    local = np.zeros((experiment.n_frames, forward.drives.n_local))
+    rest = np.zeros_like(experiment.mesh.nodes)
+    found = mesh_error(experiment, forward, parameters, local, {last: rest})
+    finer = refined(experiment)
+    exact = list(build_forward(finer.experiment).march_at(parameters, local, np.array([0, last])))[-1]
+    own = list(forward.march_at(parameters, local, np.array([0, last])))[-1]
+    # 7 of 7704 N; the loose equilibrium is worth 1e-5 of the force
+    assert found.channels[last][0] == pytest.approx(exact.channels[0] - own.channels[0], abs=2e-5 * own.channels[0])
+    at_nodes = exact.u[:experiment.mesh.n_nodes] - own.u  # the projection is another mean of the same field
+    assert np.corrcoef(found.u[last].ravel(), at_nodes.ravel())[0, 1] > 0.9
+    assert np.allclose(found.at(1)[0], 0.5 * found.u[last]) and np.allclose(found.at(1)[1], 0.5 * found.channels[last])
 
 
 def test_exchanged_images_are_refused(folder, tmp_path):

@@ -19,7 +19,6 @@ from idic.identify.covariance import scaled_system, spectrum
 from idic.identify.in_memory import evaluate_at, identify
 from idic.identify.loop import advance
 from idic.identify.result import Analysis
-from idic.identify.step import increments
 from idic.identify.step.increments import increment_notes, path_dependent_laws
 from idic.identify.step.state import Evaluation, IncrementChoice, Trial
 from idic.identify.systematic.discretisation import time_step_bias
@@ -173,12 +172,11 @@ def test_one_increment_per_frame_stays_to_the_last_bit_where_its_error_is_small(
             assert abs(entry["time_bias"]) < 0.25 * entry["std"]
 
 
-def test_steps_of_two_frames_spare_the_comparison_with_finer_increments(plastic, monkeypatch):
-    """With forty times the noise their estimate, which is too small with six frames, lies below the limit."""
+def test_steps_of_two_frames_spare_the_comparison_with_finer_increments(plastic):
+    """With sixty times the noise their estimate lies below the part of the limit up to which six frames tell it."""
     experiment, _, _ = plastic
-    noisy = replace(experiment, noise=replace(experiment.noise, std_gv=40.0 * experiment.noise.std_gv), channels=tuple(
-        replace(channel, noise_std=40.0 * channel.noise_std) for channel in experiment.channels))
-    monkeypatch.setattr(increments, "MIN_HALF_RATE_INTERVALS", 2)
+    noisy = replace(experiment, noise=replace(experiment.noise, std_gv=60.0 * experiment.noise.std_gv), channels=tuple(
+        replace(channel, noise_std=60.0 * channel.noise_std) for channel in experiment.channels))
     found, one = identify(noisy), identify(with_substeps(noisy, 1))
     compared = [entry for entry in found.state.history if entry.get("compared")]
     assert len(compared) == 1 and compared[0]["phi"] is not None

@@ -26,6 +26,7 @@ from idic.identify.discrepancy.fields import (
     MOTION_LENGTH, N_CHANNEL_COURSES, N_COURSES, STRESS_LENGTH, Hats, course_correlation, courses, field_correlation,
     hats_over, root_of,
 )
+from idic.identify.discrepancy.mesh_error import MeshError, is_counted, mesh_error
 from idic.identify.step.state import Evaluation
 from idic.identify.two_step import is_two_step
 from idic.model.experiment import Experiment
@@ -57,9 +58,10 @@ class DiscrepancySystem:
     by the name of the component that it is the unit of; channel_rows : (n_frames, n_channels, n + q) derivatives of the
     simulated channels, None where they are not known; of several experiments: frames and channels of one after the
     other;
-    mesh_error : (n,) the error of b by a coarse mesh, None where it was not estimated (`idic.identify.systematic`);
-    may_be_rough : whether what is finer than the fields may count as noise does. Not on solids: the error of a coarse
-    mesh, which moves parameters by more than noise of that size would, is not estimated there
+    mesh_error : (n + q,) the error of b by the mesh, None where it was not estimated
+    (`idic.identify.discrepancy.mesh_error`);
+    may_be_rough : whether what is finer than the fields may count as noise does. Not on solids whose mesh error, which
+    moves parameters by more than noise of that size would, is not estimated
     """
 
     names: tuple[str, ...]
@@ -116,7 +118,7 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
     frames = correlated_frames(experiment, range(experiment.n_frames))
     fields = _Fields.of(context, forward, local, u, frames)
     wide = fields.among(context)
-    names = (*context.names, *(f"discrepancy.{i}" for i in range(fields.n_unknowns)))
+    names = (*context.names, *(f"discrepancy.{i}" for i in range(fields.n_unknowns + fields.n_mesh)))
     last = [0.0]
 
     def systems() -> Iterator:
@@ -126,10 +128,12 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
             yield expanded(own, names, fields.into(len(context.names), response.frame))
 
     system, gram = closed_system(wide, reduce_systems(systems()))
-    return DiscrepancySystem(context.names, system.M, system.b, system.spread + context.weights.image_noise**2 * gram,
+    noise, rows = system.spread + context.weights.image_noise**2 * gram, [r.channel_columns for r in system.frames]
+    size = len(context.names) + fields.n_unknowns  # the mesh error is a column beyond
+    return DiscrepancySystem(context.names, system.M[:size, :size], system.b[:size], noise[:size, :size],
                              fields.components, {MOTION: last[0] / experiment.camera.pixel_size},
-                             np.array([record.channel_columns for record in system.frames]),
-                             may_be_rough=experiment.n_dim == 2)
+                             np.array(rows)[..., :size], system.M[:size, size] if fields.mesh else None,
+                             experiment.n_dim == 2 or fields.mesh is not None)
 
 
 def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
@@ -148,7 +152,7 @@ def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
     n, made = len(free), {name: part for name, part in parts.items() if not isinstance(part, str)}
     size = n + sum(len(part.b) - part.n for part in made.values())
     M, noise, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
-    first, components, rows, mesh_error = n, [], [], np.zeros(n)
+    first, components, rows, mesh_error = n, [], [], np.zeros(size)
     for name, part in made.items():
         own = len(part.b) - part.n
         place = np.array([*(free.index(names[name][p]) for p in part.names), *range(first, first + own)])
@@ -159,7 +163,7 @@ def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
         noise[np.ix_(place, place)] += part.noise
         b[place] += part.b
         if part.mesh_error is not None:
-            mesh_error[place[:part.n]] += part.mesh_error
+            mesh_error[place] += part.mesh_error
         components += [Component(f"{name}.{c.name}", c.root) for c in part.components]
         first += own
     return DiscrepancySystem(tuple(free), M, b, noise, tuple(components),
@@ -182,25 +186,31 @@ def _one_after_the_other(rows: Sequence[np.ndarray]) -> np.ndarray:
 class _Fields:
     """The fields of an experiment, frame by frame.
 
-    known : per frame, the answer to stress errors, None with an external solver
+    known : per frame, the answer to stress errors, None with an external solver; mesh : the error of the mesh, None
+    where it is not estimated
     """
 
     experiment: Experiment
     hats: Hats
     frames: Sequence[int]
     known: dict[int, Responses] | None
+    mesh: MeshError | None
 
     @classmethod
     def of(cls, context: CorrelationContext, forward: object, local: np.ndarray, u: Iterable[np.ndarray],
            frames: Sequence[int]) -> _Fields:
         experiment = context.experiment
         hats = hats_over(experiment.mesh.nodes)
-        known = None
+        known, mesh = None, None
         if isinstance(forward, ForwardModel):
             spread = np.linspace(0, len(frames) - 1, min(STRESS_FRAMES, len(frames))).round().astype(int)
-            chosen = np.array(frames)[np.unique(spread)]
-            known = _stress_responses(forward, context.parameters, local, u, chosen, hats)
-        return cls(experiment, hats, frames, known)
+            chosen, motion = np.array(frames)[np.unique(spread)], {}
+            known = _stress_responses(forward, context.parameters, local,
+                                      _recorded(u, experiment.reference + 1, set(chosen.tolist()), motion), chosen,
+                                      hats)
+            if is_counted(experiment):
+                mesh = mesh_error(experiment, forward, context.parameters, local, motion)
+        return cls(experiment, hats, frames, known, mesh)
 
     @property
     def sizes(self) -> tuple[int, int, int]:
@@ -212,6 +222,11 @@ class _Fields:
     def n_unknowns(self) -> int:
         motion, stress, channels = self.sizes
         return N_COURSES * (motion + stress) + N_CHANNEL_COURSES * channels
+
+    @property
+    def n_mesh(self) -> int:
+        """Columns of the mesh error: one or none."""
+        return int(self.mesh is not None)
 
     @property
     def components(self) -> tuple[Component, ...]:
@@ -226,7 +241,7 @@ class _Fields:
 
     def among(self, context: CorrelationContext) -> CorrelationContext:
         """The context with a column per field and channel."""
-        extra = tuple(f"discrepancy.{i}" for i in range(sum(self.sizes)))
+        extra = tuple(f"discrepancy.{i}" for i in range(sum(self.sizes) + self.n_mesh))
         wide = replace(context, names=(*context.names, *extra), moving=(*context.moving, *extra))
         return replace(wide, others=tuple(replace(other, names=wide.names, moving=wide.moving)
                                           for other in context.others))
@@ -240,6 +255,9 @@ class _Fields:
         if stress:
             fields[:, :d, motion:motion + stress], readings[:, motion:motion + stress] = self._stress(response.frame)
         readings[:, motion + stress:] = np.diag(response.channels)
+        if self.mesh is not None:
+            u, own = self.mesh.at(response.frame)
+            fields, readings = np.concatenate([fields, u[..., None]], axis=2), np.hstack([readings, own[:, None]])
         return replace(response, du=np.concatenate([response.du, fields], axis=2),
                        dchannels=np.hstack([response.dchannels, readings]))
 
@@ -263,6 +281,8 @@ class _Fields:
                   sparse.kron(sparse.eye_array(motion + stress), courses(np.array([at]), N_COURSES))]
         if channels:
             blocks.append(sparse.kron(sparse.eye_array(channels), courses(np.array([at]), N_CHANNEL_COURSES)))
+        if self.n_mesh:
+            blocks.append(sparse.eye_array(1))
         return sparse.csc_array(sparse.block_diag(blocks))
 
 
@@ -282,6 +302,15 @@ def _stress_responses(forward: ForwardModel, parameters: ParameterSet, local: np
             response = replace(response, dchannels=response.dchannels + moved)
         found[start + number] = response
     return found
+
+
+def _recorded(u: Iterable[np.ndarray], first: int, wanted: set[int],
+              into: dict[int, np.ndarray]) -> Iterator[np.ndarray]:
+    """The motion of the frames from `first` on as it is, with that of some of them written down."""
+    for frame, own in enumerate(u, start=first):
+        if frame in wanted:
+            into[frame] = own
+        yield own
 
 
 def _rms_motion(u: np.ndarray) -> float:

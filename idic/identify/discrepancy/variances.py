@@ -12,7 +12,8 @@ whole. They add
 
 to the covariance of b. All v >= 0; none is left where noise alone has the likelihood of the smooth fields (Self and
 Liang 1987, doi:10.1080/01621459.1987.10478472; Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545), and no rough
-part where the smooth fields alone have its likelihood. The error m of b by a coarse mesh adds m m^T (14.7).
+part where the smooth fields alone have its likelihood. The error m of b by a coarse mesh adds m m^T (14.7); what it
+leaves in z is known, and no discrepancy (14.8).
 """
 
 from __future__ import annotations
@@ -63,6 +64,8 @@ def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray,
     taken = A @ inverse
     project = np.hstack([-taken * slopes, np.eye(len(A))])  # of noise in internal units
     z = system.b[n:] - taken @ b
+    if system.mesh_error is not None:
+        z = z - (system.mesh_error[n:] - taken @ (slopes * system.mesh_error[:n]))
     noise = project @ system.noise @ project.T
     G = system.M[n:, n:] - taken @ A.T
     white = _whitening(noise)
@@ -78,7 +81,7 @@ def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray,
         for v, part in zip(variances, _split(A.T, system), strict=True):
             covariance += v * part @ part.T
     if system.mesh_error is not None:
-        covariance += np.outer(slopes * system.mesh_error, slopes * system.mesh_error)
+        covariance += np.outer(slopes * system.mesh_error[:n], slopes * system.mesh_error[:n])
     std = {c.name: float(np.sqrt(v)) for c, v in zip(system.components, variances, strict=True)}
     return Variances(std | {ROUGH: float(np.sqrt(rough))}, ratio, covariance)
 

@@ -49,7 +49,8 @@ REMAINING_SHARE = 1.0 / 3.0  # of the change by halving: the error after it, of 
 # after 1 and 2 per frame, of the change from 1: laws without time (1/50 to 1/10 measured)
 REMAINING_SHARE_WITHOUT_TIME = 1.0 / 8.0
 MAX_HALF_RATE_SHARE = 0.85  # of the limit, up to which an estimate in steps of two frames is trusted
-MIN_HALF_RATE_INTERVALS = 20  # between frames: with fewer the estimate is up to two times too small (measured)
+MANY_INTERVALS, MIN_HALF_RATE_INTERVALS = 20, 4  # between frames
+MAX_HALF_RATE_SHARE_OF_FEW = 0.4  # with fewer than many the estimate is 0.45 to 1.9 times the error (measured)
 MAX_INCREMENTS = 64  # per frame, of the finer simulation
 MAX_INCREMENTS_OF_TEST = 5000  # of the finer simulation, all frames; the first halving is always tried
 MIN_EVALUATIONS = 4  # left for a search with finer increments, that it converges
@@ -154,7 +155,9 @@ def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage
     change = {name: (moved[name].value if name in moved else value) - value for name, value in here.as_values().items()}
     one = IncrementChoice(None, ENOUGH, None, change)
     largest = largest_change(one, state, experiment, last, accepted, image_noise)
-    if half_rate and largest > MAX_HALF_RATE_SHARE * max_change(experiment, one):
+    many = n_intervals(experiment) >= MANY_INTERVALS
+    trusted = MAX_HALF_RATE_SHARE if many else MAX_HALF_RATE_SHARE_OF_FEW
+    if half_rate and largest > trusted * max_change(experiment, one):
         return _to_compare(state, 2)
     if largest > max_change(experiment, one):
         return replace(state, increments=replace(state.increments, status=OPEN), trust=TrustRegion(),
