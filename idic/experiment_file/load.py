@@ -13,6 +13,7 @@ from idic.errors import InputError
 from idic.experiment_file.laws.composed_law import course_notes
 from idic.experiment_file.laws.free_curves import free_curves, knot_notes, smoothness_priors
 from idic.experiment_file.laws.softening import softening_notes
+from idic.experiment_file.laws.spectrum import spectrum_notes
 from idic.experiment_file.tables.measured_fields import field_camera, laid_on_outline, noise_of_fields, with_depth
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
                                                check_visible)
@@ -155,6 +156,7 @@ class ExperimentFolder(RecordedFolder):
                    *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
                    *self.force_notes(parameters, motion), *knot_notes(self.config.material),
                    *course_notes(materials, parameters, _courses(motion)),
+                   *spectrum_notes(materials, parameters, known_times),
                    *softening_notes(materials, parameters, mesh, scale.unit)),
             extras=self._extras(frames, scale, log, known_times) | {"free_curves": curves},
             averaged=frames.averaged, points=points,

@@ -23,6 +23,7 @@ from idic.report.practice import practice_table
 from idic.report.record import RunRecord
 from idic.report.stress_scale import in_ratios
 from idic.report.figures.hardening import hardening_curve
+from idic.report.figures.relaxation import relaxation_curve
 from idic.report.figures.rubber import rubber_energy
 from idic.report.figures.temperature_factor import temperature_dependence
 from idic.report.stress_strain import open_curves, stress_strain
@@ -56,6 +57,7 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
     laws = (*(stress_strain(record, curve) for curve in record.curves),
             *(hardening_curve(record, curve) for curve in record.hardening),
             *(rubber_energy(record, curve) for curve in record.rubber),
+            *(relaxation_curve(record, curve) for curve in record.relaxation),
             *(temperature_dependence(tuple(own))
               for _, own in groupby(record.temperature_factors, lambda one: one.name)))
     plan = (

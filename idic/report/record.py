@@ -284,6 +284,33 @@ class RubberCurve:
     strengths: tuple[float, ...] = (1.0, 1.0)
 
 
+@dataclass(frozen=True, eq=False)
+class RelaxationCurve:
+    """An identified free relaxation spectrum.
+
+    Attributes
+    ----------
+    name : element set
+    time, modulus, std : (m,) s, MPa, MPa
+        Shear modulus after a jump, over the times that the frames show.
+    taus, weights, weight_std : (n,) s, -, -
+        The spectrum; std nan where nothing was identified.
+    fits : tuple of ClassicalFit
+        The classical forms, the nearest first.
+    strength : of the smoothness prior
+    """
+
+    name: str
+    time: np.ndarray
+    modulus: np.ndarray
+    std: np.ndarray
+    taus: np.ndarray
+    weights: np.ndarray
+    weight_std: np.ndarray
+    fits: tuple[ClassicalFit, ...]
+    strength: float = 1.0
+
+
 @dataclass(frozen=True)
 class TemperatureFactor:
     """An identified factor of the temperature on parameters of a law.
@@ -432,6 +459,7 @@ class RunRecord:
     hardening: tuple[HardeningCurve, ...] = ()
     temperature_factors: tuple[TemperatureFactor, ...] = ()
     rubber: tuple[RubberCurve, ...] = ()
+    relaxation: tuple[RelaxationCurve, ...] = ()
     practice: Practice | None = None
     camera_floor_px: np.ndarray | None = None
     points: PointMaps | None = None

@@ -8,6 +8,7 @@ import pytest
 from idic.errors import InputError
 from idic.experiment_file.laws.composed_law import course_notes
 from idic.experiment_file.laws.softening import softening_notes
+from idic.experiment_file.laws.spectrum import spectrum_notes
 from idic.experiment_file.tables.dofs import material
 from idic.experiment_file.toml_file import to_toml, validated, with_overrides
 from idic.fe.mesh.mesh import make_mesh
@@ -147,6 +148,25 @@ def test_an_exported_composed_law_is_read_as_the_same_law_with_the_same_values()
     assert {p.name.removeprefix("SPECIMEN."): p.value for p in kept} == pytest.approx(values)
 
 
+def test_an_exported_free_curve_keeps_its_stated_smoothness():
+    import tomllib
+
+    from idic.experiment_file.laws.free_curves import free_curves, smoothness_priors
+    from idic.run.reporting.law_files import law_table
+
+    term = {"kind": "free", "knots": 4, "range": 0.1, "smoothness": 0.3, "smooth_over": "root", "H": 500.0}
+    table = validated(with_overrides(tables(hardening=[term]), None), "e").material["SPECIMEN"]
+    record, first, _ = material("SPECIMEN", table, "e")
+    curves = free_curves([record], {"SPECIMEN": table}, first)
+    steeper = {p.name.removeprefix("SPECIMEN."): p.value * (1.5 if "_s" in p.name else 1.0) for p in first}
+    text = law_table("SPECIMEN", record.law, "finite", steeper, {"parameters": {}}, curves)
+    raw = with_overrides(tables() | {"material": {"SPECIMEN": tomllib.loads(text)}}, None)
+    again = validated(raw, "e").material["SPECIMEN"]
+    record, kept, _ = material("SPECIMEN", again, "e")
+    assert smoothness_priors(free_curves([record], {"SPECIMEN": again}, kept), kept) \
+        == smoothness_priors(curves, first)
+
+
 def test_a_load_that_never_turns_back_is_told_where_two_mechanisms_look_alike():
     record, found = read(damage={"kind": "lemaitre", "S": {"value": 0.5, "identify": True}, "s": 1})
     parameters = [replace(p, name=f"SPECIMEN.{name}") for name, p in found.items()]
@@ -244,3 +264,41 @@ def test_knots_by_evidence_of_a_curve_with_a_locked_value_are_refused():
     with pytest.raises(InputError) as error:
         chosen_tables(experiment, raw)
     assert error.value.key == "material.SPECIMEN.yield_stress"
+
+
+SPECTRUM = {"times": 4, "shortest": 0.5, "longest": {"value": 2.0, "unit": "min"}, "share": 0.4, "smoothness": 0.5}
+
+
+def read_spectrum(**changes):
+    raw = {**tables(), "material": {"SPECIMEN": {"law": "free_relaxation", "E": 1000.0, "nu": 0.4,
+                                                 "spectrum": {**SPECTRUM, **changes}}}}
+    table = validated(with_overrides(raw, None), "e").material["SPECIMEN"]
+    made, parameters, _ = material("SPECIMEN", table, "e")
+    return made, {p.name.removeprefix("SPECIMEN."): p for p in parameters}, table
+
+
+def test_a_free_spectrum_starts_level_with_its_smoothness_and_tells_what_the_frames_do_not_show():
+    from idic.experiment_file.laws.free_curves import free_curves, smoothness_priors
+
+    made, found, table = read_spectrum(g_2=0.3)
+    assert made.law == "free_relaxation(4)" and found["longest"].value == 120.0 and not found["longest"].free
+    assert [found[f"g_{k}"].value for k in (1, 2, 3, 4)] == [0.1, 0.3, 0.1, 0.1] and found["g_1"].free
+    parameters = [replace(p, name=f"SPECIMEN.{name}") for name, p in found.items()]
+    curve, = free_curves([made], {"SPECIMEN": table}, parameters)
+    prior, = smoothness_priors([curve], parameters)
+    # second differences of the weights: half of their mean at the start, 0.15
+    np.testing.assert_allclose(prior.bends, np.diff(np.eye(4), 2, axis=0) / (0.5 * 0.15))
+    assert spectrum_notes([made], parameters, np.linspace(0.0, 100.0, 101)) == []
+    for times in (np.linspace(0.0, 40.0, 41), np.linspace(0.0, 100.0, 51)):
+        note, = spectrum_notes([made], parameters, times)
+        assert "relaxation times of 0.5 to 120 s" in note
+
+
+@pytest.mark.parametrize(("changes", "key"), [
+    ({"times": 2}, "times"), ({"times": "evidence"}, "times"), ({"shortest": 0}, "shortest"),
+    ({"longest": None}, "longest"), ({"longest": 0.4}, "longest"), ({"share": 1.0}, "share"), ({"g_5": 0.1}, "g_5"),
+    ({"smoothness": -1}, "smoothness")])
+def test_a_wrong_spectrum_is_told_with_its_place(changes, key):
+    with pytest.raises(InputError) as error:
+        read_spectrum(**changes)
+    assert error.value.key == f"material.SPECIMEN.spectrum.{key}" and error.value.remedy

@@ -65,6 +65,9 @@ BODIES = {
     "maxwell": lambda **o: experiment(
         "maxwell", ELASTIC | {"g_1": 0.3, "tau_1": 0.5, "g_2": 0.2, "tau_2": 2.0, "g_3": 0.1, "tau_3": 10.0},
         kinematics="finite", prescribed=LOADED, loads=[force_on_the_right("force", 100.0)], **o),
+    "free_relaxation": lambda **o: experiment(
+        "free_relaxation", ELASTIC | {"shortest": 0.5, "longest": 10.0, "g_1": 0.3, "g_2": 0.2, "g_3": 0.1},
+        kinematics="finite", prescribed=LOADED, loads=[force_on_the_right("force", 100.0)], **o),
     "creep": lambda **o: experiment("creep", ELASTIC | {"rate": 2e-3, "n": 2.0, "stress": 20.0}, kinematics="finite",
                                     **o),
     "elastic_damage": lambda **o: experiment(
@@ -100,7 +103,8 @@ BODIES = {
 }
 # What the images say follows from the displacements, whatever the law: these are repeats where (a) holds.
 LIKE_OTHERS = ("elastic, finite strain", "orthotropic", "j2_voce", "j2_power", "j2_power_reference", "mooney_rivlin",
-               "free_rubber",               "j2_swift", "j2_hill", "j2_kinematic", "viscoplastic", "maxwell", "creep",
+               "free_rubber", "free_relaxation", "j2_swift", "j2_hill", "j2_kinematic", "viscoplastic", "maxwell",
+               "creep",
                "elastic_damage", "nonlinear_elastic", "j2_pressure",
                "elastoplastic", "elastoplastic, back stress", "heterogeneous", "thickness and time")
 # Gradient of f carried along by F of the element's centre, for that of g. Camera and geometry are seen through the

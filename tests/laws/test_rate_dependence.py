@@ -5,6 +5,7 @@ import pulls
 import pytest
 from law_paths import follow, random_path
 
+from idic.errors import InputError
 from idic.materials import compile, get_law
 from idic.materials.core import point, points
 
@@ -136,3 +137,39 @@ def test_maxwell_takes_large_stretches_in_steps_of_any_length(rng):
             P, state, P33, ok = points.stress(law, 2, path, state, MAXWELL, dt, full=True)
             assert ok
             assert np.abs(P33).max() < 1e-9 * MAXWELL[0]
+
+
+def test_a_free_spectrum_on_the_times_of_maxwell_is_maxwell(rng):
+    path, values = random_path(rng, 4, 3), np.array([*MAXWELL[:2], TIMES[0], TIMES[-1], *SHARES])
+    np.testing.assert_allclose(TIMES, np.geomspace(TIMES[0], TIMES[-1], 3))
+    found, expected = (follow(compile(law), 0, path, own)[0]
+                       for law, own in (("free_relaxation", values), ("maxwell", MAXWELL)))
+    np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
+
+
+def test_a_free_spectrum_has_as_many_times_as_its_name_says_and_keeps_a_stiffness():
+    law = compile("free_relaxation(5)")
+    assert law.spec.parameter_names == ("E", "nu", "shortest", "longest", "g_1", "g_2", "g_3", "g_4", "g_5")
+    assert law.n_state(0) == 36
+    F = np.eye(3)[None] * 1.001
+    for shares, fine in ((0.19, True), (0.21, False)):  # of five
+        values = np.array([1000.0, 0.3, 0.1, 10.0, *[shares] * 5])
+        assert points.stress(law, 0, F, law.initial_state(0)[None], values, 1.0)[2] == fine
+    for name in ("free_relaxation(2)", "free_relaxation(4+3)", "free_relaxation(x)", "free_relaxation(40)"):
+        with pytest.raises(InputError, match="number of relaxation times"):
+            get_law(name)
+
+
+def test_the_card_of_a_spectrum_is_its_prony_series_and_calculix_has_none():
+    from idic.materials.composed.material_card import material_card
+
+    names = get_law("free_relaxation").parameter_names
+    values = dict(zip(names, [1000.0, 0.25, 1.0, 100.0, 0.3, 0.0, 0.1], strict=True))
+    card = material_card("BAR", "free_relaxation", values, "abaqus")
+    assert "*HYPERELASTIC, NEO HOOKE, MODULI=INSTANTANEOUS\n200, 0.003\n*VISCOELASTIC, TIME=PRONY\n" \
+           "0.3, 0, 1\n0.1, 0, 100\n" in card.text  # C10 = G / 2, D1 = 2 / kappa
+    assert "no *VISCOELASTIC" in material_card("BAR", "free_relaxation", values, "calculix").missing[0]
+    old = dict(zip(get_law("maxwell").parameter_names, MAXWELL, strict=True))
+    rows = material_card("BAR", "maxwell", old, "abaqus").text.split("TIME=PRONY\n")[1].split()
+    assert [float(x.strip(",")) for x in rows] == pytest.approx(
+        [x for g, tau in zip(SHARES, TIMES, strict=True) for x in (g, 0.0, tau)])

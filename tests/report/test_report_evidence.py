@@ -152,3 +152,37 @@ def test_a_free_hardening_curve_is_drawn_with_its_band_and_the_nearest_forms():
                            classical_fits(p, stress, covariance, range(8)))
     picture = hardening_curve(RunRecord(title="", result={"parameters": {}}), curve)
     assert "voce: yield_stress + Q (1 - exp(-b p)), yield_stress = 200 MPa, Q = 120 MPa, b = 15" in picture.caption
+
+
+def test_a_free_spectrum_is_drawn_with_its_band_and_the_form_that_it_came_from():
+    """Weights of one relaxation time of 5 s and their covariance by hand: the standard linear solid is inside."""
+    from types import SimpleNamespace
+
+    from idic.materials.rate.free_relaxation import grid, relaxing
+    from idic.parameters import Parameter, ParameterSet
+    from idic.report.evidence.relaxation import relaxation_curves
+    from idic.report.figures.relaxation import relaxation_curve
+    from idic.report.record import RunRecord
+
+    times, taus = np.linspace(0.0, 60.0, 31), grid(0.5, 50.0, 5)
+    weights = np.array([0.0, 0.0, 0.4, 0.0, 0.0])  # 5 s is on the grid
+    values = {"E": 1000.0, "nu": 0.25, "shortest": 0.5, "longest": 50.0}
+    values |= {f"g_{k}": w for k, w in enumerate(weights, 1)}
+    parameters = ParameterSet([Parameter(f"BAR.{name}", value) for name, value in values.items()])
+    free = ["BAR.E", *(f"BAR.g_{k}" for k in range(1, 6))]
+    stds = np.array([2.0, *[0.01] * 5])
+    result = {"parameters": {name: {"std": std} for name, std in zip(free, stds, strict=True)},
+              "correlation": {"names": free, "matrix": np.eye(6).tolist()}}
+    bar = SimpleNamespace(law="free_relaxation(5)", element_set="BAR")
+    experiment = SimpleNamespace(materials=[bar], times=times, reference=0, extras={})
+    curve, = relaxation_curves(experiment, parameters, result)
+    loss = relaxing(curve.time, taus)
+    np.testing.assert_allclose([curve.time[0], curve.time[-1]], [2.0, 60.0])
+    np.testing.assert_allclose(curve.modulus, 400.0 * (1.0 - 0.4 * (1.0 - np.exp(-curve.time / 5.0))), rtol=1e-12)
+    np.testing.assert_allclose(curve.std**2,
+                               (2.0 * curve.modulus / 1000.0) ** 2 + (400.0 * 0.01) ** 2 * (loss**2).sum(axis=1))
+    nearest = next(fit for fit in curve.fits if fit.form == "standard linear solid")
+    assert nearest.inside and [nearest.parameters[key] for key in ("G", "g", "tau")] == pytest.approx([400.0, 0.4, 5.0],
+                                                                                                      rel=1e-3)
+    picture = relaxation_curve(RunRecord(title="", result={"parameters": {}}), curve)
+    assert "standard linear solid (inside): G = 400 MPa, g = 0.4, tau = 5 s" in picture.caption

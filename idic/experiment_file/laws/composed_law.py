@@ -20,11 +20,13 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.laws.free_curves import free_hardening, free_rubber
+from idic.experiment_file.laws.spectrum import free_relaxation
 from idic.materials.composed.elastoplastic import NAME as COMPOSED
 from idic.materials.composed.elastoplastic import composed_name
 from idic.materials.composed.free_rubber import NAME as RUBBER
 from idic.materials.composed.terms import GROUPS, LISTS, TIMES, kinds_of, term_of
 from idic.materials.core.law import get_law
+from idic.materials.rate.free_relaxation import NAME as RELAXATION
 from idic.model.experiment import Material
 from idic.parameters import Parameter
 
@@ -43,9 +45,9 @@ def with_flat_terms(raw: Mapping, file: str) -> dict:
     materials = raw.get("material")
     if not isinstance(materials, Mapping):
         return dict(raw)
-    written = {COMPOSED: _flat, RUBBER: free_rubber}
+    written = {COMPOSED: _flat, RUBBER: free_rubber, RELAXATION: free_relaxation}
     made = {name: written[table["law"]](table, file, f"material.{name}")
-            if isinstance(table, Mapping) and table.get("law") in (COMPOSED, RUBBER) else table
+            if isinstance(table, Mapping) and table.get("law") in written else table
             for name, table in materials.items()}
     return {key: made if key == "material" else value for key, value in raw.items()}
 

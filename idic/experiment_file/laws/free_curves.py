@@ -29,6 +29,7 @@ from idic.materials.composed.free_rubber import INVARIANTS, NAME, knots_of_rubbe
 from idic.materials.composed.free_rubber import level_names as rubber_levels
 from idic.materials.composed.smoothness import OVER, ROOT, Smoothness, bends, rise
 from idic.materials.composed.terms import DEFAULT_KNOTS, KNOTS
+from idic.materials.rate.free_relaxation import times_of, weight_names
 from idic.model.experiment import Material
 from idic.parameters import Parameter, SmoothnessPrior
 from idic.readers.units import factor_between
@@ -38,6 +39,7 @@ SMOOTHNESS_KEYS = ("smoothness", "smooth_over")
 START_SLOPE = 1000.0  # MPa, of a free hardening curve
 LAST_KNOT = 0.2  # plastic strain
 START_C10 = 0.3  # MPa
+SMALLEST_WEIGHT = 0.01  # mean weight of a spectrum that starts without relaxation, as its prior sees it
 SECOND_SHARE = 0.1  # of the size of g1: bends of g2, which is a small part of the energy of rubbers
 
 
@@ -45,19 +47,19 @@ def free_hardening(entry: Mapping, yield_stress: object, file: str, key: str) ->
     """A free curve as the kind with its number of knots, a start value at every knot, and its stated smoothness."""
     n, slope, last = _knots(entry, file, key), entry.get("H", START_SLOPE), entry.get("range", LAST_KNOT)
     for name, value in (("H", slope), ("range", last)):
-        if not _is_number(value) or not value > 0:
+        if not is_number(value) or not value > 0:
             raise InputError("a free curve starts on a straight line", file=file, key=f"{key}.{name}",
                              expected="a number above zero" + (" (MPa)" if name == "H" else ""), found=repr(value)[:80],
                              remedy=f"write  {name} = {START_SLOPE if name == 'H' else LAST_KNOT}")
     first = yield_stress if isinstance(yield_stress, Mapping) else {"value": yield_stress}
     start, unit = first.get("value"), first.get("unit")
-    if not _is_number(start):
+    if not is_number(start):
         start, unit = START_SLOPE, None  # the missing yield stress is told with the other parameters
     per_unit = factor_between(unit, "MPa", file=file, key=f"{key}.yield_stress") if isinstance(unit, str) else 1.0
     levels = {f"s{k + 1}": {"value": float(start * per_unit + slope * p), "unit": "MPa", "identify": True}
               for k, p in enumerate(knots(last, n)) if k > 0}
     own = {name: value for name, value in entry.items() if name not in ("knots", "H", *SMOOTHNESS_KEYS)}
-    return f"free{n}", {"range": last} | levels | own, _smoothness(entry, file, key)
+    return f"free{n}", {"range": last} | levels | own, stated_smoothness(entry, file, key)
 
 
 def free_rubber(table: Mapping, file: str, key: str) -> dict:
@@ -90,17 +92,17 @@ def free_rubber(table: Mapping, file: str, key: str) -> dict:
                              expected=f"knots, range, smoothness, {start}, g1 ... g{n}", found=unknown[0],
                              remedy="remove it")
         first = entry.get(start, START_C10 if start == "C10" else 0.0)
-        if not _is_number(first) or (start == "C10" and not first > 0):
+        if not is_number(first) or (start == "C10" and not first > 0):
             raise InputError("a free energy starts as neo-Hooke's law", file=file, key=f"{place}.{start}",
                              expected="a number (MPa), C10 above zero", found=repr(first)[:80],
                              remedy=f"write  {start} = {START_C10}")
-        if not _is_number(entry.get("range")) or not entry["range"] > 0:
+        if not is_number(entry.get("range")) or not entry["range"] > 0:
             raise InputError("a free energy needs its range", file=file, key=f"{place}.range",
                              expected=f"{invariant} - 3 at the largest stretch L, in tension "
                              + ("L^2 + 2 / L - 3" if invariant == "I1" else "2 L + 1 / L^2 - 3"),
                              found=repr(entry.get("range"))[:80], remedy="write e.g.  range = 4.0")
         counts.append(n)
-        stated |= {invariant: own_prior} if (own_prior := _smoothness(entry, file, place)) else {}
+        stated |= {invariant: own_prior} if (own_prior := stated_smoothness(entry, file, place)) else {}
         flat[f"{invariant}_range"] = entry["range"]
         flat |= {name: entry.get(short, {"value": float(first), "unit": "MPa", "identify": True})
                  for short, name in own.items()}
@@ -120,10 +122,10 @@ def _knots(entry: Mapping, file: str, key: str) -> int:
     return n
 
 
-def _smoothness(entry: Mapping, file: str, key: str) -> dict:
+def stated_smoothness(entry: Mapping, file: str, key: str) -> dict:
     """The stated smoothness of a curve as the table that `SmoothnessTable` takes; nothing where nothing is stated."""
     strength, over = (entry.get(name) for name in SMOOTHNESS_KEYS)
-    if strength is not None and (not _is_number(strength) or not strength > 0):
+    if strength is not None and (not is_number(strength) or not strength > 0):
         raise InputError("a smoothness is a size of changes of slope", file=file, key=f"{key}.smoothness",
                          expected="a number above zero; 1: the mean slope of the starting curve",
                          found=repr(strength)[:80], remedy="smaller is smoother; leave it out for 1")
@@ -136,7 +138,8 @@ def _smoothness(entry: Mapping, file: str, key: str) -> dict:
     return made | ({"by_evidence": True} if entry.get("knots") == BY_EVIDENCE else {})
 
 
-def _is_number(value: object) -> bool:
+def is_number(value: object) -> bool:
+    """Whether a value of the file is a number; true and false are none."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
@@ -180,6 +183,11 @@ def _curves(material: Material, table: MaterialTable, values: Mapping[str, float
             size = values[f"{material.element_set}.I1_g1"] * (SECOND_SHARE if invariant == INVARIANTS[1] else 1.0)
             yield stated(invariant, [f"{material.element_set}.{name}" for name in rubber_levels(invariant, n)],
                          f"{invariant}_range", size, (ROOT,))
+    n = times_of(material.law)
+    if n:
+        weights = [f"{material.element_set}.{name}" for name in weight_names(n)]
+        mean = max(sum(values[name] for name in weights) / n, SMALLEST_WEIGHT)
+        yield stated("spectrum", weights, "longest", (n - 1) * mean, (ROOT,))
 
 
 def smoothness_priors(curves: Sequence[StatedCurve], parameters: Sequence[Parameter]) -> tuple[SmoothnessPrior, ...]:

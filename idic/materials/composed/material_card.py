@@ -17,6 +17,8 @@ from idic.materials.composed.free_curve import knots, knots_of
 from idic.materials.composed.rubber_card import rubber_card
 from idic.materials.composed.written_terms import WrittenTerm, flow_stress, terms_of, values_at
 from idic.materials.core.law import EXPANSION
+from idic.materials.rate.free_relaxation import spectrum
+from idic.materials.rate.relaxation_forms import relaxation_card
 
 PROGRAMS = ("abaqus", "calculix")
 ROWS = 40  # of a table of the flow stress, dense at the beginning
@@ -51,6 +53,11 @@ def material_card(name: str, law: str, values: Mapping[str, float], program: str
     if rubber is not None:
         lines, missing = rubber
         head = [f"** {law}, units mm, N, MPa", *(f"** NOT IN THIS CARD: {what}" for what in missing)]
+        return Card("\n".join([*head, f"*MATERIAL, NAME={name}", *lines, *_expansion(values)]) + "\n", tuple(missing))
+    branches = spectrum(law, values)
+    if branches is not None:
+        lines, missing = relaxation_card(branches, values, program)
+        head = [f"** {law}, units mm, N, MPa, s", *(f"** NOT IN THIS CARD: {what}" for what in missing)]
         return Card("\n".join([*head, f"*MATERIAL, NAME={name}", *lines, *_expansion(values)]) + "\n", tuple(missing))
     terms = terms_of(law, values)
     if terms is None:

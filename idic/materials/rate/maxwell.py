@@ -60,6 +60,18 @@ def keep_tensor(s, state_new, first):
     state_new[first + 3], state_new[first + 4], state_new[first + 5] = s[3], s[4], s[5]
 
 
+@inner
+def relaxed(tau, dt, state, first, C_old, C_new, state_new):
+    """(weight, adjugate) of a branch after a step: weight times adjugate is its Ci^-1, which goes into `state_new`."""
+    keep, before, now = weights(dt / tau)
+    updated = tensors.combine(keep, plus_identity(state, first), before, C_old, 0.0)
+    updated = tensors.combine(1.0, updated, now, C_new, 0.0)
+    det, adjugate = symmetric_inverse(updated)
+    size = det ** (1.0 / 3.0)
+    keep_tensor(tensors.scaled(1.0 / size, updated, 0.0), state_new, first)
+    return size / det, adjugate
+
+
 def update(F, state, params, dt, P, state_new):
     """One point, real or complex."""
     G, kappa = shear_and_bulk(params[0], params[1])
@@ -80,14 +92,9 @@ def update(F, state, params, dt, P, state_new):
             for m in range(first, first + 6):
                 state_new[m] = state[m]
             continue
-        keep, before, now = weights(dt / tau)
-        updated = tensors.combine(keep, plus_identity(state, first), before, C_old, 0.0)
-        updated = tensors.combine(1.0, updated, now, C_new, 0.0)
-        det, adjugate = symmetric_inverse(updated)
-        size = det ** (1.0 / 3.0)
-        keep_tensor(tensors.scaled(1.0 / size, updated, 0.0), state_new, first)
+        weight, adjugate = relaxed(tau, dt, state, first, C_old, C_new, state_new)
         remaining -= g * G
-        total = tensors.combine(1.0, total, g * G * shrink * size / det, adjugate, 0.0)
+        total = tensors.combine(1.0, total, g * G * shrink * weight, adjugate, 0.0)
     total = tensors.scaled(1.0, total, remaining * shrink)
     _, dev = tensors.deviator(tensors.congruence(f, total))
     tau_all = tensors.scaled(1.0, dev, kappa * (J - 1.0) * J)
@@ -101,7 +108,7 @@ def _branch(i: int, g: float, tau: float) -> tuple[LawParameter, LawParameter]:
             LawParameter(f"tau_{i}", "s", f"relaxation time of branch {i} (0: no such branch)", default=tau, null=0.0))
 
 
-_COMPONENTS = ("11-1", "22-1", "33-1", "12", "13", "23")
+COMPONENTS = ("11-1", "22-1", "33-1", "12", "13", "23")
 
 LAW = register(LawSpec(
     name="maxwell",
@@ -111,7 +118,7 @@ LAW = register(LawSpec(
           for parameter in _branch(i, g, tau)),
     ),
     updates={"finite": update},
-    state_names=tuple(f"{tensor}{c}" for tensor in ("c", "ci1_", "ci2_", "ci3_") for c in _COMPONENTS),
+    state_names=tuple(f"{tensor}{c}" for tensor in ("c", "ci1_", "ci2_", "ci3_") for c in COMPONENTS),
     reference="tau = G (1 - sum g_i) dev b + sum g_i G dev b_i + kappa (J - 1) J 1; Reese & Govindjee, Int. J. Solids "
               "Struct. 35 (1998) 3455, doi:10.1016/S0020-7683(97)00217-5; step: Shutov, Landgraf & Ihlemann (2013), "
               "arXiv:1304.3380",

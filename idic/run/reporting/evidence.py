@@ -15,6 +15,7 @@ from idic.report.evidence.free_dic import FreeMotions, free_motions, noise_floor
 from idic.report.evidence.law import law_curves
 from idic.report.evidence.points import point_maps_of
 from idic.report.evidence.practice import frame_views, practice_of
+from idic.report.evidence.relaxation import relaxation_curves
 from idic.report.evidence.rubber import rubber_curves
 from idic.report.evidence.section import section_fields, with_profiles, with_section_floor
 from idic.report.record import Sensitivities
@@ -72,6 +73,7 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
         free=free,
         curves=law_curves(experiment, parameters, result, motions),
         rubber=rubber_curves(experiment, parameters, result, motions),
+        relaxation=relaxation_curves(experiment, parameters, result),
         practice=practice_of(experiment, reference, result, floor, sources),
         views=views,
     )

@@ -3,13 +3,14 @@ programs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.laws.free_curves import StatedCurve
 from idic.experiment_file.toml_file import to_toml
 from idic.materials.composed.material_card import PROGRAMS, material_card
 from idic.fe.external.solver import EXTERNAL
@@ -56,7 +57,9 @@ def export_laws(run: Path | str, folder: Path | str) -> tuple[WrittenLaw, ...]:
         values = {name: parameters[f"{material.element_set}.{name}"].value for name in names
                   if f"{material.element_set}.{name}" in parameters}
         files = [folder / f"{material.element_set}.toml"]
-        files[0].write_text(law_table(material.element_set, material.law, material.kinematics, values, result),
+        curves = [curve for curve in context.experiment.extras.get("free_curves", ())
+                  if curve.last.startswith(f"{material.element_set}.")]
+        files[0].write_text(law_table(material.element_set, material.law, material.kinematics, values, result, curves),
                             encoding="utf-8")
         missing = {}
         for program in PROGRAMS:
@@ -77,8 +80,12 @@ def _visited_temperatures(experiment: Experiment) -> tuple[float, ...]:
     return tuple(float(T) for T in np.unique(np.linspace(seen.min(), seen.max(), CARD_TEMPERATURES)))
 
 
-def law_table(element_set: str, law: str, kinematics: str, values: Mapping[str, float], result: Mapping) -> str:
-    """A law with its values as a table of [material.SET], terms as experiment.toml writes them, stds as comments."""
+def law_table(element_set: str, law: str, kinematics: str, values: Mapping[str, float], result: Mapping,
+              curves: Sequence[StatedCurve] = ()) -> str:
+    """A law with its values as a table of [material.SET], terms as experiment.toml writes them, stds as comments.
+
+    curves : its free curves, whose stated smoothness goes with it: in units of the curve that the test started with
+    """
     units = {p.name: p.unit for p in (*get_law(law).parameters, EXPANSION)}
     entries = result["parameters"]
     composed = law.partition("(")[0] == NAME
@@ -94,6 +101,9 @@ def law_table(element_set: str, law: str, kinematics: str, values: Mapping[str, 
             table.setdefault(written.term.group, []).append(entry)
         else:
             table[written.term.group] = entry
+    if curves:
+        table["smoothness"] = {curve.key: {"strength": curve.smoothness.strength, "over": curve.smoothness.over,
+                                           "size": float(f"{curve.size:.10g}")} for curve in curves}
     stds = [f"#   {name} = {values[name]:.6g} ± {entries[key]['std']:.2g} {entries[key].get('unit', '')}".rstrip()
             for name in values if (entries.get(key := f"{element_set}.{name}") or {}).get("std")]
     open_ones = [f"#   {name}: not determined by the test, its starting value" for name in values

@@ -1,0 +1,58 @@
+"""Identified free relaxation spectra: shear modulus over time with its band, weights, and the classical forms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from idic.materials.composed.free_curve import classical_fits
+from idic.materials.rate.free_relaxation import grid, relaxing, times_of, weight_names
+from idic.materials.rate.relaxation_forms import FORMS
+from idic.model.experiment import Experiment
+from idic.parameters import ParameterSet
+from idic.report.evidence.hardening import covariance_of, smoothness_of
+from idic.report.record import RelaxationCurve
+
+POINTS_BETWEEN = 4  # of the drawn curve, between the points that are compared with the classical forms
+
+
+def relaxation_curves(experiment: Experiment, parameters: ParameterSet,
+                      result: Mapping) -> tuple[RelaxationCurve, ...]:
+    """One curve per material with a free spectrum of which something was identified, over the times of the frames.
+
+    Parameters
+    ----------
+    parameters : the identified values, internal units
+    """
+    return tuple(_curves(experiment, parameters, result))
+
+
+def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping) -> Iterator[RelaxationCurve]:
+    times = experiment.times[experiment.reference:]
+    for material in experiment.materials:
+        n = times_of(material.law)
+        if n == 0 or len(times) < 2:
+            continue
+        stem = material.element_set
+        names = [f"{stem}.E", f"{stem}.nu", *(f"{stem}.{name}" for name in weight_names(n))]
+        E, nu, *weights = (parameters[name].value for name in names)
+        entries = [result["parameters"].get(name) or {} for name in names]
+        known = [i for i, entry in enumerate(entries)
+                 if entry.get("std") and names[i] in result["correlation"]["names"]]
+        if not any(i > 1 for i in known):
+            continue
+        taus = grid(parameters[f"{stem}.shortest"].value, parameters[f"{stem}.longest"].value, n)
+        compared = np.geomspace(np.diff(times).min(), times[-1] - times[0], n + 2)
+        at = POINTS_BETWEEN * np.arange(n + 2)
+        t = np.exp(np.interp(np.arange(at[-1] + 1), at, np.log(compared)))
+        G, loss = E / (2.0 * (1.0 + nu)), relaxing(t, taus)
+        modulus = G * (1.0 - loss @ weights)
+        J = np.column_stack([modulus / E, -modulus / (1.0 + nu), -G * loss])[:, known]
+        own = covariance_of(result, parameters, [names[i] for i in known])
+        covariance = J @ own @ J.T
+        std = np.full(len(names), np.nan)
+        std[known] = np.sqrt(np.diag(own))
+        yield RelaxationCurve(stem, t, modulus, np.sqrt(np.maximum(np.diag(covariance), 0.0)), taus, np.array(weights),
+                              std[2:], classical_fits(t, modulus, covariance, at, FORMS),
+                              smoothness_of(experiment, names[2]).strength)
