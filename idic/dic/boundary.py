@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from idic.model.drives import COMPONENTS, mode_names, mode_shapes, pixel_size, set_nodes
+from idic.model.drives import COMPONENTS, is_stereo, mode_names, mode_shapes, pixel_size, set_nodes
 from idic.model.experiment import Experiment, Parametrised, Prescribed
 
 _MAX_FIT_RMS_PX = 0.1  # of the measured motion less its modes; with more, further modes are recommended
@@ -39,16 +39,19 @@ def virtual_boundaries(experiment: Experiment) -> tuple[Prescribed, ...]:
     section = experiment.surface is not None and experiment.kind != "solid"
     if experiment.stack is None or experiment.quantity == "height" or section:
         return ()
-    return tuple(p for p in experiment.prescribed if isinstance(p.drive, Parametrised) and p.component != "z")
+    seen = "xyz" if is_stereo(experiment) else "xy"
+    return tuple(p for p in experiment.prescribed if isinstance(p.drive, Parametrised) and p.component in seen)
 
 
-def boundary_start(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int] = ()) -> BoundaryStart:
+def boundary_start(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int] = (),
+                   u_mm: np.ndarray | None = None) -> BoundaryStart:
     """Starting values and measured modes from a free FE-DIC.
 
     Parameters
     ----------
     u_px : (n_frames, n_nodes, 2) px, NaN where a node was not seen or a frame was lost
     excluded : frames to leave out
+    u_mm : (n_frames, n_nodes, 3) mm, the motion in space where two cameras measured it, in the place of u_px
 
     Values that the user gave (``experiment.extras["given"]``) stay; the others are fitted together with them.
     """
@@ -56,7 +59,7 @@ def boundary_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
     for entry in virtual_boundaries(experiment):
         stem, drive = f"boundary.{entry.nodes}.{entry.component}", entry.drive
         nodes = set_nodes(experiment, entry.nodes)
-        motion = edge_motion(experiment, entry, u_px, excluded)  # (n_frames, n) mm
+        motion = edge_motion(experiment, entry, u_px, excluded, u_mm)  # (n_frames, n) mm
         seen = np.isfinite(motion).all(axis=0)
         if not seen.any():
             notes.append(f"{stem}: no part of this edge is in the images; it starts from rest")
@@ -92,20 +95,23 @@ def with_boundary_start(experiment: Experiment, start: BoundaryStart) -> Experim
                    parameters=experiment.parameters.with_values(start.values))
 
 
-def edge_motion(experiment: Experiment, entry: Prescribed, u_px: np.ndarray,
-                excluded: Collection[int] = ()) -> np.ndarray:
+def edge_motion(experiment: Experiment, entry: Prescribed, u_px: np.ndarray, excluded: Collection[int] = (),
+                u_mm: np.ndarray | None = None) -> np.ndarray:
     """Measured motion of a set of nodes, frames that are missing bridged in time  # (n_frames, n) mm, NaN: not seen"""
-    nodes = set_nodes(experiment, entry.nodes)
+    nodes, component = set_nodes(experiment, entry.nodes), COMPONENTS.index(entry.component)
     camera, first = experiment.camera, experiment.reference
-    rest = camera.project(experiment.mesh.nodes[nodes])
-    plane = camera.inverse(rest)
     motion = np.full((experiment.n_frames, len(nodes)), np.nan)
-    for k in range(first, experiment.n_frames):
-        moved = u_px[k, nodes, :2]
-        known = np.isfinite(moved).all(axis=1)
-        if k not in excluded and known.any():
-            here = camera.inverse(rest[known] + moved[known]) - plane[known]
-            motion[k, known] = here[:, COMPONENTS.index(entry.component)]
+    if u_mm is not None:
+        later = [k for k in range(first, experiment.n_frames) if k not in excluded]
+        motion[later] = u_mm[later][:, nodes, component]
+    else:
+        rest = camera.project(experiment.mesh.nodes[nodes])
+        plane = camera.inverse(rest)
+        for k in range(first, experiment.n_frames):
+            moved = u_px[k, nodes, :2]
+            known = np.isfinite(moved).all(axis=1)
+            if k not in excluded and known.any():
+                motion[k, known] = (camera.inverse(rest[known] + moved[known]) - plane[known])[:, component]
     frames = np.arange(experiment.n_frames)
     motion[:first + 1] = 0.0
     for column in motion.T:

@@ -28,9 +28,9 @@ def starts_from_dic(experiment: Experiment) -> bool:
 
 
 def needs_motion_in_space(experiment: Experiment) -> bool:
-    """Whether the motion of an edge of a solid is measured by two cameras with a lens: by a free stereo FE-DIC."""
-    return experiment.n_dim == 3 and is_stereo(experiment) and any(
-        isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    """Whether edges of a solid start from what two cameras with a lens measure: from a free stereo FE-DIC."""
+    return experiment.n_dim == 3 and is_stereo(experiment) and (starts_from_dic(experiment) or any(
+        isinstance(entry.drive, Measured) for entry in experiment.prescribed))
 
 
 def motion_in_space(experiment: Experiment) -> np.ndarray:

@@ -153,7 +153,7 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
             excluded += [int(k) for k in np.flatnonzero(found["unexplained"]) if int(k) not in excluded]
             in_space = read_array(store.group("motion"), "u_mm") if needs_motion_in_space(experiment) else None
             local = measured_start(experiment, found["u_px"], excluded, in_space)
-            begin = boundary_start(experiment, found["u_px"], excluded)
+            begin = boundary_start(experiment, found["u_px"], excluded, in_space)
             if std is None:
                 std, source = float(found["noise_gv"]), "residual_of_free_dic"
         write_array(folder, "local", local)

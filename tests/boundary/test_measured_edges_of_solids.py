@@ -1,20 +1,28 @@
 """An edge of a solid whose motion the cameras measure: hidden nodes follow the seen ones, and what one camera cannot
 see is refused."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "twins"))
+from notched_tube import tube  # noqa: E402
+
+from idic.dic.boundary import boundary_start, with_boundary_start
 from idic.dic.stereo import surface_motion
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
-from idic.fe.mesh.mesh import face_cells
+from idic.fe.mesh.mesh import face_cells, face_set_nodes
 from idic.fe.mesh.surface_edges import normal_axis, rim_second_differences
 from idic.identify.in_memory import identify
 from idic.identify.measured_start import measured_start, motion_in_space, needs_motion_in_space
-from idic.model.drives import build_drives, set_nodes
-from idic.model.experiment import Measured, Prescribed
+from idic.model.drives import boundary_parameters, build_drives, set_nodes
+from idic.model.experiment import Measured, Parametrised, Prescribed
+from idic.parameters import ParameterSet
 from idic.virtual_tests.stereo.plate import TRUTH, PlateTest, Size, plate, plate_test, write_plate
 from idic.virtual_tests.stereo.ray_tracing import Scene
 from idic.virtual_tests.stereo.rig import rig
@@ -87,6 +95,47 @@ def test_a_free_stereo_dic_starts_the_edge_in_space(experiment):
         # four standard deviations of 15 unknowns; 0.01 px = 0.0016 mm of interpolation
         assert local[2, column] == pytest.approx(true, abs=4.0 * std[int(seen[0])][component[0]] + 0.0016)
         assert local[0, column] == 0.0
+
+
+@pytest.mark.parametrize("kind", ["bspline", "dic"])
+def test_virtual_boundaries_start_from_the_motion_in_space(experiment, kind):
+    entry = Prescribed("RIGHT", "z", Parametrised(kind, 2, 2))
+    others = tuple(other for other in experiment.prescribed if other.nodes != "RIGHT")
+    made = replace(experiment, prescribed=(*others, entry),
+                   parameters=ParameterSet((*experiment.parameters.values(), *boundary_parameters((entry,), 0.16))))
+    assert needs_motion_in_space(made)
+    nothing, in_space = np.full((3, made.mesh.n_nodes, 2), np.nan), motion_in_space(made)
+    begun = with_boundary_start(made, boundary_start(made, nothing, (), in_space))
+    drives = build_drives(begun)
+    moved = drives.basis @ drives.histories(begun.parameters).T  # (n_dofs, n_frames)
+    node, component = np.divmod(drives.dofs, 3)
+    own = np.isin(node, set_nodes(begun, "RIGHT")) & (component == 2)
+    noise = surface_motion(made)
+    std = noise.noise_mm[np.isin(noise.nodes, node[own]), 2].max()
+    # 0.22 mm of all nodes, hidden ones as the seen beside them, within four standard deviations of the corner node:
+    # modes of kind "dic" have the noise of each node in them
+    assert np.abs(moved[own, 2] - stretched(made.mesh.nodes[node[own]], 1.0)[:, 2]).max() < 4.0 * std
+    assert np.abs(moved[own, 0]).max() == 0.0
+
+
+def test_on_a_curved_surface_hidden_nodes_follow_the_nearest_seen_one_in_all_components(experiment):
+    mesh = tube(4, 8, 1)
+    curved = with_measured_edge(replace(experiment, mesh=mesh, parameters=ParameterSet(())))
+    assert normal_axis(mesh, "FRONT") is None
+    drives, nodes = build_drives(curved), mesh.node_sets["RIGHT"]
+    seen = nodes[np.isin(nodes, face_set_nodes(mesh, mesh.edge_sets["FRONT"]))]
+    assert 0 < len(seen) < len(nodes) and len(drives.local) == 3 * len(seen)
+    near = cKDTree(mesh.nodes[seen])
+    for drive in drives.local:
+        node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], 3)
+        leader, = node[np.isin(node, seen)]
+        assert len(set(component)) == 1
+        distance, _ = near.query(mesh.nodes[node])
+        assert np.allclose(np.linalg.norm(mesh.nodes[node] - mesh.nodes[leader], axis=1), distance)
+    moved = set(drives.dofs.tolist())
+    assert all(3 * n + k in moved for n in nodes for k in range(3))
+    rows = rim_second_differences(mesh, "FRONT", seen)
+    assert len(rows) == len(seen) - 2 and np.abs(rows.sum(axis=1)).max() < 1e-12  # a shift is free
 
 
 def test_one_camera_does_not_measure_along_its_sight(experiment):

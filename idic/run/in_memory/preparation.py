@@ -72,7 +72,7 @@ def prepare(experiment: Experiment, say: Callable[[str], None] = lambda text: No
         excluded += [k for k, status in enumerate(found.status) if status == "unexplained" and k not in excluded]
         in_space = motion_in_space(experiment) if needs_motion_in_space(experiment) else None
         local = measured_start(experiment, found.u_px, excluded, in_space)
-        seen = with_boundary_start(seen, boundary_start(experiment, found.u_px, excluded))
+        seen = with_boundary_start(seen, boundary_start(experiment, found.u_px, excluded, in_space))
     noises = [_noise(view, free, tuple(excluded)) for view in views]
     cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(seen.cameras, noises[1:], strict=True))
     seen = replace(seen, noise=noises[0], cameras=cameras, excluded=tuple(sorted(excluded)))
