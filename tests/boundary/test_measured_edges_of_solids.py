@@ -115,7 +115,7 @@ def test_virtual_boundaries_start_from_the_motion_in_space(experiment, kind):
     # 0.22 mm of all nodes, hidden ones as the seen beside them, within four standard deviations of the corner node:
     # modes of kind "dic" have the noise of each node in them
     assert np.abs(moved[own, 2] - stretched(made.mesh.nodes[node[own]], 1.0)[:, 2]).max() < 4.0 * std
-    assert np.abs(moved[own, 0]).max() == 0.0
+    assert np.abs(moved[own, 0]).max() < 1e-12  # at rest in the reference; measured modes to rounding
 
 
 def test_on_a_curved_surface_hidden_nodes_follow_the_nearest_seen_one_in_all_components(experiment):
