@@ -34,7 +34,8 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     search = search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
     camera = [diagnosis.margin.words] if diagnosis.margin.px > PRACTICAL_MARGIN_PX else []
     outline = outline_caution(diagnosis.found.experiment.extras.get("outline_share"), diagnosis.verdict.word)
-    return [*_quick(diagnosis), *outline, *search, *camera, *formal_fit(diagnosis.excess_left),
+    register = [] if diagnosis.register is None else [diagnosis.register.words]
+    return [*register, *_quick(diagnosis), *outline, *search, *camera, *formal_fit(diagnosis.excess_left),
             *channel_cautions(diagnosis.channels), *_few_elements(diagnosis), *softening_caution(diagnosis.rounds),
             *_not_simulated(diagnosis),
             *refits_cut_short(diagnosis.rounds), *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from idic.diagnose.channel_left import ChannelLeft, channels_left
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
+from idic.diagnose.measured_motion import OutOfRegister
 from idic.diagnose.next_test import next_experiment, unloads
 from idic.diagnose.notes import Notes
 from idic.diagnose.probability import probability
@@ -65,6 +66,7 @@ class Diagnosis:
     probability : that the selected set holds the truth (`idic.diagnose.probability`), None where the test says nothing
     quick : no rival was refitted, and `final` is the fit to one copy
     blocks : both models on blocks of the recording, after one step from the finished fit to the others
+    register : where the images are out of register with the identified model and the measured motion took their place
     """
 
     found: Identification
@@ -88,6 +90,7 @@ class Diagnosis:
     probability: float | None = None
     quick: bool = False
     blocks: tuple[BlockJudgement, ...] = ()
+    register: OutOfRegister | None = None
 
     @property
     def selected_effect(self) -> SelectedEffect | None:

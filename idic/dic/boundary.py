@@ -121,6 +121,16 @@ def edge_motion(experiment: Experiment, entry: Prescribed, u_px: np.ndarray, exc
     return motion
 
 
+def edge_modes(experiment: Experiment, entry: Prescribed, u_px: np.ndarray, max_left_px: float,
+               excluded: Collection[int] = ()) -> int:
+    """Fewest modes, in space and in time, that leave less than `max_left_px` (rms) of a measured edge motion."""
+    motion = edge_motion(experiment, entry, u_px, excluded) / pixel_size(experiment)
+    motion = motion[:, np.isfinite(motion).all(axis=0)]
+    strength = np.linalg.svd(motion, compute_uv=False) ** 2
+    left = np.sqrt((strength.sum() - np.cumsum(strength)) / max(motion.size, 1))
+    return 1 + int(np.argmax(left <= max_left_px)) if len(left) else 1
+
+
 def _projected(motion: np.ndarray, shapes: np.ndarray, courses: np.ndarray, here: np.ndarray,
                free: np.ndarray) -> np.ndarray:
     """Least squares amplitudes of the free modes, the others given  # (modes * time_modes,) mm

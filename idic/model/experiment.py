@@ -468,10 +468,11 @@ class Experiment:
         return self.stack.shape if self.points is None else self.points.shape  # type: ignore[union-attr]
 
     def picture(self, frame: int) -> np.ndarray:
-        """A frame to look at: its image, or of a measured field the points that it holds, bright on black  # (ny,
-        nx)"""
-        values = np.asarray(self.stack.frame(frame))  # type: ignore[union-attr]
-        if self.points is None:
+        """A frame to look at: its image, or of a measured field without images the points that it holds, bright on
+        black  # (ny, nx)"""
+        images = getattr(self.stack, "images", None)  # in which the motion was measured
+        values = np.asarray((images or self.stack).frame(frame))  # type: ignore[union-attr]
+        if self.points is None or images is not None:
             return values
         seen = self.points.positions_px[np.isfinite(values).all(axis=1)]
         column, row = np.rint(seen).astype(int).T

@@ -90,7 +90,7 @@ def _open_run(run: str, content: bytes) -> RunContext:
                          remedy="restore its files, or identify it again into a new RUN")
     experiment = with_stored_noise(with_stored_images(store, experiment), settings)
     experiment = replace(experiment, excluded=tuple(settings["excluded"]))
-    experiment = with_boundary_start(experiment, _stored_start(store, settings))
+    experiment = with_boundary_start(experiment, stored_start(store, settings))
     return RunContext(store, experiment, build_forward(experiment), settings)
 
 
@@ -100,7 +100,7 @@ def experiments_of(run: str | Path) -> tuple[ExperimentToSee, ...]:
     return (ExperimentToSee(settings["experiment"], settings["overrides"], settings["identity"]),)
 
 
-def _stored_start(store: RunStore, settings: Mapping) -> BoundaryStart:
+def stored_start(store: RunStore, settings: Mapping) -> BoundaryStart:
     """Starting values and modes of virtual boundaries from `prepare`."""
     stored = settings.get("boundary")
     if not stored:

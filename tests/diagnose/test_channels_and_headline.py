@@ -121,6 +121,18 @@ def test_indistinguishable_names_are_joined_by_or():
     assert "or Prony viscoelasticity" in headline(CONTENT | {"verdict": "set", "rounds": rounds}, TITLES)
 
 
+def test_finite_strains_beside_a_cause_belong_to_the_description_and_alone_they_are_the_finding():
+    titles = TITLES | {"geometric_nonlinearity": "geometric nonlinearity"}
+    finite = {"winner": "geometric_nonlinearity", "form": None, "new": [], "equals": []}
+    for rounds in ([*CONTENT["rounds"], finite], [finite, *CONTENT["rounds"]]):
+        both = CONTENT | {"verdict": "multiple", "named": [one["winner"] for one in rounds], "rounds": rounds}
+        said = headline(both, titles)
+        assert said.startswith("Friction in the load train (") and "explains 97 %" in said
+        assert said.endswith("; geometric nonlinearity belongs to the description.")
+    alone = headline(CONTENT | {"named": ["geometric_nonlinearity"], "rounds": [finite]}, titles)
+    assert alone.startswith("Geometric nonlinearity") and "explains" in alone and "belongs" not in alone
+
+
 def test_a_nearest_cause_that_explains_most_is_said_and_doubted():
     said = headline(CONTENT | {"verdict": "outside_library"}, TITLES)
     assert said.startswith("Friction in the load train") and "most of it (97 %)" in said and "do not trust" in said

@@ -43,3 +43,17 @@ def test_a_damaged_solution_is_not_begun_with(run, tmp_path):
     _, found = open_source(copy)
     assert found.stored is None
     np.testing.assert_allclose([at.u for at in found.march()], list(open_source(run)[1].stored()), atol=1e-7)
+
+
+@pytest.mark.slow  # an identification with a free FE-DIC
+def test_virtual_edges_of_a_run_keep_the_modes_that_it_measured(tmp_path):
+    write_folder(tmp_path / "test", "clean", 0)
+    edges = [{"nodes": name, "u": {"virtual": "dic", "modes": 1, "time_modes": 1}} for name in ("LEFT", "RIGHT")]
+    idic.identify_experiment(tmp_path / "test", tmp_path / "run",
+                             overrides={"boundary": edges, "options.max_iterations": 1})
+    source, found = open_source(tmp_path / "run")
+    for here, there in zip(source.load().prescribed, found.experiment.prescribed, strict=True):
+        np.testing.assert_array_equal(here.drive.shapes, there.drive.shapes)
+        np.testing.assert_array_equal(here.drive.courses, there.drive.courses)
+    held = source.load({"boundary": [{"nodes": "LEFT", "ux": 0.0, "uy": 0.0}, edges[1]]})
+    assert held.prescribed[-1].drive.shapes is not None

@@ -4,9 +4,12 @@ alone."""
 from __future__ import annotations
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial import cKDTree
 
 from idic.correlation.context import CorrelationContext
 from idic.correlation.view import view_of
+from idic.diagnose.measured_motion import holds_motion
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, context_of, joined_cameras
 from idic.identify.in_memory import Identification
 
@@ -43,4 +46,18 @@ def residual_in_sigma(context: CorrelationContext, frame: int, u: np.ndarray) ->
     found = context.reference.compare_pixels(experiment, frame, motion, light)
     noise = experiment.noise.std_gv * np.sqrt(found.reference_gain / found.n_images + found.noise_gain)
     r = found.r.astype(float) / noise
-    return context.reference.pixel_map.to_image(np.where(found.valid, r, np.nan))
+    image = context.reference.pixel_map.to_image(np.where(found.valid, r, np.nan))
+    return spread(image, experiment.points.positions_px) if holds_motion(experiment) else image
+
+
+def spread(image: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Values at scattered points, spread to half the distance of neighbours so that a picture shows them.
+
+    image : (ny, nx), NaN between the points; points : (n, 2) columns and rows
+    """
+    known = np.isfinite(image)
+    if not known.any() or len(points) < 2:
+        return image
+    reach = 0.75 * float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))  # the corner of a square of neighbours
+    distance, (row, column) = distance_transform_edt(~known, return_indices=True)
+    return np.where(distance <= reach, image[row, column], np.nan)

@@ -169,6 +169,11 @@ class Candidate:
         return FAMILIES[self.family]
 
     @property
+    def changes_law(self) -> bool:
+        """Whether it is another law of a material, not a place with another stiffness or a constant that was locked."""
+        return self.side == "bulk" and not self.kind.placed and self.kind.under_load
+
+    @property
     def side(self) -> str:
         """Side on which it acts."""
         return self.kind.side

@@ -13,7 +13,7 @@ from idic.diagnose.refit import MAX_STARTS, EarlyStop, Refit, warm_start
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.candidate import Candidate, Variant
-from idic.diagnose.screen.select import Ranked, Screening
+from idic.diagnose.screen.select import MAX_SHORTLIST, Ranked, Screening
 from idic.diagnose.selection.rival import Rival
 
 MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the better the bar is known
@@ -27,7 +27,7 @@ MIN_KEPT_SHARE = 0.5
 
 
 def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits: Refits, grid: Grid, seed: int,
-             bends: bool = False, alone: bool = False) -> tuple[Rival, ...]:
+             bends: bool = False, alone: bool = False, far: bool = False) -> tuple[Rival, ...]:
     """Refit the shortlist, the most promising first; a candidate that cannot win any more is left out.
 
     A candidate that falls short of its promise and could still win starts again elsewhere. The reserve follows the
@@ -38,8 +38,9 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
     refits : runs jobs side by side; how many it can changes nothing in what they are asked (`next_wave`)
     bends : the null has a law that yields, and nothing is in the model yet (`same_family_rivals`)
     alone : only the most promising candidate is refitted, with the standard deviations of a last model
+    far : the null is pixels off: what first order promises of a law says nothing (`other_laws`)
     """
-    waiting, rivals, early_stop, best = alternatives(screening.shortlist), {}, None, 0.0
+    waiting, rivals, early_stop, best, laws = alternatives(screening.shortlist), {}, None, 0.0, set()
     reserve = [r for r in alternatives([*screening.shortlist, *screening.reserve]) if r in screening.reserve]
     starts = {r.key: starting_variants(screening, r.candidate, r.variant) for r in [*waiting, *reserve]}
 
@@ -57,10 +58,15 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
         rivals |= {rival.ranked.key: rival for rival in run(wave, 0, 1)}
         ahead = max((r for r in rivals.values() if r.refitted.usable), key=lambda r: r.achieved, default=None)
         best = 0.0 if ahead is None else ahead.achieved
-        waiting = contenders(waiting, ahead)
+        waiting = waiting if laws else contenders(waiting, ahead)
         if not waiting:
             waiting, reserve = contenders(reserve, ahead), []
-        early_stop = EarlyStop(null.phi, np.nanmin([null.phi, *(r.refitted.phi for r in rivals.values())]))
+            if far and not waiting:
+                waiting, far = [r for r in other_laws(screening) if r.key not in rivals], False
+                starts |= {r.key: starting_variants(screening, r.candidate, r.variant) for r in waiting}
+                laws = {r.key for r in waiting}
+        lowest = np.nanmin([null.phi, *(r.refitted.phi for r in rivals.values())])
+        early_stop = None if laws else EarlyStop(null.phi, lowest)
     akin = same_family_rivals(screening, tuple(rivals.values()), bends)
     untried = [r for r in akin if r.key not in rivals]
     starts |= {r.key: starting_variants(screening, r.candidate, r.variant) for r in untried}
@@ -96,6 +102,17 @@ def same_family_rivals(screening: Screening, rivals: Sequence[Rival], bends: boo
                                     and r.material == best.ranked.material]
     hidden = [r for r in laws if r.candidate.hidden_by_yield_law and r not in akin]
     return akin + (hidden if bends and rivals and not found else [])
+
+
+def other_laws(screening: Screening) -> list[Ranked]:
+    """Significant candidates that change the law of a material, the most promising first.
+
+    Where the null is pixels off they are refitted whatever they promise: the response to a law that flows is far from a
+    straight line (an elastic bar that necks in the images: the place of the neck as a soft spot promises ten times what
+    plasticity does, and explains less).
+    """
+    laws = [r for r in screening.significant if r.candidate.changes_law]
+    return sorted(laws, key=lambda r: -r.gain)[:MAX_SHORTLIST]
 
 
 def next_wave(waiting: Sequence[Ranked], first: bool) -> list[Ranked]:

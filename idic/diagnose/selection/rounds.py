@@ -12,15 +12,19 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.channel_left import smallest_reading
+from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.refit import Refit, identification_at, refit_residual
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told
 from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.residual.excess import power
+from idic.diagnose.residual.excess_left import effect
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.residual.thinning import CHOICE, thinned
+from idic.diagnose.residual.thinning import CHOICE, COPY_VARIANCE_FACTOR, thinned
 from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.free_courses import with_free_courses
+from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.misregistration import reason_to_wait
 from idic.diagnose.screen.score_columns import ScoreColumn, score_columns
 from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, screen
@@ -107,10 +111,12 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
     """
     rounds: list[Round] = []
     bends, place = has_state(found, YIELD_STATES), _workplace(setting)
+    unit = float(power(whole.evidence).sum()) / COPY_VARIANCE_FACTOR if holds_motion(found.experiment) else np.inf
     for number in range(1, 2 if setting.quick else MAX_ROUNDS + 1):
-        one = _round(source, null, number, rounds, setting, bends)
+        far = effect(null.judgement, unit) > MAX_REGISTER_PX  # type: ignore[arg-type]
+        one = _round(source, null, number, rounds, setting, bends, far)
         if one.winner is not None and not setting.quick:
-            one, whole = held_by_blocks(one, whole, setting)
+            one, whole = held_by_blocks(one, whole, setting, bool(rounds))
         if one.winner is None:
             rounds.append(one)
             break
@@ -126,10 +132,11 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
 
 
 def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[Round], setting: Setting,
-           bends: bool) -> Round:
+           bends: bool, far: bool) -> Round:
     """One addition to the model, or none.
 
-    before : the rounds before, whose causes are in the model; bends : a law of yielding was identified
+    before : the rounds before, whose causes are in the model; bends : a law of yielding was identified; far : the
+    null is pixels off the motion
     """
     stage, clock, refits = setting.stage, setting.clock, setting.refits
     stage(f"screening of the library, round {number}")
@@ -140,7 +147,7 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
     with clock.step("refits_s"):
         told = Told(refits, stage, 1 if setting.quick else len(screening.shortlist))
         rivals = refitted(source, null, screening, told, setting.grid, setting.seed, bends=not before and bends,
-                          alone=setting.quick)
+                          alone=setting.quick, far=far)
     winner, equals = judge(rivals, screening)
     crossed = plain = None
     if not before and not setting.quick and (near := undecided(rivals)):
@@ -161,11 +168,13 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
     return Round(screening, null, rivals, winner, equals, crossed, source, plain=plain)
 
 
-def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting) -> tuple[Round, ResidualEvidence]:
+def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting,
+                   further: bool = False) -> tuple[Round, ResidualEvidence]:
     """A round without its winner where blocks of the recording that had no part in its fit get worse, and the residual
     of the last model that holds.
 
-    whole : residual of the null on the recording itself
+    whole : residual of the null on the recording itself; further : there is a cause in the null. On a measured motion,
+    an inclusion that leaves motion at its own place describes a flaw of that cause then and is none itself
     """
     setting.stage("judgement on blocks of the recording")
     with setting.clock.step("blocks_s"):
@@ -173,7 +182,10 @@ def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting) -> tup
         after = refit_residual(one.source.with_edits(edits_of(winner, one.screening)).load(),
                                winner.refitted)  # type: ignore[union-attr, arg-type]
         judged = judged_by_step(whole, after, setting.grid)
-    if holds(judged):
+        formal = further and holds_motion(after.context.experiment) and any(
+            left.matters for left in local_residual_tests(whole, after, setting.grid,
+                                                          winner.refitted.values, setting.margin))  # type: ignore
+    if holds(judged) and not formal:
         return replace(one, blocks=judged), after
     return replace(one, winner=None, equals=(), passed_over=winner, blocks=judged), whole
 

@@ -29,6 +29,7 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
                 f"explains{f' ({where})' if where else ''}: "
                 "do not trust the parameters.")
     causes = _joined(_causes(content, titles, sizes=word != "outside_library"))
+    formal = [title for title, one in _with_rounds(content, titles) if _is_formulation(content, one)]
     where = when_and_where(content)
     said = f"{causes[:1].upper()}{causes[1:]}{f', {where},' if where else ''} "
     if word == "outside_library":
@@ -36,7 +37,8 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
                 f"yet.")
     moved = _moves(content)
     effect = f"; without {'it' if len(content['named']) == 1 else 'them'} {', '.join(moved)}" if moved else ""
-    return f"{said}explain{_s(content)} {_per_cent(share)} of the residual{effect}."
+    beside = f"; {_joined(formal)} {'belongs' if len(formal) == 1 else 'belong'} to the description" if formal else ""
+    return f"{said}explain{_s(content)} {_per_cent(share)} of the residual{effect}{beside}."
 
 
 def left_over(content: Mapping) -> str | None:
@@ -67,13 +69,29 @@ def _nothing(content: Mapping) -> str:
 def _causes(content: Mapping, titles: Mapping[str, str], sizes: bool) -> list[str]:
     """Selected candidates with their sizes; indistinguishable ones joined by "or"."""
     found = []
-    won = [one for one in content.get("rounds", ()) if one["winner"]]
-    for place, title in enumerate(selected_titles(content, titles)):
-        one = won[place] if place < len(won) else {"equals": (), "new": None}
+    for place, (title, one) in enumerate(_with_rounds(content, titles)):
+        if _is_formulation(content, one):
+            continue
         size = new_values(content, one["new"], place) if sizes else ""
         others = [titles.get(name, name.replace("_", " ")) for name in dict.fromkeys(one["equals"])]
         found.append(" or ".join([title + (f" ({size})" if size else ""), *others]))
     return found
+
+
+def _with_rounds(content: Mapping, titles: Mapping[str, str]) -> list[tuple[str, Mapping]]:
+    """Titles of the selected candidates with their rounds."""
+    won = [one for one in content.get("rounds", ()) if one["winner"]]
+    return [(title, won[place] if place < len(won) else {"equals": (), "new": None})
+            for place, title in enumerate(selected_titles(content, titles))]
+
+
+def _is_formulation(content: Mapping, one: Mapping) -> bool:
+    """Whether a selected candidate without an unknown of its own stands next to causes that have some.
+
+    Finite strains are in every specimen: next to a cause they belong to the description, alone they are the finding.
+    """
+    others = [other for other in content.get("rounds", ()) if other["winner"] and other is not one]
+    return one["new"] == [] and not one["equals"] and any(other["new"] for other in others)
 
 
 def _moves(content: Mapping) -> list[str]:
@@ -99,7 +117,8 @@ def _per_cent(share: float | None) -> str:
 
 
 def _s(content: Mapping) -> str:
-    return "s" if len(content["named"]) == 1 else ""
+    formal = [one for one in content.get("rounds", ()) if one["winner"] and _is_formulation(content, one)]
+    return "s" if len(content["named"]) - len(formal) == 1 else ""
 
 
 def _joined(parts: Sequence[str]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.selection.block_step import BlockJudgement
 from idic.diagnose.selection.rounds import Stage, silent
 from idic.read_once import files_read_once
+from idic.run.diagnosis.far import judged_by_images, on_measured_motion
 from idic.run.diagnosis.enriched import write_enriched
 from idic.run.diagnosis.files import titles_of, write_diagnosis
 from idic.run.diagnosis.page import write_page
@@ -51,8 +53,11 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
         source, found = open_source(run)
         accepted = found.state.accepted
         floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)  # type: ignore[union-attr]
-        return diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage,
+        far = on_measured_motion(source, found, runner, stage)
+        source, found, register = far or (source, found, None)
+        made = diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage,
                                        seed, library, margin=Margin(floor), quick=quick)
+        return made if register is None else replace(made, register=judged_by_images(made, register, stage))
 
 
 def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,

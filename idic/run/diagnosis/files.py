@@ -63,6 +63,7 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
         "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px,
         "left": _left(diagnosis),
         "courses": _courses(diagnosis),
+        "register": None if diagnosis.register is None else diagnosis.register.content(),
         "rounds": [_round(one) for one in diagnosis.rounds], "margin": margin_content(diagnosis.margin),
         "cost": dict(diagnosis.cost) | {"wall_s": wall_s},
     }

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from idic.dic.boundary import BoundaryStart, with_boundary_start
 from idic.errors import InputError
 from idic.experiment_file.load import ExperimentFolder
 from idic.experiment_file.recording import Frames
@@ -20,10 +21,10 @@ from idic.experiment_file.tables.lengths import Lengths
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.fe.mesh.mesh import Mesh
 from idic.identify.in_memory import Identification
-from idic.model.experiment import Experiment, Prescribed
+from idic.model.experiment import Experiment, Parametrised, Prescribed
 from idic.readers.logs import MatchedLog
 from idic.run.session import open_session
-from idic.run.context import RunContext, open_run
+from idic.run.context import RunContext, open_run, stored_start
 from idic.store.layout import BASE, DESCRIPTION, group_name
 from idic.run.warm_start import first_order_prediction
 from idic.store.arrays import Damaged, read_array
@@ -70,10 +71,19 @@ class Source:
         cameras = tuple(replace(camera, stack=stored.stack) for camera, stored
                         in zip(experiment.cameras, identified.cameras, strict=True))
         experiment = with_stored_noise(replace(experiment, stack=identified.stack, cameras=cameras), settings)
+        experiment = with_boundary_start(experiment, _of_edges(experiment, stored_start(context.store, settings)))
         return replace(experiment, excluded=tuple(settings["excluded"]))
 
     def with_edits(self, edits: Mapping[str, Any]) -> Source:
         return replace(self, edits={**self.edits, **edits})
+
+
+def _of_edges(experiment: Experiment, start: BoundaryStart) -> BoundaryStart:
+    """What a run has measured of its virtual edges, as far as the edited experiment still has them."""
+    virtual = {f"{entry.nodes}.{entry.component}" for entry in experiment.prescribed
+               if isinstance(entry.drive, Parametrised) and entry.drive.kind == "dic"}
+    return BoundaryStart({name: value for name, value in start.values.items() if name in experiment.parameters},
+                         {name: modes for name, modes in start.modes.items() if name in virtual})
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from idic.diagnose.chain import Diagnosis
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect
 from idic.diagnose.locate.place import element_centres
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.measured_motion import holds_motion
 from idic.fe.mesh.element import cell
 from idic.model.experiment import Experiment
 from idic.report.diagnosis.where import WhereRecord, pictures
@@ -76,7 +77,11 @@ def _outlines(experiment: Experiment, residual: ResidualEvidence) -> list[np.nda
 
 
 def _blind(experiment: Experiment, residual: ResidualEvidence) -> np.ndarray:
-    """Elements without pixels  # (n_elements,) bool; of a cross-section those outside the visible columns"""
+    """Elements without pixels, or without a node whose motion was measured  # (n_elements,) bool; of a cross-section
+    those outside the visible columns"""
+    if holds_motion(experiment):
+        seen = np.unique(residual.evidence.seen // residual.evidence.n_components)
+        return np.concatenate([~np.isin(block.connectivity, seen).any(axis=1) for block in experiment.mesh.blocks])
     if residual.view.kind == SECTION:
         x = experiment.mesh.nodes[:, 0]
         seen = x[residual.context.reference.pixel_map.visible_nodes]

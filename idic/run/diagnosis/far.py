@@ -1,0 +1,82 @@
+"""A RUN whose images are out of register with its model, as a diagnosis on the measured motion sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from idic.diagnose.chain import Diagnosis
+from idic.diagnose.measured_motion import (OutOfRegister, by_motion, image_chi2, may_be_out_of_register,
+                                           out_of_register, with_edge_modes)
+from idic.dic.boundary import boundary_start, with_boundary_start
+from idic.identify.in_memory import Identification, identify
+from idic.model.experiment import Experiment
+from idic.run.diagnosis.source import Source
+from idic.run.prepare import read_free_dic, run_free_dic
+from idic.store.run_store import RunStore
+from idic.workers.runner import TaskRunner
+
+GROUP = "dic"
+MAX_IMAGE_EVALUATIONS = 6  # of the enriched model on the images: enough to see whether it comes into register
+
+
+@dataclass(frozen=True)
+class MotionSource(Source):
+    """A source whose experiments hold the motion that the free FE-DIC of the RUN measured, in the place of images."""
+
+    def load(self, edits: Mapping[str, Any] | None = None) -> Experiment:
+        """See `Source.load`."""
+        found = read_free_dic(RunStore(self.run))
+        return by_motion(super().load(edits), found["u_px"], np.flatnonzero(found["unexplained"]).tolist())
+
+    def images(self) -> Experiment:
+        """The experiment with its images, virtual edges as they begin."""
+        experiment, u_px = super().load(), read_free_dic(RunStore(self.run))["u_px"]
+        return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.excluded))
+
+
+def on_measured_motion(source: Source, found: Identification, runner: TaskRunner,
+                       stage: Callable[[str], None]) -> tuple[Source, Identification, OutOfRegister] | None:
+    """The identified model fitted to the measured motion, and its source; None where the images are in register."""
+    if not may_be_out_of_register(found):
+        return None
+    u_px = _measured(source, runner, stage)
+    far = out_of_register(found, u_px)
+    if far is None:
+        return None
+    stage("fit of the identified model to the measured motion: the images are out of register")
+    edits = with_edge_modes(source.document(), found.experiment, u_px)
+    there = MotionSource(source.run, {**source.edits, **edits})
+    experiment = there.load()
+    values = {name: value for name, value in found.parameters.as_values().items() if name in experiment.parameters}
+    starts = experiment.parameters.with_values(values)
+    return there, identify(replace(experiment, parameters=starts, stages=())), far
+
+
+def judged_by_images(diagnosis: Diagnosis, far: OutOfRegister, stage: Callable[[str], None]) -> OutOfRegister:
+    """The enriched model on the images: fitted from its end on the measured motion, for a few evaluations."""
+    source, final = diagnosis.source, diagnosis.final
+    if final is None or not final.usable or not isinstance(source, MotionSource):
+        return far
+    stage("fit of the enriched model to the images")
+    experiment = source.images()
+    options = replace(experiment.options, max_iterations=MAX_IMAGE_EVALUATIONS)
+    starts = experiment.parameters.with_values(
+        {name: value for name, value in final.values.items() if name in experiment.parameters})
+    found = identify(replace(experiment, parameters=starts, options=options, stages=()))
+    return far if found.point is None else replace(far, enriched_chi2=image_chi2(found))
+
+
+def _measured(source: Source, runner: TaskRunner, stage: Callable[[str], None]) -> np.ndarray:
+    """Nodal motion by the free FE-DIC of the RUN, which is made where it was not needed before  # (n_frames, n_nodes,
+    2) px"""
+    store = RunStore(source.run)
+    if store.finished(GROUP) is None:
+        stage("free FE-DIC of all frames")
+        settings = source.context.settings
+        runner.map(run_free_dic, [(source.run, settings["experiment"], settings["overrides"], 0)], ["free-dic"],
+                   retries=1)
+    return read_free_dic(store)["u_px"]
