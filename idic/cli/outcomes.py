@@ -8,7 +8,6 @@ from __future__ import annotations
 import errno
 import os
 import shlex
-import subprocess
 import sys
 import tempfile
 import time
@@ -113,7 +112,9 @@ def paused(stage: int) -> str:
 def _resume_command() -> str:
     words = ["idic", *sys.argv[1:]]
     words = words if "--resume" in words else [*words, "--resume"]
-    return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)  # quotes of the user's shell
+    if os.name == "nt":  # its shell knows no single quotes
+        return " ".join(f'"{word}"' if " " in word else word for word in words)
+    return shlex.join(words)
 
 
 def _report_bug(run: Path | None) -> int:
