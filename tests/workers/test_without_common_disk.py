@@ -3,20 +3,17 @@ bits."""
 
 import json
 import os
-import sys
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
 from experiment_file.small_experiment import write_experiment
-from external.strip import write_strip
 from test_probe import foreign_cluster
 from typer.testing import CliRunner
 
 from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file.inputs import inputs_of
-from idic.fe.external.process import PERMISSION
 from idic.run.plain import Console, identify_plainly
 from idic.store.arrays import FrameArrays, read_array, write_array
 from idic.store.mirror.adopt import adopt
@@ -271,21 +268,6 @@ def test_a_store_in_a_folder_keeps_what_it_was_given(tmp_path):
     assert not file.exists()
     objects.delete(names)
     assert objects.sizes() == {}
-
-
-@pytest.mark.slow
-def test_a_joint_run_and_an_external_solver_have_the_same_bits_through_the_driver(strip, tmp_path, monkeypatch):
-    folder, _ = strip
-    write_experiment(folder / "second")
-    write_strip(folder / "solver")
-    monkeypatch.setenv(PERMISSION, sys.executable)
-    with blind_cluster(tmp_path / "worker", folder) as client:
-        for name, experiments in (("joint", [folder / "test", folder / "second"]), ("external", [folder / "solver"])):
-            alone = identify_plainly(experiments, folder / f"{name}-alone", workers=0, overrides=SHORT)
-            served = identify_plainly(experiments, folder / f"{name}-served", scheduler=client.scheduler.address,
-                                      store="driver", overrides=SHORT)
-            assert_same(served, folder / f"{name}-served", alone, folder / f"{name}-alone")
-    assert not (tmp_path / "worker" / "tried").exists()
 
 
 @pytest.mark.parametrize("command", [["batch", "test", "--out", "b"], ["demo", "--out", "d"],
