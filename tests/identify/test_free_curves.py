@@ -1,10 +1,14 @@
 """Free curves in the identification: evidence of their knots, values in order, values that no data reach."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.free_form.evidence import FreeCurve, choose_knots
+from idic.identify.step.ending import bounded
+from idic.identify.step.proposal import Step
 from idic.identify.step.rising import in_order
 from idic.materials.composed.free_curve import basis, knots
 from idic.materials.composed.smoothness import Smoothness, bends
@@ -105,3 +109,15 @@ def test_a_step_keeps_the_values_of_a_rising_curve_in_order_and_is_the_nearest_t
         assert far(other) >= far(kept) - 1e-9
     straight = ParameterSet(parameters.values(), (prior(n),))
     assert in_order(scaled, straight, here, step) is step
+
+
+def test_values_of_a_curve_that_stay_at_zero_are_a_solution_and_a_law_at_its_bound_is_none():
+    names = ("BAR.g_1", "BAR.g_2")
+    weights = [Parameter(name, value, "-", True, (0.0, 1.0)) for name, value in zip(names, (1e-9, 0.4), strict=True)]
+    modulus = Parameter("BAR.E", 1500.0, "MPa", True, (100.0, 1500.0))
+    prior = SmoothnessPrior(names, ((1.0, -1.0),))
+    step = Step(np.zeros(3), 0.01, 0.01, 0.01, 0.0, False, names[:1])
+    curve = ParameterSet([*weights, modulus], [prior])
+    assert bounded(step, curve).status == "converged" and "stays at zero" in bounded(step, curve).reason
+    for pinned, parameters in ((("BAR.g_1", "BAR.E"), curve), (names[:1], ParameterSet(weights))):
+        assert bounded(replace(step, pinned=pinned), parameters).status == "at_bound"

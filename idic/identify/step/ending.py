@@ -8,6 +8,7 @@ from dataclasses import replace
 from idic.identify.step.proposal import STEP_CLIP, Step
 from idic.identify.step.state import Ending, LoopState
 from idic.model.experiment import Options
+from idic.parameters import ParameterSet, SmoothnessPrior
 
 # of the objective, relative: half a unit of chi^2 for half a million pixels; equilibrium is solved to it
 MAX_FLAT_CHANGE = 1e-6
@@ -26,9 +27,15 @@ def flat(step: Step, rejections: int) -> str:
     return f"the objective is flat: {tried}, and the next step is {step.relative:.2g} standard deviations"
 
 
-def bounded(step: Step) -> Ending:
-    """The minimum lies beyond a bound."""
+def bounded(step: Step, parameters: ParameterSet) -> Ending:
+    """The minimum lies beyond a bound; converged where only values of free curves stay at zero, as they may."""
     names = ", ".join(step.pinned)
+    curves = {name for prior in parameters.joint if isinstance(prior, SmoothnessPrior) for name in prior.names}
+    if all(name in curves and parameters[name].bounds[0] == 0.0
+           and parameters[name].value < 0.5 * parameters[name].bounds[1] for name in step.pinned):
+        return Ending("converged", f"{names} stay{'s' if len(step.pinned) == 1 else ''} at zero, the least that "
+                                   f"the curve can have; the next step of the others is {step.relative:.2g} "
+                                   "standard deviations")
     return Ending("at_bound",
                   f"the next step would carry {names} over {'its bound' if len(step.pinned) == 1 else 'their bounds'}",
                   BOUNDS)

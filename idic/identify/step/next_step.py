@@ -74,7 +74,7 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
     state, change = _with_activation(state, scaled, parameters, bool(done) and state.schedule.stage + 1 == len(stages))
     ended = done and change is None
     if ended or (stage.max_iterations is not None and state.schedule.iterations >= stage.max_iterations):
-        end = (bounded(step) if step.pinned else Ending("converged", done) if done
+        end = (bounded(step, parameters) if step.pinned else Ending("converged", done) if done
                else out_of_iterations(state.schedule.iterations, "[stage]", step, options))
         return _leave_stage(state, experiment, stages, point, image_noise, end)
     if state.schedule.stage + 1 == len(stages) and is_too_coarse(state, experiment):
