@@ -17,7 +17,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from idic.materials.composed.free_curve import Form
-from idic.materials.plasticity.elastoplastic import shear_and_bulk
 
 LARGEST_ORDER = 0.999  # of a fractional derivative; 1 is the standard linear solid
 STARTS = 5  # of a relaxation time
@@ -55,7 +54,8 @@ FORMS = {
 def relaxation_card(branches: Sequence[tuple[float, float]], values: Mapping[str, float],
                     program: str) -> tuple[list[str], list[str]]:
     """(lines, what they do not say) of a body whose shear modulus relaxes; branches : (weight, time in s)"""
-    G, kappa = shear_and_bulk.py_func(values["E"], values["nu"])
+    E, nu = values["E"], values["nu"]
+    G, kappa = E / (2.0 * (1.0 + nu)), E / (3.0 * (1.0 - 2.0 * nu))
     kept = [(g, tau) for g, tau in branches if g > 0.0]
     elastic = [f"{0.5 * G:.8g}, {2.0 / kappa:.8g}"]
     if program == "calculix":
