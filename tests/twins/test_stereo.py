@@ -106,10 +106,12 @@ def test_errors_of_the_calibration_come_back_with_its_deviations(tmp_path):
     test = plate_test(REDUCED)
     left, right = test.rig.cameras
     turn = Rotation.from_rotvec([0.0, np.deg2rad(0.1), 0.0]).as_matrix()
+    between = right.rotation @ left.rotation.T  # turned alone: the distance between the cameras is as the file says
+    translation = right.translation_mm - between @ left.translation_mm + turn @ between @ left.translation_mm
     believed = replace(test.rig, cameras=(
         replace(left, fx=1.003 * left.fx, fy=1.003 * left.fy),
         replace(right, fx=1.003 * right.fx, fy=1.003 * right.fy, rotation=turn @ right.rotation,
-                translation_mm=turn @ right.translation_mm)))
+                translation_mm=translation)))
     stated = {f"{number}.{name}": 0.003 * left.fx for number in (0, 1) for name in ("fx", "fy")} | {"1.rotation_y": 0.1}
     file = write_plate(tmp_path, test, believed=believed, deviations=stated)
     file.write_text(file.read_text().replace('calibration = "calibration.json"',
