@@ -14,6 +14,7 @@ from idic.experiment_file.initial.found import Area, Found, files_in, look_aroun
 from idic.experiment_file.initial.words import fitting_scale, lines_of
 from idic.experiment_file.toml_file import NAME
 from idic.fe.mesh.mesh import Mesh
+from idic.fe.mesh.outline import segments_of
 from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES
 from idic.readers.logs import Log
 from idic.readers.units import parse_unit
@@ -124,8 +125,8 @@ def _guessed_roi(found: Found) -> tuple[int, int, int, int, int]:
     x0, y0 = int(_ROI_MARGIN * nx), int(_ROI_MARGIN * ny)
     x1, y1 = nx - 1 - x0, ny - 1 - y0
     if found.outline:
-        at = np.asarray(found.outline, dtype=float)
-        (x0, y0), (x1, y1) = np.ceil(at.min(axis=0)).astype(int).tolist(), np.floor(at.max(axis=0)).astype(int).tolist()
+        low, high = segments_of(found.outline).box()
+        (x0, y0), (x1, y1) = np.ceil(low).astype(int).tolist(), np.floor(high).astype(int).tolist()
     return x0, y0, x1, y1, max(min(x1 - x0, y1 - y0) // _ELEMENTS_ACROSS, 1)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from idic.experiment_file.initial.found import Found
+from idic.fe.mesh.outline import segments_of
 
 MAX_ASPECT_DIFFERENCE = 0.05  # of mesh and speckled area: with more, one of them shows another part of the specimen
 FILL_IN = "FILL IN"
@@ -32,8 +33,7 @@ def fitting_scale(found: Found) -> tuple[float, tuple[float, float]] | None:
     if found.mesh is None or not found.outline:
         return None
     low, high = found.mesh.nodes[:, :2].min(axis=0), found.mesh.nodes[:, :2].max(axis=0)
-    at = np.asarray(found.outline, dtype=float)
-    first, last = at.min(axis=0), at.max(axis=0)
+    first, last = segments_of(found.outline).box()
     if np.any(high <= low) or np.any(last <= first):
         return None
     scale = (high - low) / (last - first)
