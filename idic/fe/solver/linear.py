@@ -175,6 +175,8 @@ class Factor:
     def _approximate_transposed(self, columns: np.ndarray) -> np.ndarray:
         if self.of_symmetric_part:
             return self.approximate(columns)
+        if isinstance(self.lu, SuperLU):  # where the fronts were not accurate, kept for a later tangent
+            return self.lu.solve(np.ascontiguousarray(columns), "T")
         return substitution.solve_transposed(self.pattern.fronts, self.lu, columns)
 
 
