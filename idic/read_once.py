@@ -30,7 +30,7 @@ def files_read_once() -> Iterator[None]:
 
 
 def read_once(read: Callable[[Path], Content], path: Path) -> Content:
-    """``read(path)``; within `files_read_once` the same object for the same file, which nobody may change."""
+    """The content of a file; within `files_read_once`, later calls return the same object: do not change it."""
     kept = _kept.get()
     if kept is None:
         return read(path)

@@ -31,7 +31,7 @@ def solve_controlled(system: System, params: Mapping[str, np.ndarray], start: Co
                      control: Control, line_search: bool = False) -> Converged:
     """The equilibrium in which the gauge reads `drives.reading`, reached along the tangent from `start`.
 
-    A guess by extrapolation would lead past the peak of what is to unload, onto another path.
+    No extrapolated start: beyond the peak it would load parts that have to unload, and end on another branch.
 
     Raises
     ------

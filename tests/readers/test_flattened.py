@@ -24,7 +24,7 @@ def turn(about_x: float, about_y: float) -> np.ndarray:
 
 
 def strains(u: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, float]:
-    """Gradient of the best affine field (2, 2), and the rms of what it leaves, µm."""
+    """Gradient of the best affine field (2, 2), and the rms of the residual displacement, µm."""
     known = np.isfinite(u).all(axis=1)
     matrix = np.column_stack([at, np.ones(len(at))])[known]
     c = np.linalg.lstsq(matrix, u[known], rcond=None)[0]

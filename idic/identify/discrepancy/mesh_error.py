@@ -6,7 +6,7 @@ The field is the mean-square projection of that difference onto the shape functi
 no others: what a quadratic element bulges between the nodes of a linear one counts. Both simulations take the same few
 steps, so that their difference has no error of time, and no derivatives. Linear elements are computed as quadratic
 ones, quadratic bricks on half their size. The field is one more column of the normal equations: what it does to the
-parameters and what it leaves in the record follow from the sums at hand, without an image.
+parameters and the residual that it causes follow from the normal equations, without an image.
 """
 
 from __future__ import annotations
