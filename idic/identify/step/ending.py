@@ -27,18 +27,19 @@ def flat(step: Step, rejections: int) -> str:
     return f"the objective is flat: {tried}, and the next step is {step.relative:.2g} standard deviations"
 
 
-def bounded(step: Step, parameters: ParameterSet) -> Ending:
-    """The minimum lies beyond a bound; converged where only values of free curves stay at zero, as they may."""
-    names = ", ".join(step.pinned)
+def beyond_bounds(step: Step, parameters: ParameterSet) -> tuple[str, ...]:
+    """Parameters whose minimum lies beyond a bound; a value of a free curve may stay at zero and is none of them."""
     curves = {name for prior in parameters.joint if isinstance(prior, SmoothnessPrior) for name in prior.names}
-    if all(name in curves and parameters[name].bounds[0] == 0.0
-           and parameters[name].value < 0.5 * parameters[name].bounds[1] for name in step.pinned):
-        return Ending("converged", f"{names} stay{'s' if len(step.pinned) == 1 else ''} at zero, the least that "
-                                   f"the curve can have; the next step of the others is {step.relative:.2g} "
-                                   "standard deviations")
+    return tuple(name for name in step.pinned
+                 if not (name in curves and parameters[name].bounds[0] == 0.0
+                         and parameters[name].value < 0.5 * parameters[name].bounds[1]))
+
+
+def bounded(names: Sequence[str]) -> Ending:
+    """The minimum of these parameters lies beyond a bound."""
     return Ending("at_bound",
-                  f"the next step would carry {names} over {'its bound' if len(step.pinned) == 1 else 'their bounds'}",
-                  BOUNDS)
+                  f"the next step would carry {', '.join(names)} over "
+                  f"{'its bound' if len(names) == 1 else 'their bounds'}", BOUNDS)
 
 
 def out_of_iterations(count: int, key: str, step: Step, options: Options) -> Ending:

@@ -10,9 +10,8 @@ import numpy as np
 from idic.identify.covariance import Scaled, Spectrum, covariance, spectrum
 from idic.identify.step.acceptance import scaled_at
 from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, activation_step, active_parameters
-from idic.identify.step.ending import (ITERATIONS, bounded, failed_simulation, flat, judged_flat, out_of_iterations,
-                                       small_step,
-                                         stuck)
+from idic.identify.step.ending import (ITERATIONS, beyond_bounds, bounded, failed_simulation, flat, judged_flat,
+                                       out_of_iterations, small_step, stuck)
 from idic.identify.step.estimator import next_estimator
 from idic.identify.step.increments import TOO_COARSE, is_too_coarse, with_increments_judged
 from idic.identify.step.non_smooth import directional_derivative
@@ -74,7 +73,8 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
     state, change = _with_activation(state, scaled, parameters, bool(done) and state.schedule.stage + 1 == len(stages))
     ended = done and change is None
     if ended or (stage.max_iterations is not None and state.schedule.iterations >= stage.max_iterations):
-        end = (bounded(step, parameters) if step.pinned else Ending("converged", done) if done
+        beyond = beyond_bounds(step, parameters)
+        end = (bounded(beyond) if beyond else Ending("converged", done) if done
                else out_of_iterations(state.schedule.iterations, "[stage]", step, options))
         return _leave_stage(state, experiment, stages, point, image_noise, end)
     if state.schedule.stage + 1 == len(stages) and is_too_coarse(state, experiment):
