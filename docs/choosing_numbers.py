@@ -1,4 +1,4 @@
-"""The tables of choosing.md: bias and standard deviation of a small test over elements, interpolant, margin, weights.
+"""The tables of evidence/choosing.md: bias and standard deviation over elements, interpolant, margin, weights.
 
     python docs/choosing_numbers.py FOLDER [GROUP ...]      # some minutes; prints Markdown tables
 

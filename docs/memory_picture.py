@@ -1,4 +1,4 @@
-"""Draws docs/memory.png: peak memory of whole identifications over the length of the test and the number of parameters.
+"""Draws docs/evidence/memory.png: peak memory of identifications over the length of the test and the parameters.
 
     python docs/memory_picture.py SCRATCH [frames ...]        # an hour for 100 200 500 1000 2000 on one core
 
@@ -186,7 +186,7 @@ def main(scratch: Path, lengths: list[int]) -> None:
             store.write_text(json.dumps(found, indent=1))
             shutil.rmtree(folder)
             shutil.rmtree(scratch / f"run-{name}")
-    draw(found, Path(__file__).with_name("memory.png"))
+    draw(found, Path(__file__).parent / "evidence" / "memory.png")
 
 
 if __name__ == "__main__":

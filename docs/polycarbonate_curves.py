@@ -1,6 +1,6 @@
-"""The figure of docs/polycarbonate.md: stress over stretch of the glassy polymer at three rates, and its two parts.
+"""The figure of docs/evidence/polycarbonate.md: stress over stretch of the polymer at three rates, and its two parts.
 
-Run with ``python docs/polycarbonate_curves.py``; writes docs/polycarbonate.png.
+Run with ``python docs/polycarbonate_curves.py``; writes docs/evidence/polycarbonate.png.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def main() -> None:
         left.set(xlabel="strain [%]", ylabel="true stress [MPa]", title="one mode", ylim=(0, 90))
         left.legend()
         right.set(xlabel="strain [%]", title="yield: one mode (-), seventeen (--)", ylim=(0, 70))
-        figure.savefig(Path(__file__).with_name("polycarbonate.png"), dpi=110)
+        figure.savefig(Path(__file__).parent / "evidence" / "polycarbonate.png", dpi=110)
 
 
 if __name__ == "__main__":

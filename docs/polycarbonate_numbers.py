@@ -1,4 +1,4 @@
-"""Numbers of docs/polycarbonate.md that the study does not give: time steps, forward runs, first-order results.
+"""Numbers of evidence/polycarbonate.md that the study does not give: time steps, forward runs, first-order results.
 
 Run with ``python docs/polycarbonate_numbers.py steps|starts [elements along] [across]``, or with
 ``python docs/polycarbonate_numbers.py causes|bits|misfit [reduced|full]``; prints tables.

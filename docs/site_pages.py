@@ -1,5 +1,5 @@
-"""The documentation as a site with search: the pages of docs/, one per law and per candidate, executed examples, the
-Python reference, the gallery.
+"""The documentation as a site with search: the pages of docs/, one per command, law and candidate, executed examples,
+the Python reference, the gallery.
 
     pip install ".[docs]"
     python docs/site_pages.py site --gallery gallery     # site/html/index.html; gallery: written by idic gallery
@@ -58,12 +58,13 @@ def write_source(folder: Path, gallery: Path | None = None, pictures: bool = Tru
     for name, target in REPOSITORY_PAGES.items():
         text = (ROOT / name).read_text(encoding="utf-8")
         (folder / f"{target}.md").write_text(_with_links(text, (ROOT / name).parent), encoding="utf-8")
+    commands = list(_command_pages(folder / "commands"))
     laws, candidates = list(_law_pages(folder / "laws", pictures)), list(_candidate_pages(folder / "candidates"))
     examples = list(_example_pages(folder / "examples", pictures))
     _write_gallery(folder, gallery)
     for title, modules in PYTHON.items():
         _write(folder / "python" / f"{_slug(title)}.md", f"# {title}\n\n" + "\n\n".join(map(_reference, modules)))
-    _write(folder / "index.md", _index(laws, candidates, examples))
+    _write(folder / "index.md", _index(commands, laws, candidates, examples))
 
 
 def _with_links(text: str, place: Path, at: Path = Path()) -> str:
@@ -137,6 +138,30 @@ def _example_pages(folder: Path, execute: bool) -> Iterator[str]:
             parts += [f"![{picture.stem}]({script.stem}/{picture.name})" for picture in sorted(place.glob("*.png"))]
         _write(folder / f"{script.stem}.md", "\n\n".join(parts))
         yield script.stem
+
+
+def _command_pages(folder: Path) -> Iterator[str]:
+    """One page per command of ``idic``: what it does, its arguments and options; yields their names."""
+    import click
+    from typer.main import get_command
+
+    from idic.cli.app import app
+
+    program = get_command(app)
+    context = click.Context(program, info_name="idic")
+    for name in program.list_commands(context):
+        command = program.commands[name]
+        own = click.Context(command, info_name=f"idic {name}")
+        rows = []
+        for parameter in command.params:
+            if getattr(parameter, "hidden", False) or not (record := parameter.get_help_record(own)):
+                continue
+            rows.append((f"`{re.sub(r' <(?:list.*|path)>$', '', record[0].strip())}`", " ".join(record[1].split())))
+        usage = " ".join(command.collect_usage_pieces(own))
+        _write(folder / f"{name}.md", "\n\n".join([f"# idic {name}", inspect.cleandoc(command.help or ""),
+                                                    f"```text\nidic {name} {usage}\n```",
+                                                    _table(("argument or option", "what"), rows)]))
+        yield name
 
 
 def _toml(name: str, parameters: Sequence) -> str:
@@ -221,18 +246,20 @@ def _write_gallery(folder: Path, gallery: Path | None) -> None:
     _write(folder / "gallery-of-reports.md", text)
 
 
-def _index(laws: Sequence[str], candidates: Sequence[str], examples: Sequence[str]) -> str:
+def _index(commands: Sequence[str], laws: Sequence[str], candidates: Sequence[str], examples: Sequence[str]) -> str:
     """The first page: the map of docs/README.md as tables of contents."""
     parts = ["# idic", "From images and forces to material parameters with error bars: time-resolved integrated "
              "digital image correlation. The search finds every key of `experiment.toml`, every quantity of a report "
              "and every message."]
     for block in (DOCS / "README.md").read_text(encoding="utf-8").split("\n\n"):
-        heading = re.match(r"\| (to [^|]*|special tests) \|", block)
-        names = re.findall(r"^\| \[[^\]]*\]\(([\w/-]+)\.md\)", block, re.MULTILINE)
+        heading = re.match(r"\| (to [^|]*) \|", block)
+        names = [name for row in re.findall(r"^\| (\[[^|]*) \|", block, re.MULTILINE)
+                 for name in re.findall(r"\]\(([\w/-]+)\.md\)", row)]
         if heading and names:
             first = ["readme"] if "begin" in heading.group(1) else []
             parts.append(_toctree(heading.group(1).strip().capitalize(), [*first, *names]))
-    parts += [_toctree("Examples", [f"examples/{name}" for name in examples]),
+    parts += [_toctree("Commands", [f"commands/{name}" for name in commands]),
+              _toctree("Examples", [f"examples/{name}" for name in examples]),
               _toctree("Laws", [f"laws/{name}" for name in laws]),
               _toctree("Candidate physics", [f"candidates/{name}" for name in candidates]),
               _toctree("Python", [f"python/{_slug(title)}" for title in PYTHON]),

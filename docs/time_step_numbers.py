@@ -1,4 +1,4 @@
-"""The table of time-step.md: error of the parameters by the increments, with and without extrapolation in time.
+"""The table of evidence/time-step.md: error of the parameters by the increments, with and without extrapolation.
 
     python docs/time_step_numbers.py [LAW ...]
 

@@ -1,4 +1,4 @@
-"""The figure of docs/virtual-boundaries.md, from the table of that page: python docs/virtual_boundaries_picture.py"""
+"""The figure of docs/evidence/virtual-boundaries.md, from its table: python docs/virtual_boundaries_picture.py"""
 
 import sys
 from pathlib import Path
@@ -26,7 +26,7 @@ def main() -> None:
     """Reduced domain on the reference image; error of the parameters by route, with the scatter of one test."""
     figure, axes = plt.subplots(1, 3, figsize=(11.5, 3.9), width_ratios=(1.1, 1.0, 1.0), layout="constrained")
     _draw_domain(axes[0])
-    rows = table(HERE / "virtual-boundaries.md")
+    rows = table(HERE / "evidence" / "virtual-boundaries.md")
     routes = list(dict.fromkeys(row["route"] for row in rows))
     for axis, name in zip(axes[1:], ("E", "nu"), strict=True):
         for shift, case, marker in ((-0.13, "strip", "s"), (0.13, "plate", "o")):
@@ -40,7 +40,7 @@ def main() -> None:
     axes[2].plot([], [], "s", color=GREY, label="strip")
     axes[2].plot([], [], "o", color=GREY, label="plate with a hole")
     axes[2].legend(fontsize=8, loc="upper left")
-    figure.savefig(HERE / "virtual-boundaries.png", dpi=110)
+    figure.savefig(HERE / "evidence" / "virtual-boundaries.png", dpi=110)
 
 
 def table(page: Path) -> list[dict]:

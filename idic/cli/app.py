@@ -17,8 +17,8 @@ from idic.fe.external.process import PERMISSION
 from idic.workers.dask_settings import use_one_thread
 
 ORDER = ("demo", "draw", "calibrate", "init", "check", "design", "identify", "systematic", "diagnose", "compare",
-         "report",
-         "batch", "simulate", "example", "gallery", "laws", "physics", "study", "trial")  # of a user's work, for --help
+         "report", "fields", "clean", "batch", "simulate", "example", "gallery", "laws", "physics", "study",
+         "trial")  # of a user's work, for --help
 LAW_FILES = "IDIC_LAWS"  # read by idic.materials.core.user_laws, which must not be imported before it is set
 PIPE_COLUMNS = 140  # width of a table that goes to a file or a pipe
 

@@ -1,6 +1,6 @@
 """The probability that the selected set holds the truth, calibrated on recordings with known truth.
 
-    frozen campaigns, own generator (docs/blind-trial.md)   clear or concealed: 514 of 524 sets held the truth
+    frozen campaigns, own generator (docs/evidence/blind-trial.md)   clear or concealed: 514 of 524 sets held the truth
                                                             faint (8 standard deviations), an effect reported: 46 of 49
                                                             clean: 499 of 500 `none`
     14 sealed recordings by others, solids of real          the right name first in 10; every one of them left a small

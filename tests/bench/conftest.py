@@ -1,4 +1,4 @@
-"""Measurements are printed as they come, and once more as a table at the end: the table of docs/measurements.md."""
+"""Measurements are printed as they come, and once more at the end: the table of docs/evidence/measurements.md."""
 
 from __future__ import annotations
 

@@ -49,6 +49,20 @@ def test_every_page_of_the_docs_is_on_the_map():
         assert name == "README.md" or f"]({name})" in text or f"`{name}`" in text, name
 
 
+def test_what_a_user_reads_stays_within_40_000_words():
+    """The map, failures.md (written by docs/failures.py) and the evidence beside it do not count."""
+    pages = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "how-to").glob("*.md")]
+    words = {page.name: len(page.read_text(encoding="utf-8").split()) for page in pages}
+    assert sum(words.values()) - words["README.md"] - words["failures.md"] <= 40_000
+    assert words["tutorial.md"] <= 1500
+
+
+def test_every_page_of_the_evidence_names_the_page_that_it_supports_or_is_named_by_one():
+    for page in (ROOT / "docs" / "evidence").glob("*.md"):
+        own = ROOT / "docs" / page.name
+        assert not own.exists() or f"](evidence/{page.name}" in own.read_text(encoding="utf-8"), page.name
+
+
 def test_the_first_page_stays_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 220
 

@@ -39,6 +39,18 @@ def test_every_law_and_every_candidate_has_its_page(source):
         assert all(f"[{r}]" in text or f"`{r}`" in text for r in one.rivals)
 
 
+def test_every_command_has_its_page_with_all_its_options(source):
+    from typer.main import get_command
+
+    from idic.cli.app import app
+
+    for name, command in get_command(app).commands.items():
+        text = (source / "commands" / f"{name}.md").read_text(encoding="utf-8")
+        assert text.startswith(f"# idic {name}\n") and command.help.strip().split("\n")[0] in text
+        assert all(option in text for parameter in command.params for option in parameter.opts
+                   if option.startswith("--") and not parameter.hidden)
+
+
 def test_every_example_has_a_page_with_its_code(source):
     scripts = sorted(site.EXAMPLES.glob("*.py"))
     assert scripts

@@ -26,7 +26,7 @@ def test_every_module_can_be_imported(module):
 
 
 def test_every_module_that_the_docs_start_exists():
-    names = named(r"python -m (idic[\w.]*)", ROOT / "README.md", *(ROOT / "docs").glob("*.md"))
+    names = named(r"python -m (idic[\w.]*)", ROOT / "README.md", *(ROOT / "docs").rglob("*.md"))
     assert len(names) > 2 and [name for name in names if find_spec(name) is None] == []
 
 

@@ -37,7 +37,7 @@ def records(tmp_path_factory):
 def test_the_start_at_130_percent_converges_in_seven_iterations(records):
     record, = records("from130")
     assert record.converged and record.facts["iterations"] <= 7
-    # 1.3 um pixels: the spline leaves 6e-4 of the modulus of the thin strip; the full size is checked in docs/bulge.md
+    # 1.3 um pixels: the spline leaves 6e-4 of the thin strip's modulus; full size: docs/evidence/bulge.md
     assert np.abs(record.relative_error).max() < 1e-3
     assert np.sqrt(np.mean(record.arrays["u_error"] ** 2)) < 2e-8  # mm: 0.02 nm
 

@@ -14,7 +14,7 @@ Laws with a memory but without time are often exact enough with one increment pe
 search one increment for two frames is simulated for comparison, beginning at the known solution and without derivatives
 (`idic.fe.half_rate`). The Gauss-Newton step from there is the estimated error of one increment per frame. Where it is
 small, the end of the first search is the answer. Otherwise 1 and 2 per frame are simulated, with the same judgement.
-Where one is not enough, 1 and 2 leave an eighth of its error at most (docs/time-step.md), and mostly suffice.
+Where one is not enough, 1 and 2 leave an eighth of its error at most (docs/evidence/time-step.md), and mostly suffice.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from idic.virtual_tests.polycarbonate_model import TRUTH, Divisions
 from idic.virtual_tests.virtual_test import write_virtual_model
 
 SKETCH = Size(0.3724, (49, 105), 10, 5, Divisions(20, 2), 2.2)
-POINT_SAMPLED = {  # the tables of docs/polycarbonate.md: computed pictures, whose pixels have no area
+POINT_SAMPLED = {  # the tables of docs/evidence/polycarbonate.md: computed pictures, whose pixels have no area
     "options.lowpass_px": 0.0, "options.border_px": 6, "options.edge_margin_px": 6,
 }
 SPLINE_FLOOR = 0.033  # GV: interpolation residual of these dots without noise and rounding, over the square root of 2
