@@ -4,6 +4,7 @@ project = "idic"
 author = "the authors of idic"
 root_doc = "index"
 extensions = ["myst_parser"]
+smartquotes = False  # two hyphens of an option stay two
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]
 suppress_warnings = ["myst.header", "misc.highlighting_failure"]

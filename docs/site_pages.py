@@ -27,6 +27,7 @@ REPOSITORY_PAGES = {"README.md": "readme", "CONTRIBUTING.md": "contributing", "C
                     "deploy/README.md": "deploy", "deploy/slurm.md": "deploy-slurm",
                     "deploy/compose.md": "deploy-compose", "deploy/kubernetes.md": "deploy-kubernetes",
                     "deploy/prefect.md": "deploy-prefect"}
+LAW_PAGES = {"elastoplastic": "composed-law", "free_rubber": "free-rubber", "free_relaxation": "free-relaxation"}
 WRAPPED = ".highlight-text pre { white-space: pre-wrap; }"
 PYTHON = {  # title -> modules of the reference
     "From Python objects": ("idic.notebook.experiment", "idic.notebook.identify", "idic.notebook.result",
@@ -57,6 +58,7 @@ def write_source(folder: Path, gallery: Path | None = None, pictures: bool = Tru
         page.write_text(text, encoding="utf-8")
     for name, target in REPOSITORY_PAGES.items():
         text = (ROOT / name).read_text(encoding="utf-8")
+        text = text.replace("# idic\n", "# What idic does\n", 1) if target == "readme" else text
         (folder / f"{target}.md").write_text(_with_links(text, (ROOT / name).parent), encoding="utf-8")
     commands = list(_command_pages(folder / "commands"))
     laws, candidates = list(_law_pages(folder / "laws", pictures)), list(_candidate_pages(folder / "candidates"))
@@ -104,6 +106,10 @@ def _law_pages(folder: Path, pictures: bool) -> Iterator[str]:
         parts = [f"# {name}", law.reference, f"Kinematics: {', '.join(law.kinematics)}. " + (
                      "Isotropic." if law.isotropic else "Anisotropic."),
                  _table(("parameter", "unit", "typical", "no effect at", "meaning"), rows)]
+        if name in LAW_PAGES:
+            parts.append(f"How to use it: [{LAW_PAGES[name]}](../{LAW_PAGES[name]}.md).")
+        if name == "elastoplastic":
+            parts.append(_terms())
         if other:
             parts.append("Other parameters that are accepted in the place of the elastic ones:\n\n" + "\n".join(other))
         if states := [state for state in law.state_names if not re.search(r"\d\d(-1)?$", state)]:
@@ -115,6 +121,16 @@ def _law_pages(folder: Path, pictures: bool) -> Iterator[str]:
             parts.append(f"## In the source\n\n{doc}")
         _write(folder / f"{name}.md", "\n\n".join(parts))
         yield name
+
+
+def _terms() -> str:
+    """The terms of the composed law, from their registration."""
+    from idic.materials.composed.terms import TEMPERATURE_TERMS, TERMS
+
+    rows = [(term.group.replace("_", " "), f"`{term.kind}`", ", ".join(
+                f"`{p.name}`" + (f" ({p.unit})" if p.unit not in ("", "-") else "") for p in term.parameters),
+             term.equation) for term in (*TERMS.values(), *TEMPERATURE_TERMS.values())]
+    return "## Terms\n\n" + _table(("group", "kind", "parameters", "equation"), rows)
 
 
 def _example_pages(folder: Path, execute: bool) -> Iterator[str]:
@@ -156,12 +172,17 @@ def _command_pages(folder: Path) -> Iterator[str]:
         for parameter in command.params:
             if getattr(parameter, "hidden", False) or not (record := parameter.get_help_record(own)):
                 continue
-            rows.append((f"`{re.sub(r' <(?:list.*|path)>$', '', record[0].strip())}`", " ".join(record[1].split())))
+            rows.append((f"`{re.sub(r' <(?:list.*|path)>$', '', record[0].strip())}`", _options_as_code(record[1])))
         usage = " ".join(command.collect_usage_pieces(own))
         _write(folder / f"{name}.md", "\n\n".join([f"# idic {name}", inspect.cleandoc(command.help or ""),
                                                     f"```text\nidic {name} {usage}\n```",
                                                     _table(("argument or option", "what"), rows)]))
         yield name
+
+
+def _options_as_code(text: str) -> str:
+    """A help text in one line; its options as code, whose two hyphens stay two."""
+    return re.sub(r"(?<![\w-])(--[a-z-]+)", r"`\1`", " ".join(text.split()))
 
 
 def _toml(name: str, parameters: Sequence) -> str:
