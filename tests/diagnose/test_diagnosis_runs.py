@@ -38,8 +38,21 @@ def yielding(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory):
-    return diagnosed(tmp_path_factory.mktemp("sound"), "clean")
+def commanded(tmp_path_factory):
+    """A sound model diagnosed by the command, with the whole library and a worker  # RUN, result.json, answer"""
+    folder = tmp_path_factory.mktemp("sound")
+    write_folder(folder / "test", "clean", 0)
+    result = idic.identify_experiment(folder / "test", folder / "run")
+    answer = CliRunner(env={"COLUMNS": "140"}).invoke(app, ["diagnose", str(folder / "run"), "--workers", "1"])
+    assert answer.exit_code == 0, answer.stderr
+    return folder / "run", result, answer
+
+
+@pytest.fixture(scope="module")
+def sound(commanded):
+    """RUN, result.json, diagnosis.json"""
+    run, result, _ = commanded
+    return run, result, json.loads((run / "diagnosis.json").read_text())
 
 
 def test_concealed_yielding_is_selected_alone(yielding):
@@ -113,6 +126,7 @@ def quick(yielding, tmp_path_factory):
     return run, diagnose_run(run, library=LIBRARY, quick=True)
 
 
+@pytest.mark.slow  # a refit, 15 s of CPU time
 def test_a_page_that_cannot_be_written_does_not_cost_the_verdict(yielding, quick):
     run, content = quick
     assert content["named"] == ["plasticity"] and json.loads((run / "diagnosis.json").read_text()) == content
@@ -121,6 +135,7 @@ def test_a_page_that_cannot_be_written_does_not_cost_the_verdict(yielding, quick
     assert content["cautions"][-1] == note and yielding[2]["notes"] == []
 
 
+@pytest.mark.slow
 def test_a_quick_diagnosis_refits_one_candidate_and_says_so(yielding, quick):
     content = quick[1]
     assert content["named"] == ["plasticity"] and [c["name"] for c in content["candidates"]
@@ -169,13 +184,9 @@ def test_the_inner_keys_of_the_json_are_those_of_the_contract(yielding):
     assert all(set(entry) == {"name", "bound"} and "95 %" in entry["bound"] for entry in content["excluded"])
 
 
-def test_the_command_prints_its_verdict_and_writes_the_files_that_it_names(sound, tmp_path):
-    """The whole library, on workers of its own."""
-    run = shutil.copytree(sound[0], tmp_path / "run", ignore=shutil.ignore_patterns("diagnosis*", "enriched"))
-    answer = CliRunner(env={"COLUMNS": "140"}).invoke(app, ["diagnose", str(run), "--workers", "1"])
-    assert answer.exit_code == 0, answer.stderr
-    content = json.loads((run / "diagnosis.json").read_text())
-    assert content["verdict"] == "none"
+def test_the_command_prints_its_verdict_and_writes_the_files_that_it_names(commanded, sound):
+    run, _, answer = commanded
+    content = sound[2]
     assert answer.stdout.startswith(content["headline"]) and "Traceback" not in answer.stderr
     assert f"results  {run / 'diagnosis.json'}" in answer.stdout
     assert f"report   {run / 'diagnosis.html'}" in answer.stdout

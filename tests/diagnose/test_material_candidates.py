@@ -51,6 +51,7 @@ ALSO = {
                            '700\n'
                       'angle = 10.0\n', ELASTIC.grip)}
 EVERY = NULLS | ALSO
+CASES = [pytest.param(name, marks=pytest.mark.slow) if name == "composed_hill" else name for name in EVERY]
 APPLY = {  # which of MATERIAL a null leaves open
     "elastic": {"plasticity", "rate_dependence", "viscoelasticity", "creep", "damage", "orthotropy",
                 "geometric_nonlinearity", "thermal_expansion", "nonlinear_elasticity"},
@@ -113,12 +114,12 @@ def test_every_candidate_has_a_file_and_a_description_and_names_rivals_that_exis
         assert set(candidate.rivals) <= known - {candidate.name}
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", CASES)
 def test_a_null_model_leaves_parameters_open_that_it_does_not_have(name, folders):
     assert {c.name for c, _ in variants_of(folders(name)[1])} == APPLY[name]
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", CASES)
 def test_every_variant_loads_with_its_new_unknowns_free_and_the_old_ones_as_they_were(name, folders):
     path, situation = folders(name)
     before = situation.experiment.parameters
@@ -138,7 +139,7 @@ def test_every_variant_loads_with_its_new_unknowns_free_and_the_old_ones_as_they
             np.testing.assert_allclose(q.bounds, p.bounds, rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", CASES)
 def test_at_its_null_every_variant_is_the_identified_model_and_at_its_probe_it_is_not(name, folders):
     path, situation = folders(name)
     base = stress_of(situation.experiment, {})

@@ -70,6 +70,10 @@ def test_a_static_pair_scatters_as_with_public_codes(shared_data, noise, size, s
     assert np.sqrt(np.mean(found.u_px[inner] ** 2)) < 1.1 * std  # 234 nodes, not theirs: 5 %
 
 
+def slow(case):
+    return pytest.param(case, marks=pytest.mark.slow)
+
+
 # DIC Challenge sample 14 -----------------------------------------------------------------------------------
 def sample_14(folder, level: int, size: int, regularisation):
     """Error of the column average and scatter within a column, rms over the inner columns, px; and the frame."""
@@ -86,7 +90,7 @@ def sample_14(folder, level: int, size: int, regularisation):
     return np.sqrt(np.mean(mean**2)), np.sqrt(np.mean(scatter)), np.isfinite(found.u_px[:, 0]).mean()
 
 
-@pytest.mark.parametrize("level", [1, 3, 5])
+@pytest.mark.parametrize("level", [slow(1), slow(3), 5])
 def test_sample_14_with_16_px_elements_reaches_the_public_anchor(shared_data, level):
     mean, scatter, _ = sample_14(shared_data("dic-challenge-14"), level, 16, NONE)
     assert mean < 0.007 and scatter < 0.048
@@ -97,7 +101,7 @@ def test_sample_14_with_8_px_elements_converges_where_a_public_code_does_not(sha
     assert mean < 0.013 and scatter < 0.128 and seen > 0.999
 
 
-@pytest.mark.parametrize("level", [1, 5])
+@pytest.mark.parametrize("level", [slow(1), 5])
 def test_the_default_regularisation_makes_8_px_elements_better_than_16_px_ones(shared_data, level):
     mean, scatter, _ = sample_14(shared_data("dic-challenge-14"), level, 8, MECHANICAL)
     assert mean < 0.006 and scatter < 0.046
@@ -147,6 +151,7 @@ def mean_strain(experiment, u_px):
     return 100 * fit[1, 0], 100 * fit[2, 1]
 
 
+@pytest.mark.slow  # 10 s of CPU time
 def test_the_open_hole_composite_is_followed_until_it_breaks(shared_data, tmp_path):
     experiment = folder_with(tmp_path, shared_data("open-hole-composite"), COMPOSITE, ("images", "meshes"))
     found = dic_stack(experiment)
@@ -190,6 +195,7 @@ def strain_along(experiment, u_px):
     return np.diff(mean) / np.diff(rows)
 
 
+@pytest.mark.slow  # 8 s of CPU time
 def test_a_necking_specimen_is_followed_over_138_px_and_55_percent(shared_data, tmp_path):
     experiment = necking(shared_data, tmp_path, 209, 1250)
     found = dic_stack(experiment)

@@ -139,6 +139,7 @@ def test_everything_can_be_done_with_the_keyboard(tmp_path):
         assert page.clicks == 0
 
 
+@pytest.mark.slow  # a start of a browser
 def test_a_name_that_does_not_fit_the_drawing_is_told_at_the_button(tmp_path):
     folder = make_folder(tmp_path / "test")
     with opened(folder) as page:

@@ -164,6 +164,7 @@ def cases(whole, share: float) -> list[tuple[int, str, bool]]:
     return [every[k] for k in sorted(keep)]
 
 
+@pytest.mark.slow  # two runs; test_resume.py damages two arrays
 def test_damage_to_some_arrays_is_computed_anew(kinds, tmp_path):
     whole = kinds("one camera")
     assert len(chunks(whole.run)) > 20
@@ -202,7 +203,7 @@ def spoilt_text(text: str, generator) -> str:
     return text[:k] + pool[int(generator.integers(len(pool)))] + text[k + 1 :]
 
 
-@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k > 1 else k for k in range(40)])
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=pytest.mark.slow) if k else k for k in range(40)])
 def test_spoilt_descriptions_are_computed_anew_or_reported(kinds, tmp_path, seed):
     """zarr.json of arrays and groups, state.json, run.json, result.json."""
     whole, generator = kinds("one camera"), np.random.default_rng(seed)
@@ -254,6 +255,7 @@ def test_files_that_may_not_grow_end_a_run_with_a_message_and_resume_goes_on(sma
     assert outcome(tmp_path / "run") == small.result
 
 
+@pytest.mark.slow  # two commands; files that may not grow: above
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="mounts a small file system")
 def test_a_full_disk_ends_a_run_with_a_message_and_resume_goes_on(small, tmp_path):
     disk = tmp_path / "disk"
@@ -281,6 +283,7 @@ def test_a_folder_that_may_not_be_written_is_said(small, tmp_path):
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.slow  # an identification
 def test_a_finished_run_keeps_no_influence_of_a_measured_edge(kinds):
     """It is larger than the images, and only further steps read it; the sensitivities stay for the report."""
     stored = {description.parent.name for description in (kinds("measured edges").run / "run.zarr").rglob("zarr.json")}

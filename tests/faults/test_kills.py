@@ -92,6 +92,7 @@ def campaign(small, folder, seed: int, kills: int, ways=tuple(WAYS)) -> Counter:
     return done
 
 
+@pytest.mark.slow  # 40 s of CPU time; test_resume.py kills a command with its workers
 @pytest.mark.parametrize("way", ["workers", "plain"])
 def test_a_run_with_and_one_without_workers_are_killed(small, tmp_path, way):
     campaign(small, tmp_path, seed=1, kills=1, ways=(way,))

@@ -54,7 +54,7 @@ def identified(day, experiment, hostile_folder):
 @pytest.fixture(scope="module")
 def stopped(day, experiment):
     """The same from another start and without the time to get anywhere."""
-    answer = here("identify", experiment, "--out", day / "stopped", "--no-prefect",
+    answer = here("identify", experiment, "--out", day / "stopped", "--no-prefect", "--no-report",
                   "--set", "options.max_iterations=1", "--set", "material.sheet.E.value=50e3")
     return day / "stopped", answer
 
@@ -101,7 +101,7 @@ def test_a_search_that_did_not_converge_ends_with_code_3_and_results_that_say_so
     run, answer = stopped
     assert answer.returncode == 3, answer.stderr
     assert json.loads((run / "result.json").read_text())["status"] == "max_iterations"
-    assert "max" in answer.stdout and (run / "report.html").is_file()
+    assert "max" in answer.stdout
 
 
 def test_a_finished_run_is_not_overwritten(identified, experiment):

@@ -119,5 +119,5 @@ def test_the_plan_that_is_changed_here_is_answered():
 
 
 test_a_changed_plan, test_many_changed_plans = campaign(
-    40, a_changed_plan, changes=_changes, to=st.sampled_from(["text", "text", "mesh"]))
-test_a_question, test_many_questions = campaign(30, a_question, question=_question)
+    20, a_changed_plan, changes=_changes, to=st.sampled_from(["text", "text", "mesh"]))
+test_a_question, test_many_questions = campaign(15, a_question, question=_question)

@@ -33,11 +33,11 @@ def spoilt_text(base, spoilt):
 
 
 test_changed_tables, test_many_changed_tables = campaign(
-    60, changed_tables, changed=changed_experiments(), picture=st.just(False)
+    30, changed_tables, changed=changed_experiments(), picture=st.just(False)
 )
 test_a_drawn_one, test_many_drawn_ones = campaign(
-    5, changed_tables, share=0.2, changed=changed_experiments(), picture=st.just(True)
+    4, changed_tables, share=0.2, changed=changed_experiments(), picture=st.just(True)
 )
 test_spoilt_text, test_many_spoilt_texts = campaign(
-    40, spoilt_text, base=st.sampled_from(sorted(BASES)), spoilt=st.lists(splices, min_size=1, max_size=2)
+    20, spoilt_text, base=st.sampled_from(sorted(BASES)), spoilt=st.lists(splices, min_size=1, max_size=2)
 )

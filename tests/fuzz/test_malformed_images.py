@@ -78,13 +78,13 @@ def a_strange_image(way, k, stranger):
 
 ways, frames = st.sampled_from(sorted(WAYS)), st.integers(0, 3)
 test_a_cut_image, test_many_cut_images = campaign(
-    25, a_cut_image, way=ways, k=frames, part=st.floats(0, 1, exclude_max=True)
+    12, a_cut_image, way=ways, k=frames, part=st.floats(0, 1, exclude_max=True)
 )
 test_a_flipped_image, test_many_flipped_images = campaign(
-    30, a_flipped_image, way=ways, k=frames, flipped=st.lists(flips, min_size=1, max_size=3)
+    15, a_flipped_image, way=ways, k=frames, flipped=st.lists(flips, min_size=1, max_size=3)
 )
 test_a_flipped_png, test_many_flipped_pngs = campaign(
-    20,
+    10,
     a_flipped_image,
     share=0.5,
     way=st.sampled_from(CHECKED),
@@ -92,10 +92,10 @@ test_a_flipped_png, test_many_flipped_pngs = campaign(
     flipped=st.lists(flips, min_size=1, max_size=1),
 )
 test_a_scrambled_image, test_many_scrambled_images = campaign(
-    20, a_scrambled_image, share=0.5, way=ways, k=frames, spoilt=st.lists(splices, min_size=1, max_size=2)
+    10, a_scrambled_image, share=0.5, way=ways, k=frames, spoilt=st.lists(splices, min_size=1, max_size=2)
 )
 test_a_strange_image, test_many_strange_images = campaign(
-    25,
+    12,
     a_strange_image,
     share=0.5,
     way=st.sampled_from(["tiff", "tiff 16", "png", "bmp"]),

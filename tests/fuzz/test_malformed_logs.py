@@ -76,9 +76,9 @@ def a_log_with_a_cell_that_is_no_number(dialect, row, column, text):
         assert check(folder).code != DONE
 
 
-test_a_log, test_many_logs = campaign(60, a_log, dialect=dialects(), spoilt=st.lists(damages(splices), max_size=2))
+test_a_log, test_many_logs = campaign(30, a_log, dialect=dialects(), spoilt=st.lists(damages(splices), max_size=2))
 test_a_cell, test_many_cells = campaign(
-    25,
+    12,
     a_log_with_a_cell_that_is_no_number,
     share=0.3,
     row=st.integers(0, 3),

@@ -85,11 +85,11 @@ def a_scrambled_mesh(kind, spoilt):
 
 kinds = st.sampled_from(sorted(FORMATS))
 test_a_faulty_mesh, test_many_faulty_meshes = campaign(
-    50, a_faulty_mesh, kind=kinds, found=st.lists(faults, min_size=1, max_size=2)
+    25, a_faulty_mesh, kind=kinds, found=st.lists(faults, min_size=1, max_size=2)
 )
 test_a_cut_mesh, test_many_cut_meshes = campaign(
-    25, a_cut_mesh, share=0.5, kind=kinds, part=st.floats(0, 1, exclude_max=True)
+    12, a_cut_mesh, share=0.5, kind=kinds, part=st.floats(0, 1, exclude_max=True)
 )
 test_a_scrambled_mesh, test_many_scrambled_meshes = campaign(
-    40, a_scrambled_mesh, kind=kinds, spoilt=st.lists(splices, min_size=1, max_size=3)
+    20, a_scrambled_mesh, kind=kinds, spoilt=st.lists(splices, min_size=1, max_size=3)
 )

@@ -129,12 +129,12 @@ def test_a_digit_that_somebody_changed_in_a_result_is_refused(reader):
 
 
 test_a_spoilt_run, test_many_spoilt_runs = campaign(
-    16,
+    8,
     a_spoilt_run,
     base=st.sampled_from(BASES),
     spoilt=spoilt_runs,
     reader=st.sampled_from(["resume", "resume", "compare", "diagnose"]),
 )
 _, test_many_reports_of_spoilt_runs = campaign(
-    1, a_spoilt_run, share=0.1, base=st.sampled_from(BASES), spoilt=spoilt_runs, reader=st.just("report")
+    4, a_spoilt_run, share=0.1, base=st.sampled_from(BASES), spoilt=spoilt_runs, reader=st.just("report")
 )

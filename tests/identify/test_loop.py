@@ -170,6 +170,7 @@ def test_a_prior_pulls_by_its_weight(clean, plain, tmp_path):
     assert result["parameters"]["BODY.nu"]["std"] < entry["std"]
 
 
+@pytest.mark.slow  # 10 s of CPU time; its weights: the test of priors
 def test_the_weighting_of_the_paper_ends_at_the_same_answer(plain, tmp_path):
     path, _, reference = plain
     overrides = {"options__weighting": "paper", "options__alpha": 0.01, "options__step_limit": 0.05}

@@ -84,6 +84,7 @@ def test_directions_that_differ_belong_to_their_specimen(tmp_path):
     assert {"a.PLY.E1", "b.PLY.E1", "PLY.E2"} <= set(join(own).whole.parameters)
 
 
+@pytest.mark.slow  # 10 s of CPU time; two specimens below and above
 def test_three_directions_give_the_four_constants_that_no_one_of_them_gives(tmp_path):
     turned = "{ value = 46.0, identify = true, prior = { mean = 45.0, std = 1.0 } }"  # cut and clamped to a degree
     folders = [write_specimen(tmp_path / "along", 90.0), write_specimen(tmp_path / "across", 0.0),

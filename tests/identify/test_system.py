@@ -133,6 +133,7 @@ def test_standard_deviations_hold_over_repeated_noise_with_a_shared_reference(fr
         assert np.all(naive < 0.8 * found.predicted)
 
 
+@pytest.mark.slow  # 6 s of CPU time
 def test_generalised_least_squares_scatter_less_and_as_ordinary_ones_predicted():
     """20 frames of a ramp: less than half of the scatter (0.41 to 0.50, known to 4 % from 300 draws), since the slope
     over time tells pattern noise from motion."""

@@ -44,6 +44,7 @@ def scratch(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow  # three commands; the test below runs two
 def test_the_law_of_the_page_is_listed_and_drawn(scratch):
     listed = idic("--laws", "my_law.py", "laws", "yeoh_2", cwd=scratch)
     assert listed.returncode == 0 and "stiffening" in listed.stdout

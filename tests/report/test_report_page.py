@@ -259,9 +259,8 @@ def test_every_optional_part_may_be_missing():
     )
     page = render_page(bare)
     assert "E = 70.012" in page
-    images_only = make_record(channels=(), rms_before=None, reference=None)
+    images_only = make_record(channels=(), rms_before=None, reference=None, views=(), free=None, curves=())
     assert len(render_page(images_only)) > 100_000  # still with maps in it
-    assert "E = 70.012" in render_page(make_record(views=(), free=None, curves=(), practice=None))
 
 
 def test_a_single_parameter_and_a_singular_matrix_are_drawn():

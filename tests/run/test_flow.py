@@ -24,7 +24,6 @@ from virtual_tests.small_strip import write_small_strip
 import idic
 from idic.errors import InputError
 from idic.run.plain import identify_plainly
-from idic.virtual_tests.examples import write_example
 from idic.workers.dask_connection import LOOPBACK
 from idic.workers.dask_settings import ONE_THREAD
 from idic.workers.prefect_server import QUIET, start_server
@@ -136,7 +135,7 @@ def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_da
 
 def test_a_flow_of_ones_own_calls_idic_and_a_run_pauses_between_the_stages_of_its_schedule(tmp_path, shared_server):
     """On the server of the flow that calls. Resumed, the run has the bits of one that did not pause."""
-    write_example("demo", tmp_path / "experiment", reduced=True)
+    write_small_strip(tmp_path / "experiment")
     file = tmp_path / "experiment" / "experiment.toml"
     file.write_text(file.read_text()
                     + '\n[[stage]]\nfree = ["sheet.E", "sheet.nu"]\nmax_iterations = 2\n[[stage]]\nfree = "all"\n')

@@ -22,6 +22,7 @@ def gallery(tmp_path_factory):
     return out, page, lines
 
 
+@pytest.mark.slow  # an identification and its report
 def test_the_page_shows_the_numbers_and_leads_to_a_report_that_is_there(gallery):
     out, page, lines = gallery
     assert lines[0] == "composite: making the virtual test" and "converged" in lines[-1]

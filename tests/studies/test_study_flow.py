@@ -18,7 +18,8 @@ from idic.validation.studies.registry import make_study
 from idic.validation.studies.store import StudyStore
 from idic.workers.dask_settings import ONE_THREAD
 
-pytestmark = pytest.mark.usefixtures("shared_server")
+# 30 s of CPU time; the parts of a study by default: test_study_parts.py
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("shared_server")]
 SECONDS = 400.0  # the two runs take 30 s on a quiet machine
 FIRST, SECOND = "guess/110", "noise/010"
 DRIVE = """

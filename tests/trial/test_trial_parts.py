@@ -174,6 +174,7 @@ def test_a_right_answer_scores_in_every_figure(tmp_path, truth):
     assert record.bias_before == pytest.approx(10.0) and record.bias_ratio == pytest.approx(0.1)
 
 
+@pytest.mark.slow  # 9 s of CPU time
 def test_a_back_stress_begins_where_the_load_is_reversed_and_a_bend_where_points_yield():
     """Whoever solved the recording: what two solvers differ by is as large as a fiftieth of either effect."""
     onsets = {}

@@ -30,6 +30,7 @@ def ended(tmp_path_factory):
     return folder, numbers, {key: answered(folder)[number] for key, number in numbers.items()}
 
 
+@pytest.mark.slow  # 35 s of CPU time; diagnose/test_diagnosis_runs.py has a clean recording
 def test_a_clean_recording_is_not_accused(ended):
     answer = ended[2]["clean/1"]
     assert answer["verdict"] == "none" and answer["named"] == []

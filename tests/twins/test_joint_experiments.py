@@ -85,6 +85,7 @@ def test_steps_side_by_side_lead_several_experiments_to_the_same_answer(pair, to
         assert abs(entry["value"] - found["parameters"][name]["value"]) < 0.05 * entry["std"]
 
 
+@pytest.mark.slow  # three reports
 def test_the_report_of_all_leads_to_that_of_each(together):
     run, _ = together
     page = write_report(run).read_text(encoding="utf-8")

@@ -10,7 +10,10 @@ import idic
 OPEN_CASE_1 = "open-case-1-plate-with-hole-elastoplastic"
 
 
-@pytest.fixture(scope="module", params=["near", pytest.param("as stated", marks=pytest.mark.slow)])
+pytestmark = pytest.mark.slow  # 80 s of CPU time and more each
+
+
+@pytest.fixture(scope="module", params=["near", "as stated"])
 def plate(shared_data, tmp_path_factory, request):
     """Truth and result, from a start that is 3 % off with one increment per frame, or as the file says."""
     folder = shared_data(OPEN_CASE_1)
@@ -70,7 +73,6 @@ u = "measured"
 """
 
 
-@pytest.mark.slow
 def test_a_real_composite_gives_ratios_from_images_alone(shared_data, tmp_path):
     source, folder = shared_data("open-hole-composite"), tmp_path / "composite"
     shutil.copytree(source / "images", folder / "images")

@@ -259,7 +259,7 @@ def test_every_port_is_on_the_loopback_interface(cluster):
 
 
 @posix
-@pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize("stop", [signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
 def test_workers_end_with_their_driver_however_it_ends(tmp_path, stop):
     script = tmp_path / "driver.py"
     script.write_text(

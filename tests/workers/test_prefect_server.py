@@ -76,6 +76,7 @@ def test_a_server_listens_on_the_loopback_interface_and_answers_its_own_run_only
         assert {c.laddr.ip for c in connections if c.status == psutil.CONN_LISTEN} == {"127.0.0.1"}
 
 
+@pytest.mark.slow  # two starts of a server
 def test_every_server_has_a_password_of_its_own(unconfigured):
     passwords = []
     for _ in range(2):
@@ -155,6 +156,7 @@ def test_the_server_ends_when_its_driver_is_killed(unconfigured):
     assert not [process for process in alive if process.status() != psutil.STATUS_ZOMBIE]  # dead, but not yet collected
 
 
+@pytest.mark.slow  # two starts of a server
 def test_a_server_that_dies_gets_a_successor_at_its_address(unconfigured):
     with start_server() as server:
         url, first = server.wait(), server._process
