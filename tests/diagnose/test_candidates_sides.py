@@ -50,7 +50,7 @@ def test_a_clean_record_names_nothing(twin):
     assert found.parameters["BODY.E"].value == pytest.approx(TRUTH["E"], rel=0.005)  # three standard deviations
 
 
-@pytest.mark.parametrize("name", ["machine_compliance", "friction", "pixel_size"])
+@pytest.mark.parametrize("name", ["machine_compliance", pytest.param("friction", marks=pytest.mark.slow), "pixel_size"])
 def test_an_effect_is_ranked_first_and_its_amplitude_and_the_modulus_are_recovered(twin, name):
     found, result = screening(twin(name), FEW)
     _first_and_recovered(twin(name), name, found, result)
@@ -74,6 +74,7 @@ def _first_and_recovered(path, name, found, result):
                                                             3.0 * again["BODY.E"]["std"])
 
 
+@pytest.mark.slow  # 8 s of CPU time
 def test_a_thickness_is_the_modulus_where_that_is_free_and_found_where_it_is_known(twin, tmp_path):
     _, result = screening(twin("thickness"), ("thickness", "force_offset"))
     assert result.of("thickness").visibility < 1e-6 and result.of("thickness").standing == "cannot_tell"

@@ -25,6 +25,7 @@ def solution_of(run):
     return next(run.glob(f"**/{group_name(found.state.accepted.number, BASE)}/u"))
 
 
+@pytest.mark.slow  # an identification; every diagnosis does it
 def test_the_accepted_point_is_found_again_without_a_search(run):
     _, found = open_source(run)
     stored, again = np.array(list(found.stored())), list(found.march())
@@ -35,6 +36,7 @@ def test_the_accepted_point_is_found_again_without_a_search(run):
     assert sum(at.n_newton for at in again) < sum(at.n_newton for at in cold)
 
 
+@pytest.mark.slow  # shares that identification
 def test_a_damaged_solution_is_not_begun_with(run, tmp_path):
     copy = tmp_path / "run"
     shutil.copytree(run, copy)

@@ -126,6 +126,7 @@ def test_the_store_holds_documented_arrays_and_an_earlier_run_gets_the_same(run,
     assert np.array_equal(again.measured, before.astype(float))
 
 
+@pytest.mark.slow  # two reports
 def test_gauges_may_be_added_after_the_identification(run):
     with open(run.parent / "test" / "experiment.toml", "a", encoding="utf-8") as file:
         file.write('\n[[extensometer]]\nname = "L0"\nfrom_px = [30.0, 50.0]\nto_px = [110.0, 50.0]\n')

@@ -83,6 +83,7 @@ def test_the_values_do_not_depend_on_the_discrepancy(wrong):
     assert all(entries[name]["value"] == found.parameters[name].shown for name in entries)
 
 
+@pytest.mark.slow  # 10 s of CPU time
 def test_a_run_states_the_same_standard_deviations_as_memory(tmp_path):
     drawn = draw("solid", 3)
     test = virtual_test(drawn)

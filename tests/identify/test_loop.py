@@ -37,6 +37,7 @@ def test_starts_forty_per_cent_off_end_at_the_truth_within_its_error(plain):
     assert all(frame["status"] == "ok" for frame in result["frames"])
 
 
+@pytest.mark.slow  # 6 s of CPU time; safety/test_strange_names.py perturbs
 def test_perturbed_runs_and_direct_differentiation_find_the_same(plain, tmp_path):
     path, _, direct = plain
     _, perturbed = identify(path, tmp_path / "run", "perturbed")

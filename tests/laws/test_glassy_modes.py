@@ -90,6 +90,7 @@ def test_a_mode_that_never_relaxes_adds_to_the_network(rng):
 
 
 @pytest.mark.parametrize("mode", [0, 1, 2])
+@pytest.mark.slow  # compiled anew, 8 s
 @pytest.mark.parametrize("n", [2, 17])
 def test_hand_written_derivatives_equal_the_complex_step(n, mode, rng):
     law, params = spectrum(n)

@@ -93,6 +93,7 @@ def test_the_tangent_is_the_derivative_of_the_stress(law, mode, params, rng):
         np.testing.assert_allclose(quotient, A[:, :, c], atol=1e-6 * stiffness_scale(law, mode, params))
 
 
+@pytest.mark.slow  # compiles every law anew; differences of the whole history: below
 def test_hand_written_derivatives_equal_the_complex_step(law, mode, params, rng):
     if not law.by_hand:
         pytest.skip("the complex step is this law's own derivative")

@@ -65,6 +65,7 @@ def test_the_free_measurement_leaves_as_much_as_a_right_model_and_is_as_near_as_
     assert free.length_px >= 24.0
 
 
+@pytest.mark.slow  # a report
 def test_the_page_has_a_slider_and_the_comparison(run):
     page = write_report(run).read_text(encoding="utf-8")
     assert page.count('class="slide"') == 8 and "Measured and simulated height" in page

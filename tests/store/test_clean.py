@@ -35,6 +35,7 @@ def test_a_run_at_work_is_left_alone(run):
     assert contents(run).keys() == before.keys()
 
 
+@pytest.mark.slow  # a report
 def test_pictures_go_and_come_back_with_the_report_and_results_stay(run):
     before = contents(run)
     size = sum(len(data) for data in before.values())

@@ -94,6 +94,7 @@ def test_the_report_of_all_leads_to_that_of_each(together):
         assert "BODY.E" in (run / "experiments" / name / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow  # three runs; of one experiment: faults/test_resume.py
 def test_an_interrupted_run_of_several_goes_on_to_the_same_bits(pair, together, tmp_path):
     class Stop(Exception):
         pass
