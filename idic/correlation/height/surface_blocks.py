@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from idic.correlation.pixels.blocks import dot3
+from idic.correlation.pixels.blocks import dot3, to_nodes
 from idic.correlation.pixels.cells import N_NODES, TRANSFORMS
 from idic.correlation.pixels.pixel_map import PixelMap
 
@@ -62,7 +62,7 @@ def _block_sums(elements, start, a, b, fx, fy, valid, kind, transforms, n_nodes,
                         products[k, m, half] += x
                         products[k, m, half + 1] += y
                         products[k, m, half + 2] += z
-        _to_nodes(products, transforms[kind[e]], n, out[index])
+        to_nodes(products, transforms[kind[e]], n, out[index])
 
 
 @njit(cache=True, nogil=True)
@@ -77,23 +77,6 @@ def _fill(a, b, fx, fy, keep, powers, weight):
         x, y = w * fx[k], w * fy[k]
         weight[0, k], weight[1, k], weight[2, k] = x * x, x * y, y * y
         weight[3, k], weight[4, k], weight[5, k] = -x, -y, w
-
-
-@njit(cache=True, nogil=True)
-def _to_nodes(products, transform, n, out):
-    """sum_kl T[k, i] T[l, j] S[k, l] for j <= i; `products` holds the lower half of S."""
-    half = np.zeros((8, 8, 6))
-    for k in range(n):
-        for m in range(n):
-            source = products[k, m] if m <= k else products[m, k]
-            for j in range(n):
-                for c in range(6):
-                    half[k, j, c] += transform[m, j] * source[c]
-    for i in range(n):
-        for j in range(i + 1):
-            for k in range(n):
-                for c in range(6):
-                    out[i * (i + 1) // 2 + j, c] += transform[k, i] * half[k, j, c]
 
 
 @njit(cache=True, nogil=True)

@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
-from idic.correlation.pixels.cells import (N_MONOMIALS, N_NODES, TRANSFORMS, monomial_slopes, monomials,
-                                           sort_by_owner, to_monomials)
+from idic.correlation.pixels.cells import (N_MONOMIALS, N_NODES, TRANSFORMS, monomial_slopes, monomials, newton_step,
+                                           outside_by, sort_by_owner, to_monomials)
 from idic.correlation.pixels.pixel_map import (EDGE_TOLERANCE, PixelMap, checked_mask, element_boxes, flat_elements,
                                                nothing_visible)
 from idic.fe.mesh.mesh import Block, Mesh, boundary_faces, face_cells
@@ -143,7 +143,7 @@ def _find_hits(geometry, triangle, boxes, mask, ideal, column0, row0, tolerance,
                     pa, pb = middle, middle
                     continue
                 pa, pb = qa, qb
-                beyond = max(-qa, -qb, qa + qb - 1.0) if triangle[e] else max(abs(qa), abs(qb)) - 1.0
+                beyond = outside_by(triangle[e], qa, qb)
                 if beyond > tolerance:
                     continue
                 z, cosine = _facing(geometry[e], p, q, qa, qb)
@@ -176,15 +176,9 @@ def _hit(g, p, q, a, b):
             m01 += w0 * by_b
             m10 += w1 * by_a
             m11 += w1 * by_b
-        det = m00 * m11 - m01 * m10
-        if det == 0.0:
-            return False, a, b
-        da, db = (m11 * r0 - m01 * r1) / det, (m00 * r1 - m10 * r0) / det
-        a, b = a + da, b + db
-        if not (abs(a) < 10.0 and abs(b) < 10.0):
-            return False, a, b
-        if abs(da) + abs(db) < 1e-8:  # quadratic convergence: the next step would be 1e-16
-            return True, a, b
+        going_on, found, a, b = newton_step(a, b, m00, m01, m10, m11, r0, r1)
+        if not going_on:
+            return found, a, b
     return False, a, b
 
 

@@ -121,7 +121,7 @@ def _element_sums(elements, start, a, b, f, fx, fy, valid, kind, transforms, n_n
             _fill(a[s:t], b[s:t], f[s:t], fx[s:t], fy[s:t], keep, powers, weight, slope)
             _accumulate(powers, weight, slope, n, t - s, products, moments, grey[index])
         transform = transforms[kind[e]]
-        _to_nodes(products, transform, n, hessian[index])
+        to_nodes(products, transform, n, hessian[index])
         for i in range(n):
             for k in range(n):
                 for c in range(2):
@@ -176,17 +176,21 @@ def _accumulate(powers, weight, slope, n, count, products, moments, grey):
 
 
 @njit(cache=True, nogil=True)
-def _to_nodes(products, transform, n, out):
-    """sum_kl T[k, i] T[l, j] S[k, l] for j <= i; `products` holds the lower half of S."""
-    half = np.zeros((8, 8, 3))
+def to_nodes(products, transform, n, out):
+    """sum_kl T[k, i] T[l, j] S[k, l] for j <= i of every component.
+
+    products (8, 8, n_components) holds the lower half of S; out (n (n + 1) / 2, n_components).
+    """
+    n_components = products.shape[2]
+    half = np.zeros((8, 8, n_components))
     for k in range(n):
         for m in range(n):
             source = products[k, m] if m <= k else products[m, k]
             for j in range(n):
-                for c in range(3):
+                for c in range(n_components):
                     half[k, j, c] += transform[m, j] * source[c]
     for i in range(n):
         for j in range(i + 1):
             for k in range(n):
-                for c in range(3):
+                for c in range(n_components):
                     out[i * (i + 1) // 2 + j, c] += transform[k, i] * half[k, j, c]

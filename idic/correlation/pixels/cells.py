@@ -109,11 +109,34 @@ def find_owners(geometry, triangle, boxes, mask, column0, row0, tolerance):
                     pa, pb = middle, middle
                     continue
                 pa, pb = qa, qb
-                beyond = max(-qa, -qb, qa + qb - 1.0) if triangle[e] else max(abs(qa), abs(qb)) - 1.0
+                beyond = outside_by(triangle[e], qa, qb)
                 if beyond < excess[i, j]:
                     excess[i, j] = beyond
                     owner[i, j], a[i, j], b[i, j] = e, qa, qb
     return owner, a, b
+
+
+@njit(cache=True, nogil=True)
+def outside_by(triangle, a, b):
+    """How far a place is beyond the edges of its cell, in its own coordinates; negative: inside."""
+    return max(-a, -b, a + b - 1.0) if triangle else max(abs(a), abs(b)) - 1.0
+
+
+@njit(cache=True, nogil=True)
+def newton_step(a, b, xa, xb, ya, yb, rx, ry):
+    """(whether to go on, whether it is found, new a, new b) of J (da, db) = r with J = (xa, xb; ya, yb).
+
+    It ends without a place where J is singular or the place wanders off.
+    """
+    det = xa * yb - xb * ya
+    if det == 0.0:
+        return False, False, a, b
+    da, db = (yb * rx - xb * ry) / det, (xa * ry - ya * rx) / det
+    a, b = a + da, b + db
+    if not (abs(a) < 10.0 and abs(b) < 10.0):
+        return False, False, a, b
+    found = abs(da) + abs(db) < 1e-8  # quadratic convergence: the next step would be 1e-16
+    return not found, found, a, b
 
 
 @njit(cache=True, nogil=True)
@@ -130,15 +153,9 @@ def invert(g, x, y, a, b):
         xb = g[0, 2] + a * g[0, 3] + 2.0 * b * g[0, 5] + aa * g[0, 6] + 2.0 * ab * g[0, 7]
         ya = g[1, 1] + b * g[1, 3] + 2.0 * a * g[1, 4] + 2.0 * ab * g[1, 6] + bb * g[1, 7]
         yb = g[1, 2] + a * g[1, 3] + 2.0 * b * g[1, 5] + aa * g[1, 6] + 2.0 * ab * g[1, 7]
-        det = xa * yb - xb * ya
-        if det == 0.0:
-            return False, a, b
-        da, db = (yb * rx - xb * ry) / det, (xa * ry - ya * rx) / det
-        a, b = a + da, b + db
-        if not (abs(a) < 10.0 and abs(b) < 10.0):
-            return False, a, b
-        if abs(da) + abs(db) < 1e-8:  # quadratic convergence: the next step would be 1e-16
-            return True, a, b
+        going_on, found, a, b = newton_step(a, b, xa, xb, ya, yb, rx, ry)
+        if not going_on:
+            return found, a, b
     return False, a, b
 
 

@@ -112,6 +112,24 @@ def constant_part(J, dt, params):
 
 
 @inner
+def bracketed_step(z, r, slope, low, high):
+    """(next z, bracket, whether it is the root) of a Newton step that stays inside its bracket; all real."""
+    if r > 0.0:
+        high = z
+    else:
+        low = z
+    step = -r / slope
+    if slope > 0.0 and abs(step) <= MAX_LAST_STEP:
+        return z + step, low, high, True
+    if not slope > 0.0:
+        step = -math.copysign(MAX_STEP, r)
+    new = z + min(max(step, -MAX_STEP), MAX_STEP)
+    if not low < new < high:
+        new = 0.5 * (low + high) if low > -math.inf else high - MAX_STEP
+    return new, low, high, high - low <= 1e-14 * (1.0 + abs(high))
+
+
+@inner
 def real_root(invariants, gamma_n, constant, rate_dt, params):
     """Root z of r, all real; NaN where there is none below `MAX_Z`. ``rate_dt``: x of the last step's rate, or 0.
 
@@ -128,21 +146,9 @@ def real_root(invariants, gamma_n, constant, rate_dt, params):
         r, slope = residual(z, math.exp(z), invariants, gamma_n, constant, params)[:2]
         if not math.isfinite(r):
             return math.nan
-        if r > 0.0:
-            high = z
-        else:
-            low = z
-        step = -r / slope
-        if slope > 0.0 and abs(step) <= MAX_LAST_STEP:
-            return z + step
-        if not slope > 0.0:
-            step = -math.copysign(MAX_STEP, r)
-        new = z + min(max(step, -MAX_STEP), MAX_STEP)
-        if not low < new < high:
-            new = 0.5 * (low + high) if low > -math.inf else high - MAX_STEP
-        if high - low <= 1e-14 * (1.0 + abs(high)):
-            return new
-        z = new
+        z, low, high, found = bracketed_step(z, r, slope, low, high)
+        if found:
+            return z
     return math.nan
 
 

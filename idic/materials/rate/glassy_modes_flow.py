@@ -19,11 +19,10 @@ import numpy as np
 from idic.materials.core.inner import inner
 from idic.materials.core.symmetric import adjugate, deviatoric_product, trace_of_product
 from idic.materials.rate.glassy_flow import (
-    MAX_LAST_STEP,
+    bracketed_step,
     MAX_Z,
     MAX_ITERATIONS,
     KAPPA,
-    MAX_STEP,
     MIN_SHEAR,
     MU,
     TAU0,
@@ -154,19 +153,7 @@ def real_root(modes, gamma_n, constant, E_before, params):
         r, slope = residual(z, math.exp(z), modes, gamma_n, constant, params)
         if not math.isfinite(r):
             return math.nan
-        if r > 0.0:
-            high = z
-        else:
-            low = z
-        step = -r / slope
-        if slope > 0.0 and abs(step) <= MAX_LAST_STEP:
-            return z + step
-        if not slope > 0.0:
-            step = -math.copysign(MAX_STEP, r)
-        new = z + min(max(step, -MAX_STEP), MAX_STEP)
-        if not low < new < high:
-            new = 0.5 * (low + high) if low > -math.inf else high - MAX_STEP
-        if high - low <= 1e-14 * (1.0 + abs(high)):
-            return new
-        z = new
+        z, low, high, found = bracketed_step(z, r, slope, low, high)
+        if found:
+            return z
     return math.nan
