@@ -42,6 +42,7 @@ from idic.identify.step.increments import increment_notes, increments_entry, tim
 from idic.identify.step.state import Evaluation, LoopState
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.images.pinhole import PARAMETERS as LENS_PARAMETERS
+from idic.images.placed_camera import TURN
 from idic.materials import get_law
 from idic.model.experiment import Experiment
 from idic.model.heterogeneity import strayed
@@ -233,7 +234,7 @@ class Analysis:
         if alike < MIN_IMITATED_CORRELATION:
             return ("it changes neither images nor channels by more than the noise"
                     + (": a camera shows only where the specimen deforms or turns"
-                       if self.names[i].rpartition(".")[2] in {*CAMERA_PARAMETERS, *LENS_PARAMETERS} else "")
+                       if self.names[i].rpartition(".")[2] in {*CAMERA_PARAMETERS, *LENS_PARAMETERS, *TURN} else "")
                     + (f" (correlation {alike:.2f} with {shown})" if partners else ""))
         gauges = [other for other in partners if other.startswith("boundary.") and other.endswith(".scale")]
         if gauges and self._is_stress(self.names[i]):

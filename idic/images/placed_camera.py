@@ -3,10 +3,12 @@
     X1 = W(X; placement)                 mesh axes, `idic.images.rigid_motion`; degrees of freedom ``placement.t_z`` ...
     X2 = W(X1; motion of the frame)      degrees of freedom ``placement.t_z_drift`` ...
     Z  = R0 X2 + d0                      where the mesh was put, by the user or by an alignment
-    pixel = lens(Z)                      degrees of freedom ``camera.fx`` ..., `idic.images.pinhole`
+    Y  = R Z + t                         pose of the calibration; degrees of freedom ``camera.rotation_x`` ... ``t_z``
+    pixel = lens(R1 Y)                   R1: ``camera.turn_x`` ..., about the camera's own centre; ``camera.fx`` ...
 
-The lens keeps the pose of the calibration file, so that its deviations are priors of its degrees of freedom. Placement
-and motion are common to all cameras of a rig.
+The lens keeps the pose of the calibration file, so that its deviations are priors of its degrees of freedom. Rotation
+with the translation held turns the camera about the origin of the rig, and moves it along; a camera that was knocked
+turns about its own centre. Placement and motion are common to all cameras of a rig.
 """
 
 from __future__ import annotations
@@ -19,10 +21,11 @@ import numpy as np
 from idic.errors import InputError
 from idic.images.camera import Camera
 from idic.images.pinhole import PARAMETERS as LENS_PARAMETERS
-from idic.images.pinhole import PinholeCamera, rotation_of
+from idic.images.pinhole import INTRINSIC, POSE, PinholeCamera, left_jacobian, rotation_of
 from idic.images.rigid_motion import RIGID, RigidMotion, displaced, rigid_slope
 
 PLACEMENT_STEM = "placement"
+TURN = ("turn_x", "turn_y", "turn_z")  # deg
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +42,8 @@ class PlacedCamera:
         Rotation vector (deg) and translation (mm) of the degrees of freedom of the placement.
     pivot_mm : array (3,)
         Point of the mesh frame about which placement and motion turn.
+    turn_deg : array (3,)
+        Rotation vector, in the camera's frame, by which the camera was turned about its own centre.
     motion : RigidMotion, optional
         Of the specimen; `at` gives the camera of a frame.
     frame : int, optional
@@ -52,9 +57,10 @@ class PlacedCamera:
     pivot_mm: np.ndarray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
     motion: RigidMotion | None = None
     frame: int | None = None
+    turn_deg: np.ndarray = (0.0, 0.0, 0.0)  # type: ignore[assignment]
 
     def __post_init__(self):
-        for name in ("rotation", "translation_mm", "placement", "pivot_mm"):
+        for name in ("rotation", "translation_mm", "placement", "pivot_mm", "turn_deg"):
             array = np.array(getattr(self, name), dtype=float)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
@@ -69,6 +75,14 @@ class PlacedCamera:
         return np.zeros(6) if self.motion is None or self.frame is None else self.motion.at(self.frame)
 
     @property
+    def aimed(self) -> PinholeCamera:
+        """The lens in the frame of the calibration, turned about its own centre."""
+        if not self.turn_deg.any():
+            return self.lens
+        turn = rotation_of(self.turn_deg)
+        return self.lens.placed(turn @ self.lens.rotation, turn @ self.lens.translation_mm)
+
+    @property
     def effective(self) -> PinholeCamera:
         """One camera that does the same from the mesh frame."""
         place, move = self.placement, self.moved
@@ -76,7 +90,8 @@ class PlacedCamera:
         rotation = turn @ rotation_of(place[:3])
         shift = self.pivot_mm - rotation @ self.pivot_mm + turn @ place[3:] + move[3:]
         rotation, shift = self.rotation @ rotation, self.rotation @ shift + self.translation_mm
-        return self.lens.placed(self.lens.rotation @ rotation, self.lens.rotation @ shift + self.lens.translation_mm)
+        lens = self.aimed
+        return lens.placed(lens.rotation @ rotation, lens.rotation @ shift + lens.translation_mm)
 
     # points ---------------------------------------------------------------------------------------
     def project(self, points: np.ndarray) -> np.ndarray:
@@ -94,7 +109,7 @@ class PlacedCamera:
     @property
     def key(self) -> tuple:
         """What decides which points of the mesh the pixels of the reference frame show; hashable."""
-        lens = self.lens
+        lens = self.aimed
         return (lens.intrinsic.tobytes(), lens.rotation.tobytes(), lens.translation_mm.tobytes(),
                 self.rotation.tobytes(), self.translation_mm.tobytes(), self.placement.tobytes(),
                 self.pivot_mm.tobytes())
@@ -107,15 +122,17 @@ class PlacedCamera:
 
     # degrees of freedom ---------------------------------------------------------------------------
     def values(self) -> dict[str, float]:
-        """The present values of lens (by name) and placement (``placement.t_z``)."""
+        """The present values of lens and turn (by name) and placement (``placement.t_z``)."""
         placed = zip(RIGID, self.placement.tolist(), strict=True)
-        return self.lens.values() | {f"{PLACEMENT_STEM}.{name}": value for name, value in placed}
+        turned = dict(zip(TURN, self.turn_deg.tolist(), strict=True))
+        return self.lens.values() | turned | {f"{PLACEMENT_STEM}.{name}": value for name, value in placed}
 
     def with_parameters(self, values: Mapping[str, float]) -> PlacedCamera:
         """The camera with these of `values` set, and amplitudes of its motion (``placement.t_z_drift``)."""
         stem = f"{PLACEMENT_STEM}."
         placed = {name.removeprefix(stem): float(value) for name, value in values.items() if name.startswith(stem)}
-        lens = {name: value for name, value in values.items() if not name.startswith(stem)}
+        turn = np.array([values.get(name, old) for name, old in zip(TURN, self.turn_deg, strict=True)], dtype=float)
+        lens = {name: value for name, value in values.items() if not name.startswith(stem) and name not in TURN}
         motion = self.motion
         if motion is not None:
             motion = motion.with_values(placed)
@@ -125,13 +142,13 @@ class PlacedCamera:
                              remedy="use one of these names")
         placement = np.array([placed.get(name, old) for name, old in zip(RIGID, self.placement, strict=True)])
         return replace(self, lens=self.lens.with_parameters(lens) if lens else self.lens, placement=placement,
-                       motion=motion)
+                       motion=motion, turn_deg=turn)
 
     def parameter_jacobian(self, points: np.ndarray, name: str) -> np.ndarray:
         """d (column, row) of fixed mesh points by a degree of freedom  # (n, 2|3) mm -> (n, 2) px per unit"""
         points = _space(points)
-        if name in LENS_PARAMETERS:
-            return self.lens.parameter_jacobian(self._in_rig(points), name)
+        if name in (*LENS_PARAMETERS, *TURN):
+            return self._lens_slope(self._in_rig(points), name)
         own = name.removeprefix(f"{PLACEMENT_STEM}.")
         placed = displaced(points, self.placement, self.pivot_mm)
         if own in RIGID:
@@ -143,9 +160,25 @@ class PlacedCamera:
             k, course = self.motion.course(own, self.frame)
             slope = course * rigid_slope(placed, self.moved, self.pivot_mm, k)
         else:
-            raise InputError("no such camera parameter", key=name, expected=", ".join([*LENS_PARAMETERS, *RIGID]),
-                             remedy="use one of these names")
-        return np.einsum("nij,nj->ni", self.lens.jacobian(self._in_rig(points)), slope @ self.rotation.T)
+            raise InputError("no such camera parameter", key=name,
+                             expected=", ".join([*LENS_PARAMETERS, *TURN, *RIGID]), remedy="use one of these names")
+        return np.einsum("nij,nj->ni", self.aimed.jacobian(self._in_rig(points)), slope @ self.rotation.T)
+
+    def _lens_slope(self, points: np.ndarray, name: str) -> np.ndarray:
+        """d (column, row) by a value of lens, pose or turn  # points (n, 3) mm of the rig -> (n, 2)"""
+        lens = self.lens
+        if name in INTRINSIC or not (self.turn_deg.any() or name in TURN):
+            return self.aimed.parameter_jacobian(points, name)
+        turn, own = rotation_of(self.turn_deg), points @ lens.rotation.T
+        if name in TURN:
+            axis = np.radians(1.0) * left_jacobian(self.turn_deg)[:, TURN.index(name)]
+            slope = np.cross(axis, (own + lens.translation_mm) @ turn.T)
+        elif (k := POSE.index(name)) < 3:
+            slope = np.cross(np.radians(1.0) * left_jacobian(lens.turned_deg)[:, k], own) @ turn.T
+        else:
+            slope = np.broadcast_to(turn[:, k - 3], own.shape)
+        here = lens.placed(np.eye(3), np.zeros(3))
+        return np.einsum("nij,nj->ni", here.jacobian((own + lens.translation_mm) @ turn.T), slope)
 
     def is_motion(self, name: str) -> bool:
         """Whether a degree of freedom is an amplitude of the motion: it leaves the reference frame as it is."""

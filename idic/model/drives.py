@@ -12,7 +12,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Mesh, boundary_edges, boundary_faces, face_set_nodes
-from idic.fe.mesh.surface_edges import normal_axis, rim_second_differences, second_difference, seen_first
+from idic.fe.mesh.surface_edges import followed, normal_axis, rim_second_differences, second_difference, seen_first
 from idic.images.placed_camera import PlacedCamera
 from idic.model.boundary_modes import edge_shapes, start_and_middle, time_courses
 from idic.model.corrections import correction_parameter, corrections_of, pattern
@@ -265,10 +265,11 @@ class _Builder:
                              found=f"{len(nodes)} nodes whose seen neighbours an earlier [[boundary]] measures",
                              remedy="measure both in one set")
         own = np.unique(leaders)
-        for leader in own:
+        weights = np.eye(len(nodes)) if mesh.n_dim == 2 else followed(mesh.nodes[nodes], leaders)[0]
+        for leader, weight in zip(own, weights.T, strict=True):
             index = self._drive(f"{stem}.node{mesh.node_labels[nodes[leader]]}", np.zeros(self.frames))
-            moved = rows[leaders == leader]
-            self._pattern(moved, index, np.ones(len(moved)))
+            moved = np.flatnonzero(weight)
+            self._pattern(rows[moved], index, weight[moved])
             self.local.append(index)
             self.measured.append(True)
         std = drive.smoothing * MEASURED_ROUGHNESS_PX * pixel_size(self.experiment)

@@ -96,7 +96,7 @@ def test_columns_are_difference_quotients_of_the_position_in_the_frame(name):
 
 
 @pytest.mark.parametrize("name", ["plate", "tube"])
-@pytest.mark.parametrize("parameter", LENS + PLACES)
+@pytest.mark.parametrize("parameter", LENS + PLACES + ("turn_x", "turn_y"))
 def test_the_column_of_a_camera_parameter_is_the_change_of_the_position_at_fixed_pixels(name, parameter):
     """The exact way: with the changed camera every pixel is traced to its new material point and carried again."""
     mesh, surface, camera, reference, _, _ = case(name)

@@ -46,18 +46,27 @@ def tube(along: int, around: int, through: int) -> Mesh:
                          CUT=np.flatnonzero((np.abs(z + OUTER) < 1e-9) & ~ends))
 
 
-def tube_test(folder: Path) -> PlateTest:
+def tube_test(folder: Path, size: Size = SIZE) -> PlateTest:
     """The test before noise; CalculiX in `folder`."""
-    mesh = tube(*SIZE.true[:3])
-    u, force = pulled(folder, mesh, VALUES, GRIP, ("LEFT, 1, 3", "RIGHT, 2, 3", "CUT, 3, 3"))
+    mesh = tube(*size.true[:3])
+    return _test(mesh, *pulled(folder, mesh, VALUES, GRIP, ("LEFT, 1, 3", "RIGHT, 2, 3", "CUT, 3, 3")), size)
+
+
+def still_tube(size: Size) -> PlateTest:
+    """The user's mesh at rest in every frame."""
+    mesh = tube(*size.user[:3])
+    return _test(mesh, np.zeros((len(GRIP), mesh.n_nodes, 3)), np.zeros(len(GRIP)), size)
+
+
+def _test(mesh: Mesh, u: np.ndarray, force: np.ndarray, size: Size) -> PlateTest:
     scene = Scene(mesh.nodes, face_cells(mesh, mesh.edge_sets["FRONT"]), face_cells(mesh, mesh.edge_sets["REST"]))
-    return PlateTest(scene, u, GRIP, force, rig(SIZE.shape, SIZE.pixel, SIZE.distance, (-15.0, 15.0)),
-                     tube(*SIZE.user[:3]), SIZE)
+    return PlateTest(scene, u, GRIP, force, rig(size.shape, size.pixel, size.distance, (-15.0, 15.0)),
+                     tube(*size.user[:3]), size)
 
 
-def write_tube(folder: Path, test: PlateTest, seed: int = 0) -> Path:
+def write_tube(folder: Path, test: PlateTest, seed: int = 0, deviations: dict[str, float] | None = None) -> Path:
     """The experiment folder, as that of the example stereo with another body."""
-    file = write_plate(folder, test, seed=seed)
+    file = write_plate(folder, test, seed=seed, deviations=deviations)
     file.write_text(file.read_text().replace(
         "[[channel]]", '[[boundary]]\nnodes = "CUT"\nuz = 0.0\n\n[[channel]]'))
     return file
@@ -67,5 +76,3 @@ def measured_end(text: str) -> str:
     """The experiment with the motion of the right end measured in all components, in the place of the log."""
     return text.replace('ux = { column = "grip_displacement_mm", noise_std = 0.0002 }\nuy = 0.0\nuz = 0.0',
                         'ux = "measured"\nuy = "measured"\nuz = "measured"')
-
-

@@ -1,12 +1,13 @@
-"""Repeats of the stereo plate: one truth, and noise of images, force and grip and an error of the calibration per draw.
+"""Repeats of a stereo test: one truth, and noise of images, force and grip and an error of the calibration per draw.
 
-The truth is computed on the mesh and with the increments of the model, so that errors are those of noise and
+The truth is the simulation on the mesh and with the increments of the model, so that errors are those of noise and
 calibration alone; images are by ray tracing. Every estimate is one step of Gauss and Newton from the truth: the
 simulation and its derivatives are common to all draws.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,9 +17,10 @@ from idic.correlation.context import CorrelationContext, FrameResponse
 from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.frame_equations import frame_system, with_all_cameras
 from idic.correlation.shared_noise import closed_system, generalised_weights
-from idic.correlation.system import reduce_systems
+from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.dic.stereo import surface_motion
 from idic.experiment_file.load import load_experiment
+from idic.fe.mesh.mesh import face_cells
 from idic.identify.covariance import covariance, scaled_system, spectrum
 from idic.identify.kept_simulation import response_of
 from idic.identify.weights import noise_weights
@@ -27,11 +29,10 @@ from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
 from idic.parameters import JointPrior, ParameterSet
 from idic.virtual_tests.render import Sensor, record
-from idic.virtual_tests.stereo.plate import (FORCE_NOISE_N, GRIP_NOISE_MM, INCREMENTS, REDUCED, TRUTH, PlateTest,
-                                             plate_test, speckle_of, write_plate)
-from idic.virtual_tests.stereo.ray_tracing import traced_image
+from idic.virtual_tests.stereo.plate import (FORCE_NOISE_N, GRIP_NOISE_MM, INCREMENTS, TRUTH, PlateTest, speckle_of,
+                                             write_plate)
+from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
 
-SIZE = replace(REDUCED, true=REDUCED.user)
 FOCAL_SHARE, ANGLE_DEG = 0.003, 0.1  # standard deviations of the calibration
 MATERIAL = tuple(TRUTH)
 
@@ -66,12 +67,16 @@ class Draw:
     mean: np.ndarray
 
 
-def build_repeats(folder: Path) -> Repeats:
-    """Simulate and trace the test once."""
-    test = plate_test(SIZE)
+def build_repeats(folder: Path, test: PlateTest, write: Callable[..., Path] = write_plate) -> Repeats:
+    """Simulate and trace the test once.
+
+    test : its mesh, rig and grip are used; write : makes the experiment folder of a test, with `deviations` of the
+    calibration
+    """
     fx = test.rig.cameras[0].fx
     stated = {f"{n}.{name}": FOCAL_SHARE * fx for n in (0, 1) for name in ("fx", "fy")} | {"1.rotation_y": ANGLE_DEG}
-    file = write_plate(folder, test, deviations=stated)
+    at_rest = replace(test, displacements=0.0 * test.displacements)
+    file = write(folder, at_rest, deviations=stated)
     text = file.read_text().replace('calibration = "calibration.json"',
                                     'calibration = "calibration.json"\nidentify_calibration = true')
     file.write_text(f"{text}\n[options]\nsubsteps = {INCREMENTS}\n")
@@ -82,14 +87,18 @@ def build_repeats(folder: Path) -> Repeats:
     logged = next(entry.drive.values for entry in experiment.prescribed if entry.nodes == "RIGHT"
                   and entry.component == "x")
     states = forward.march(parameters, moving, (test.grip - logged)[:, None], None, True)
-    responses = tuple(response_of(at, experiment.reference) for at in states if at.frame > 0)
-    texture = speckle_of(np.random.default_rng(0).spawn(1)[0], SIZE)
+    responses = tuple(response_of(at, experiment.reference) for at in states)
+    mesh = test.mesh
+    test = replace(test, displacements=np.array([at.u for at in responses]),
+                   force=np.array([at.channels[0] for at in responses]),
+                   scene=Scene(mesh.nodes, *(face_cells(mesh, mesh.edge_sets[name]) for name in ("FRONT", "REST"))))
+    texture = speckle_of(np.random.default_rng(0).spawn(1)[0], test.size)
     noise = experiment.noise.std_gv
-    sensor = Sensor(SIZE.shape, background=0.1 * 256.0, noise_std=float(np.sqrt(noise**2 - 1.0 / 12.0)))
+    sensor = Sensor(test.size.shape, background=0.1 * 256.0, noise_std=float(np.sqrt(noise**2 - 1.0 / 12.0)))
     clean = tuple(np.array([traced_image(test.scene, u, camera, texture.value, sensor) for u in test.displacements])
                   for camera in test.rig.cameras)
     prior, = experiment.parameters.joint
-    return Repeats(test, experiment, parameters, responses, clean, sensor, prior)
+    return Repeats(test, experiment, parameters, responses[1:], clean, sensor, prior)
 
 
 def draw(repeats: Repeats, rng: np.random.Generator) -> Draw:
@@ -104,25 +113,43 @@ def draw(repeats: Repeats, rng: np.random.Generator) -> Draw:
     return Draw(noisy, GRIP_NOISE_MM * rng.standard_normal(n), mean)
 
 
-def integrated(repeats: Repeats, one: Draw) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray]:
-    """Names, errors and stated standard deviations of all free degrees of freedom, both scaled, and errors of the
-    material where the calibration is known  # (n,), (n,), (n_material,)"""
-    experiment, parameters = one.experiment, repeats.parameters
-    forward, names = build_forward(experiment), parameters.free
+def integrated(repeats: Repeats, one: Draw) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Names, errors and stated standard deviations of all free degrees of freedom, both scaled  # (n,), (n,)"""
+    names = repeats.parameters.free
+    system, gram = _summed(repeats, one, one.experiment, names)
+    believed = ParameterSet(repeats.parameters.values(), (replace(repeats.prior, mean=one.mean),))
+    return names, *_step(system, believed, gram, one.experiment)
+
+
+def of_material(repeats: Repeats, one: Draw, both: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """Errors and stated standard deviations of the material, scaled, where the calibration is known
+    # (n_material,), (n_material,)
+
+    both : from two cameras, or from the first alone
+    """
+    experiment = one.experiment if both else replace(one.experiment, cameras=())
+    system, gram = _summed(repeats, one, experiment, MATERIAL)
+    return _step(system, ParameterSet(repeats.parameters.values()), gram, experiment)
+
+
+def _summed(repeats: Repeats, one: Draw, experiment: Experiment, names: tuple[str, ...]):
+    """The equations of all frames at the truth, and the Gram matrix of the reference."""
+    parameters, forward = repeats.parameters, build_forward(experiment)
     moving = tuple(name for name in names if forward.moves(name))
     camera = camera_at(experiment, parameters)
-    weights = generalised_weights(noise_weights(experiment))
     context = with_all_cameras(CorrelationContext(
-        experiment, parameters, names, moving, camera, build_reference(experiment, camera), weights,
-        forward.drives.local_precision, local_scatter=forward.drives.local_scatter))
+        experiment, parameters, names, moving, camera, build_reference(experiment, camera),
+        generalised_weights(noise_weights(experiment)), forward.drives.local_precision,
+        local_scatter=forward.drives.local_scatter))
     systems = [frame_system(context, response, -one.grip_error[[response.frame]]) for response in repeats.responses]
-    system, gram = closed_system(context, reduce_systems(systems))
-    believed = ParameterSet(parameters.values(), (replace(repeats.prior, mean=one.mean),))
-    scaled = scaled_system(system, believed, gram, weights.image_noise)
+    return closed_system(context, reduce_systems(systems))
+
+
+def _step(system: CorrelationSystem, believed: ParameterSet, gram: np.ndarray, experiment: Experiment):
+    """Errors of one step from the truth and their stated standard deviations, scaled  # (n,), (n,)"""
+    scaled = scaled_system(system, believed, gram, noise_weights(experiment).image_noise)
     found = spectrum(scaled)
-    known = [names.index(name) for name in MATERIAL]
-    alone = np.linalg.solve(scaled.M[np.ix_(known, known)], scaled.b[known])
-    return names, found.inverse @ scaled.b, np.sqrt(np.diagonal(covariance(scaled, found))), alone
+    return found.inverse @ scaled.b, np.sqrt(np.diagonal(covariance(scaled, found)))
 
 
 def two_steps(repeats: Repeats, one: Draw) -> np.ndarray:

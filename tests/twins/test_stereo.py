@@ -125,6 +125,21 @@ def test_errors_of_the_calibration_come_back_with_its_deviations(tmp_path):
     assert found["parameters"]["right.rotation_y"]["std_noise"] < 0.1 * 0.1
 
 
+@pytest.mark.slow  # half a minute of processor time
+def test_a_blow_after_the_calibration_is_found_as_a_turn_about_the_own_centre(tmp_path):
+    test = plate_test(REDUCED)
+    right = test.rig.cameras[1]
+    turn = Rotation.from_rotvec([0.0, np.deg2rad(0.1), 0.0]).as_matrix()
+    before = replace(right, rotation=turn @ right.rotation, translation_mm=turn @ right.translation_mm)
+    file = write_plate(tmp_path, test, believed=replace(test.rig, cameras=(test.rig.cameras[0], before)))
+    file.write_text(file.read_text() + "".join(f'\n[[dof]]\nname = "right.turn_{axis}"\n' for axis in "xyz"))
+    found = identify(load_experiment(file)).result
+    true = TRUTH | {"right.turn_x": 0.0, "right.turn_y": -0.1, "right.turn_z": 0.0}
+    assert found["status"] == "converged"
+    assert max(abs(score) for score in scores(found, true).values()) < 3.0
+    assert found["parameters"]["right.turn_y"]["std"] < 0.01
+
+
 @pytest.mark.slow
 def test_parameters_of_the_stereo_test_are_within_their_stated_deviations(folder):
     found = identify(load_experiment(folder)).result

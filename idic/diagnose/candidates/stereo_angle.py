@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
-from idic.images.placed_camera import PlacedCamera
+from idic.images.placed_camera import TURN, PlacedCamera
 
-TURNS = ("rotation_x", "rotation_y", "rotation_z")
 PROBE_DEG = 0.1
 
 
@@ -15,10 +14,10 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     for view in situation.experiment.views[1:]:
         if not isinstance(view.camera, PlacedCamera):
             continue
-        names = tuple(f"{view.camera_name}.{turn}" for turn in TURNS)
+        names = tuple(f"{view.camera_name}.{turn}" for turn in TURN)
         if (edits := further_dofs(situation, *names)) is None:
             continue
-        at = {name: view.camera.lens.values()[turn] for name, turn in zip(names, TURNS, strict=True)}
+        at = dict(zip(names, view.camera.turn_deg.tolist(), strict=True))
         found.append(Variant(f"{view.camera_name} is turned against {main}", edits, names, at,
                              {name: value + PROBE_DEG for name, value in at.items()}, direct=True))
     return tuple(found)

@@ -71,8 +71,8 @@ def carried_local(old: DriveTable, new: DriveTable, experiment: Experiment, fine
     """
     dim = experiment.n_dim
     motion = np.zeros((len(local), experiment.mesh.n_nodes * dim))
-    for column, dof in _measured_dofs(old).items():
-        motion[:, dof] = local[:, column]
+    own = np.flatnonzero(old.measured[:len(old.local)])
+    motion[:, old.dofs] = local[:, own] @ old.basis[:, np.array(old.local, dtype=int)[own]].T
     nodal = motion.reshape(len(local), -1, dim)
     fine = np.stack([(finer.carry @ nodal[:, :, i].T).T for i in range(dim)], axis=2).reshape(len(local), -1)
     carried = np.zeros((len(local), new.n_local))
@@ -83,8 +83,9 @@ def carried_local(old: DriveTable, new: DriveTable, experiment: Experiment, fine
 
 
 def _measured_dofs(drives: DriveTable) -> dict[int, int]:
-    """Column of the frame-local unknowns -> degree of freedom of the measured edge that it moves."""
-    return {column: int(drives.dofs[np.flatnonzero(drives.basis[:, drive])[0]])
+    """Column of the frame-local unknowns -> degree of freedom of the measured edge that it alone moves."""
+    alone = (drives.basis != 0.0).sum(axis=1) == 1
+    return {column: int(drives.dofs[np.flatnonzero(alone & (drives.basis[:, drive] != 0.0))[0]])
             for column, (drive, measured) in enumerate(zip(drives.local, drives.measured, strict=False))
             if measured and drives.basis[:, drive].any()}
 

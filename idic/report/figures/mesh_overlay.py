@@ -12,6 +12,7 @@ from matplotlib.colors import to_rgba
 
 from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
 from idic.images.pinhole import PARAMETERS as LENS_PARAMETERS
+from idic.images.placed_camera import TURN
 from idic.report.figures.style import CYCLE, FAINT, Picture, look, new_figure, to_picture
 from idic.report.record import RunRecord
 
@@ -106,8 +107,8 @@ def mesh_on_points(points: np.ndarray, cells: Sequence[np.ndarray], sets: Mappin
 def identified_mesh(record: RunRecord) -> Picture | None:
     """The mesh where the identified geometry and camera put it on the reference image; None where neither was free."""
     free = [name for name, entry in record.result["parameters"].items() if entry["free"]]
-    if not any(name.startswith("geometry.hole_") or name.rpartition(".")[2] in {*CAMERA_PARAMETERS, *LENS_PARAMETERS}
-               for name in free):
+    of_camera = {*CAMERA_PARAMETERS, *LENS_PARAMETERS, *TURN}
+    if not any(name.startswith("geometry.hole_") or name.rpartition(".")[2] in of_camera for name in free):
         return None
     corners = [record.nodes_px[cell[:3 if kind.startswith("tri") else 4]]
                for kind, cells in record.cells for cell in cells if kind in ("tri3", "tri6", "quad4", "quad8")]
