@@ -118,3 +118,27 @@ def test_speckle_too_fine_or_too_coarse_is_told_with_the_remedy(folder):
     assert "too fine for the pixels" in warnings(folder) and "lowpass_px" in warnings(folder)
     show(folder, speckle(sigma=5.5))
     assert "out of focus" in warnings(folder)
+
+
+def pull(folder, top_px, bottom_px):
+    """Four images in which row 10 (TOP) and row 40 (BOTTOM) move downwards by so many px until the last one."""
+    image, rows = speckle(sigma=1.4), np.arange(50.0)
+    for k in range(4):
+        moved = k / 3 * (top_px + (bottom_px - top_px) * (rows - 10.0) / 30.0)
+        shown = np.column_stack([np.interp(rows, rows + moved, column) for column in image.T])
+        tifffile.imwrite(folder / "images" / f"frame_{k:03d}.tif", np.rint(shown).astype(np.uint8))
+
+
+@pytest.mark.parametrize("top_px, bottom_px, told", [
+    (-3.0, 0.0, None),  # as the log says: y of the mesh points upwards
+    (-2.2, 0.4, None),  # a grip that slips a little, a camera that moves
+    (3.0, 0.0, "the sign of grip_um or of an entry of axes is wrong"),
+    (0.0, 3.0, "the ends are exchanged, or an axis is mirrored"),
+    (-0.5, 0.0, "pixel_size_mm, mesh_unit or the unit of grip_um may be wrong"),
+])
+def test_ends_that_move_otherwise_than_the_log_are_told(folder, top_px, bottom_px, told):
+    pull(folder, top_px, bottom_px)
+    for logged, meant in (("100,5.0", "100,100"), ("200,10.0", "200,200"), ("300,15.0", "300,300")):
+        change(folder, "loads.csv", logged, meant)
+    found = warnings(folder)
+    assert (told in found) if told else "moves TOP" not in found

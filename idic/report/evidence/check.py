@@ -15,7 +15,7 @@ from idic.model.experiment import Experiment, Noise
 from idic.model.mode_names import in_words
 from idic.readers.fields.sound_stages import check_stages
 from idic.report.evidence.cost import Cost, expected_cost
-from idic.report.evidence.placement import mirrored_axes, misplaced_still_frames
+from idic.report.evidence.placement import ends_that_move_otherwise, mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (
     implausible_scale, implausible_values, opposed_forces, pattern_warnings, start_values,
 )
@@ -211,6 +211,7 @@ def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, ar
     if experiment.quantity == "grey":
         yield from pattern_warnings(reference, roi, noise.std_gv, float(areas.mean()))
         yield from mirrored_axes(experiment, reference, roi)
+        yield from ends_that_move_otherwise(experiment, reference)
         yield from misplaced_still_frames(experiment, roi)
     contrast = float(np.nanstd(reference[roi]))
     inner = binary_erosion(roi, iterations=2)  # outside the specimen there is no height

@@ -1,5 +1,5 @@
-"""Input that contradicts the images: still frames from elsewhere, and a mesh that would fit better with an axis
-mirrored."""
+"""Input that contradicts the images: still frames from elsewhere, a mesh that would fit better with an axis mirrored,
+and ends that move otherwise than the log says."""
 
 from __future__ import annotations
 
@@ -9,14 +9,20 @@ from dataclasses import replace
 import numpy as np
 
 from idic.correlation.view import is_section
+from idic.dic.start import coarse_motion
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
 from idic.images.camera import Camera
-from idic.model.experiment import Experiment
+from idic.images.camera_motion import CameraMotion
+from idic.model.experiment import Column, Constant, Experiment
 from idic.report.evidence.plausible import MAX_PLAIN_SHARE, MIN_VISIBLE, without_pattern
 
 MAX_CHANGE_SHARE = 0.5  # of the contrast: a difference that large is a motion of speckles, or another specimen
 MAX_STILL_FRAMES = 6  # that are compared
 MAX_SHARE_OF_MIRRORED = 0.4  # of the plain part of the ROI that a mirrored mesh would leave
+MIN_LOGGED_PX = 1.5  # motion between two ends by the log: a smaller one cannot be told from slip and camera motion
+CLEAR_PX = 4.0  # such a motion is compared; later the strain may be far from even
+MAX_OTHERWISE = 0.35  # distance of the seen motion from another reading of the log, over the logged motion
+MIN_STRETCH, MAX_STRETCH = 0.3, 2.5  # motion between the ends, seen over logged
 
 
 def misplaced_still_frames(experiment: Experiment, roi: np.ndarray) -> Iterator[str]:
@@ -60,6 +66,57 @@ def mirrored_axes(experiment: Experiment, reference: np.ndarray, roi: np.ndarray
         if share < MAX_SHARE_OF_MIRRORED * here:
             yield (f"mirrored along the {name} of the image, {share:.0%} of the ROI would be without pattern; now it "
                    f"is {here:.0%}. A sign in axes may be wrong: look at the picture")
+
+
+def ends_that_move_otherwise(experiment: Experiment, reference: np.ndarray) -> Iterator[str]:
+    """Ends whose motion in the images has another sign, another place or another size than in the log.
+
+    The affine motion of the surface between the reference and the first frame whose logged motion is clear is compared
+    with the log at the driven and at the held end.
+    """
+    camera = experiment.camera
+    moving = getattr(camera, "motion", None)
+    if experiment.quantity != "grey" or experiment.points is not None or is_section(experiment) or (
+            isinstance(moving, CameraMotion) and any("_at[" in name for name in moving.names)):
+        return
+    driven = [one for one in experiment.prescribed if isinstance(one.drive, Column)]
+    counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
+    points, _ = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
+    for one in driven if len(driven) == 1 and len(counted) > 1 else ():
+        held = next((other for other in experiment.prescribed if other.component == one.component
+                     and isinstance(other.drive, Constant) and other.drive.value == 0.0), None)
+        if held is None or one.component == "z":
+            return
+        ends = [points[experiment.mesh.node_sets[nodes]] for nodes in (one.nodes, held.nodes)]
+        steps = np.zeros((experiment.n_frames, points.shape[1]))
+        steps[:, "xyz".index(one.component)] = one.drive.values
+        moved = np.array([(camera.project(ends[0] + step) - camera.project(ends[0])).mean(axis=0) for step in steps])
+        sizes = np.hypot(*moved.T)
+        frame = next((k for k in counted if sizes[k] >= CLEAR_PX), max(counted, key=lambda k: sizes[k]))
+        logged, size = moved[frame], float(sizes[frame])
+        if not size >= MIN_LOGGED_PX:  # no number, too
+            return
+        at = [camera.project(end).mean(axis=0) for end in ends]
+        found = coarse_motion(reference, experiment.picture(frame), camera.project(points), np.array(at))
+        if found is not None:
+            yield from _otherwise(found @ logged / size**2, size, one, held.nodes, experiment.labels[frame])
+
+
+def _otherwise(seen: np.ndarray, size: float, one, held: str, label: str) -> Iterator[str]:
+    """seen : (2,) motion of the driven and of the held end along the logged motion, over its size"""
+    told = (f"{one.drive.column} moves {one.nodes} by {size:.1f} px until {label} and {held} stays; in the image "
+            f"{one.nodes} moves by {seen[0] * size:.1f} px along this direction, {held} by {seen[1] * size:.1f} px")
+    for ends, meaning in (((-1.0, 0.0), f"the sign of {one.drive.column} or of an entry of axes is wrong"),
+                          ((0.0, -1.0), "the ends are exchanged, or an axis is mirrored: look at the sets in the "
+                                        "picture and at axes"),
+                          ((0.0, 1.0), "the ends are exchanged: another grip moved than the model says")):
+        if np.abs(seen - ends).max() < MAX_OTHERWISE:
+            yield f"{told}: {meaning}"
+            return
+    stretch = float(seen[0] - seen[1])
+    if not MIN_STRETCH < stretch < MAX_STRETCH:
+        yield (f"{told}: {stretch:.2g} of the logged motion between them. pixel_size_mm, mesh_unit or the unit of "
+               f"{one.drive.column} may be wrong, or the grip slips")
 
 
 def _region(experiment: Experiment) -> np.ndarray | None:

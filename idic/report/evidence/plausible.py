@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import maximum_filter, uniform_filter
 
 from idic.images.quality.speckle import speckle_size
 from idic.materials import law_for
@@ -121,12 +121,18 @@ def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
 
 
 def without_pattern(image: np.ndarray, roi: np.ndarray, noise_gv: float | None) -> np.ndarray:
-    """Pixels of the ROI around which the grey value hardly changes; `NO_PATTERN` where it nowhere does  # (n_roi,)
-    bool"""
+    """Pixels of the ROI in a window in which the grey value hardly changes; `NO_PATTERN` where it nowhere does
+
+    Returns
+    -------
+    (n_roi,) bool
+    """
     values = np.asarray(image, dtype=float)
     mean, square = uniform_filter(values, WINDOW_PX), uniform_filter(values**2, WINDOW_PX)
     local = np.sqrt(np.maximum(square - mean**2, 0.0))[roi]
     usual = float(np.percentile(local, 75)) if len(local) else 0.0
     if not usual > 3.0 * (noise_gv or 0.0) or usual == 0.0:
         return NO_PATTERN
-    return local < max(PLAIN * usual, 1.5 * (noise_gv or 0.0))
+    middle = np.zeros(values.shape, dtype=bool)
+    middle[roi] = local < max(PLAIN * usual, 1.5 * (noise_gv or 0.0))
+    return maximum_filter(middle, WINDOW_PX)[roi]
