@@ -2,8 +2,9 @@
 
 # the laws are registered in this order, which `idic laws` keeps
 from idic.materials import elastic, orthotropic, neo_hookean, mooney_rivlin  # noqa: F401
-from idic.materials.plasticity import j2_isotropic, j2_kinematic, j2_hill, viscoplastic, j2_pressure  # noqa: F401
-from idic.materials.composed import elastoplastic, free_rubber  # noqa: F401
+from idic.materials.composed import elastoplastic  # noqa: F401
+from idic.materials.plasticity import short_forms  # noqa: F401
+from idic.materials.composed import free_rubber  # noqa: F401
 from idic.materials.rate import maxwell, free_relaxation, creep  # noqa: F401
 from idic.materials import elastic_damage, nonlinear_elastic  # noqa: F401
 from idic.materials.rate import glassy_polymer  # noqa: F401

@@ -1,4 +1,4 @@
-"""The composed law against the law that it takes the place of, in turn in one run: CPU time of the same points."""
+"""The cost of a term of the composed law over linear J2 plasticity, in turn in one run: CPU time of the same points."""
 
 import time
 
@@ -42,20 +42,8 @@ def ratios_of(measured, laws, values):
     return ratios
 
 
-@pytest.mark.parametrize(("terms", "name", "places"), [
-    ("linear", "j2_linear", [0, 1, 2, 3]), ("voce+linear", "j2_voce", [0, 1, 2, 3, 4, 5]),
-    ("linear+norton", "viscoplastic", [0, 1, 2, 3, 4, 5]),
-    ("linear+armstrong_frederick", "j2_kinematic", [0, 1, 2, 3, 4, 5]),
-    ("hill48+voce+linear", "j2_hill", [0, 1, 2, 6, 7, 8, 9, 3, 4, 5])])
-def test_a_composed_law_costs_what_the_older_law_costs(measured, terms, name, places):
-    old, new = compile(name), compile(f"elastoplastic({terms})")
-    values = old.spec.defaults()
-    ratios = ratios_of(measured, (old, new), (values, values[places]))
-    assert max(ratios.values()) < 1.2
-
-
 @pytest.mark.parametrize("terms", [
-    "linear", "voce", "power", "free8", "linear+norton", "linear+perzyna", "linear+johnson_cook",
+    "voce", "power", "swift", "free8", "linear+norton", "linear+perzyna", "linear+johnson_cook",
     "drucker_prager+linear", "linear+prager", "linear+armstrong_frederick", "linear+lemaitre", "hill48+linear",
     "linear+linear*flow_stress", "orthotropic+linear"])
 def test_the_cost_of_a_term_over_linear_j2_plasticity(measured, terms):

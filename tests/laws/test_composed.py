@@ -1,5 +1,4 @@
-"""The composed law: the older laws are special cases, its terms obey their own equations, and bad combinations are
-refused."""
+"""The composed law: its short forms, the equations of its terms, and bad combinations are refused."""
 
 import pickle
 
@@ -10,20 +9,10 @@ from law_paths import follow, random_path
 from idic.errors import InputError
 from idic.materials import compile, get_law, point
 from idic.materials.composed.elastoplastic import composed_name
+from idic.materials.plasticity.short_forms import SHORT_FORMS
 
 STRAIN = np.linspace(0.0, 0.03, 16)
 E, NU, YIELD = 70e3, 0.3, 200.0
-
-SAME = {  # composed law: older law, and where the older one has the parameters of the composed one
-    "linear": ("j2_linear", [0, 1, 2, 3]),
-    "voce+linear": ("j2_voce", [0, 1, 2, 3, 4, 5]),
-    "power": ("j2_power", [0, 1, 2, 3, 4]),
-    "drucker_prager+linear": ("j2_pressure", [0, 1, 2, 4, 3]),
-    "linear+norton": ("viscoplastic", [0, 1, 2, 3, 4, 5]),
-    "linear+armstrong_frederick": ("j2_kinematic", [0, 1, 2, 3, 4, 5]),
-    "hill48+voce+linear": ("j2_hill", [0, 1, 2, 6, 7, 8, 9, 3, 4, 5]),
-}
-CASES = [terms if terms == "linear" else pytest.param(terms, marks=pytest.mark.slow) for terms in SAME]
 
 # One law with every mechanism serves most tests, its terms switched off by their values: it is compiled once.
 ALL_TERMS = ["hill48", "voce", "linear", "armstrong_frederick", "armstrong_frederick", "norton", "lemaitre"]
@@ -50,12 +39,26 @@ def equal(old, new, mode, values, own):
     assert state[:, 6].max() > 1e-3  # it has yielded
 
 
-@pytest.mark.parametrize("terms", CASES)
-def test_an_older_law_is_a_special_case(terms, mode):
-    name, places = SAME[terms]
-    old = compile(name)
-    values = old.spec.defaults()
-    equal(old, compile(f"elastoplastic({terms})"), mode, values, values[places])
+@pytest.mark.parametrize("name", SHORT_FORMS)
+def test_a_short_form_is_its_combination_with_the_parameters_by_other_names(name):
+    form, short = SHORT_FORMS[name], get_law(name)
+    whole = get_law(composed_name(form.kinds))
+    assert {*whole.parameter_names} == {*_composed_names(name)}
+    assert short.linearise.keys() == whole.linearise.keys() and short.isotropic == whole.isotropic
+    assert short.rate_dependent == whole.rate_dependent and short.state_names == whole.state_names
+
+
+def _composed_names(name):
+    longer = {short: composed for composed, short in SHORT_FORMS[name].names.items()}
+    return [longer.get(own, own) for own in get_law(name).parameter_names]
+
+
+@pytest.mark.slow  # two laws to compile
+@pytest.mark.parametrize("name", ["j2_hill", "j2_pressure"])  # parameters in another order
+def test_a_short_form_has_the_stresses_of_its_combination(name, mode):
+    old, new = compile(name), compile(composed_name(SHORT_FORMS[name].kinds))
+    values = dict(zip(_composed_names(name), old.spec.defaults(), strict=True))
+    equal(old, new, mode, old.spec.defaults(), np.array([values[own] for own in new.spec.parameter_names]))
 
 
 @pytest.mark.slow  # the whole law takes 20 s to compile
@@ -163,7 +166,8 @@ def test_the_name_of_a_combination_says_all_that_makes_it():
 @pytest.mark.parametrize(("kinds", "found"), [
     (["drucker_prager", "prager"], "drucker_prager"), (["lemaitre", "drucker_prager"], "drucker_prager"),
     (["linear", "linear"], "linear and linear"),
-    (["norton", "perzyna"], "norton and perzyna"), (["swift"], "'swift'"), (["voce"] * 9, "9")])
+    (["norton", "perzyna"], "norton and perzyna"),
+    (["swift", "swift"], "swift and swift"), (["ludwik"], "'ludwik'"), (["voce"] * 9, "9")])
 def test_terms_that_do_not_go_together_are_refused(kinds, found):
     with pytest.raises(InputError) as error:
         composed_name(kinds)

@@ -7,7 +7,7 @@ F = R U). One unknown, the growth of p, as in ``general_return.py``, with any st
     (1 + z (D + sum 2/3 C w) A) xi = t + D (e - e_k) - sum 2/3 C w a        (one pass where t is linear in e)
     q(xi) = sqrt(xi : A xi) = resistance(p + growth, growth / dt)
 
-Mises and Hill: A as in ``plasticity/j2_hill.py``. In-plane shear: q = |xi12|, p the plastic shear strain (doubled).
+Mises and Hill: A as in ``plasticity/hill48.py``. In-plane shear: q = |xi12|, p the plastic shear strain (doubled).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from idic.materials.composed.isotropic_return import IN_PLANE_SHEAR, flows
 from idic.materials.core import tensors
 from idic.materials.core.inner import inner
 from idic.materials.plasticity.elastoplastic import ABSOLUTE_TOLERANCE, MAX_ITERATIONS, RELATIVE_TOLERANCE, ROOT
-from idic.materials.plasticity.j2_kinematic import rotation, transposed
+from idic.materials.core.rotation import rotation, transposed
 
 STRAIN_TOLERANCE = 1e-9   # of a pass where the elasticity is nonlinear, over the trial strain; quadratic
 MOST_PASSES = 60

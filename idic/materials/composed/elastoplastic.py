@@ -15,9 +15,8 @@ from collections.abc import Callable, Sequence
 from idic.errors import InputError
 from idic.materials.composed import anisotropic_return, elasticity, general_return, isotropic_return
 from idic.materials.composed.flow_stress import NONE
-from idic.materials.composed.terms import (FLOW_STRESS, FREE_NAME, GROUPS, KNOTS, LISTS, REFERENCE, TERMS, TIMES, Term,
-                                           kinds_of,
-                                            term_of)
+from idic.materials.composed.terms import (
+    FLOW_STRESS, FREE_NAME, GROUPS, KNOTS, LISTS, REFERENCE, TERMS, TIMES, Term, kinds_of, term_of)
 from idic.materials.core.crack_band import CrackBand
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.core.temperature import Factor, TemperatureDependence
@@ -25,7 +24,7 @@ from idic.materials.plasticity import elastoplastic
 
 NAME = "elastoplastic"
 MOST_TERMS = 8  # in a list
-ONCE = ("linear", "prager", *kinds_of("nonlinear_elasticity"))  # two of them are one
+ONCE = ("linear", "swift", "prager", *kinds_of("nonlinear_elasticity"))  # two of them are one
 DEFAULTS = ("isotropic", "mises")  # need no mention in the name
 NEED_AXES = ("fibre", "hahn_tsai")
 COMPONENTS = ("11", "22", "33", "12", "13", "23")
@@ -93,15 +92,25 @@ def _refuse(terms: Sequence[Term]) -> None:
 
 def compose(kinds: Sequence[str]) -> LawSpec:
     """The law of these terms; raises as `composed_name`."""
-    name, terms = composed_name(kinds), _chosen(kinds)
+    return law_of(composed_name(kinds), _chosen(kinds))
+
+
+def law_of(name: str, terms: Sequence[Term]) -> LawSpec:
+    """The law of terms that go together, its parameters in their order; the elasticity comes first."""
     orthotropic = any(term.kind == "orthotropic" for term in terms)
     parameters: list[LawParameter] = list(elastoplastic.PARAMETERS)
     codes: dict[str, tuple[int, ...]] = dict.fromkeys(GROUPS, ())
     equations, states = [], list(elastoplastic.STATE_NAMES)
+    for number, term in enumerate([term for term in terms if term.group == "hardening"], 1):
+        if term.kind == "swift":  # in the place of the yield stress
+            parameters = [*parameters[:-1], *term.named(number)]
     for term in terms:
-        number, own = len(codes[term.group]) // 2 + 1, term.named(len(codes[term.group]) // 2 + 1)
+        number = len(codes[term.group]) // 2 + 1
+        own = term.named(number)
         if term.kind == "orthotropic":
-            parameters = [*own, parameters[-1]]
+            parameters = [*own, *parameters[2:]]
+        elif term.kind == "swift":
+            codes[term.group] += (term.code, parameters.index(own[0]))
         else:  # one set of axes: those of the elasticity where it has some
             codes[term.group] += (term.code, len(parameters))
             parameters += [p for p in own if not (orthotropic and p.name == "yield_surface_angle")]
@@ -117,7 +126,7 @@ def compose(kinds: Sequence[str]) -> LawSpec:
     return LawSpec(
         name=name, parameters=tuple(parameters), updates={"finite": updates},
         linearise={} if linearise is None else {"finite": linearise}, state_names=tuple(states),
-        isotropic=not orthotropic and not {"hill48", "in_plane_shear"} & {*kinds},
+        isotropic=not orthotropic and not {"hill48", "in_plane_shear"} & {term.kind for term in terms},
         reference="; ".join(["q = yield_stress + hardening, p the plastic strain", *equations,
                              "return: Simo (1992), doi:10.1016/0045-7825(92)90123-2; Simo & Hughes (1998), "
                              "doi:10.1007/b98904"]),
@@ -157,11 +166,11 @@ def _functions(codes: dict[str, tuple[int, ...]], orthotropic: bool) -> tuple[Ca
 
     Without a rate term they read no time, so the law counts as rate-independent.
     """
-    surface = codes["yield_surface"][0] if codes["yield_surface"] else isotropic_return.MISES
+    surface = codes["yield_surface"] or (isotropic_return.MISES, 0)
     hardening, rate = (*codes["hardening"], NONE, 0), codes["rate"] or (NONE, 0)
-    if orthotropic or codes["nonlinear_elasticity"] or surface == isotropic_return.IN_PLANE_SHEAR:
-        return _anisotropic(codes, orthotropic, surface, hardening, rate), None
-    if surface != isotropic_return.HILL48 and not codes["backstress"] and not codes["damage"]:
+    if orthotropic or codes["nonlinear_elasticity"] or surface[0] == isotropic_return.IN_PLANE_SHEAR:
+        return _anisotropic(codes, orthotropic, surface[0], hardening, rate), None
+    if surface[0] != isotropic_return.HILL48 and not codes["backstress"] and not codes["damage"]:
         return _isotropic(surface, hardening, rate)
     back, damage = (*codes["backstress"], NONE, 0), codes["damage"][1] if codes["damage"] else 0
 
@@ -203,7 +212,8 @@ def _moved(codes: tuple[int, ...], shift: int) -> tuple[int, ...]:
     return tuple(code - shift if i % 2 and i < len(codes) - 1 else code for i, code in enumerate(codes))
 
 
-def _isotropic(surface: int, hardening: tuple[int, ...], rate: tuple[int, ...]) -> tuple[Callable, Callable]:
+def _isotropic(surface: tuple[int, ...], hardening: tuple[int, ...],
+               rate: tuple[int, ...]) -> tuple[Callable, Callable]:
     def update(F, state, params, dt, P, state_new):
         return isotropic_return.update(surface, hardening, rate, F, state, params, dt, P, state_new)
 

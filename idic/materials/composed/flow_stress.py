@@ -1,14 +1,16 @@
 """The flow stress of a composed law: a sum of hardening terms, and what the rate of plastic strain makes of it.
 
-    sigma(p) = yield_stress + sum of   H p   |   Q (1 - exp(-b p))   |   K p^n   |   s(p) - yield_stress
+    sigma(p) = yield_stress + sum of   H p   |   Q (1 - exp(-b p))   |   K p^n   |   K0 (p / ep0)^n
+                                     |   K (eps0 + p)^n - yield_stress   |   s(p) - yield_stress
     resistance = sigma(p) + eta (dp/dt)^(1/m)                       (norton)
                = sigma(p) (1 + (tau dp/dt)^(1/m))                   (perzyna)
                = sigma(p) (1 + C ln(1 + (dp/dt) / reference_rate))  (johnson_cook)
 
-s of a free curve is linear between its values yield_stress, s2 ... sn at the knots range ((k - 1) / (n - 1))^2, and
-beyond the last; a value below the one before it counts as that one, so that the curve never falls. Terms come as a flat
-tuple of integers (kind, place of its first parameter, kind, place, ..., NONE, 0): a constant in the code of each
-combination. dp/dt is growth / dt, backward Euler.
+Swift's K (eps0 + p)^n takes the place of the yield stress: K stands where yield_stress stands in other laws. s of a
+free curve is linear between its values yield_stress, s2 ... sn at the knots range ((k - 1) / (n - 1))^2, and beyond the
+last; a value below the one before it counts as that one, so that the curve never falls. Terms come as a flat tuple of
+integers (kind, place of its first parameter, kind, place, ..., NONE, 0): a constant in the code of each combination.
+dp/dt is growth / dt, backward Euler.
 """
 
 from __future__ import annotations
@@ -20,14 +22,14 @@ import numpy as np
 from idic.materials.composed.on_knots import on_knots, on_knots_change
 from idic.materials.core.inner import inner
 
-NONE, LINEAR, VOCE, POWER, FREE = 0, 1, 2, 3, 16  # a free curve of n knots is FREE + n
+NONE, LINEAR, VOCE, POWER, SWIFT, POWER_REFERENCE, FREE = 0, 1, 2, 3, 4, 5, 16  # a free curve of n knots is FREE + n
 NORTON, PERZYNA, JOHNSON_COOK = 1, 2, 3
 YIELD = 2
 
 
 @inner
 def flow_stress(hardening, p, params):
-    """(sigma, d sigma/dp) at p, real or complex; the power law's infinite slope at p = 0 is returned as 0: not used."""
+    """(sigma, d sigma/dp) at p, real or complex; infinite slopes of power laws at p = 0 are returned as 0: not used."""
     sigma, slope = params[YIELD] + 0.0 * p, 0.0 * p + 0.0 * params[YIELD]
     for i in range(0, len(hardening) - 2, 2):
         kind, first = hardening[i], hardening[i + 1]
@@ -42,6 +44,16 @@ def flow_stress(hardening, p, params):
             value, theta = on_knots(kind - FREE, first, YIELD, first + 1, True, p, params)
             sigma += value - params[YIELD]
             slope += theta
+        elif kind == SWIFT:  # K in the place of the yield stress, eps0, n
+            base = params[first + 1] + p
+            power = params[first] * base ** params[first + 2]
+            sigma += power - params[YIELD]
+            if base.real > 0.0:
+                slope += params[first + 2] * power / base
+        elif p.real > 0.0 and kind == POWER_REFERENCE:  # K0, n, ep0
+            power = params[first] * (p / params[first + 2]) ** params[first + 1]
+            sigma += power
+            slope += params[first + 1] * power / p
         elif p.real > 0.0:  # K, n
             power = params[first] * p ** params[first + 1]
             sigma += power
@@ -62,6 +74,15 @@ def flow_stress_change(hardening, p, params, d):
             change += (1.0 - decay) * d[first] + params[first] * p * decay * d[first + 1]
         elif kind >= FREE:
             change += on_knots_change(kind - FREE, first, YIELD, first + 1, True, p, params, d) - d[YIELD]
+        elif kind == SWIFT:
+            base, n = params[first + 1] + p, params[first + 2]
+            power = base ** n
+            change += power * (d[first] + params[first] * (n / base * d[first + 1] + math.log(base) * d[first + 2])) \
+                - d[YIELD]
+        elif p > 0.0 and kind == POWER_REFERENCE:
+            n, ep0 = params[first + 1], params[first + 2]
+            change += (p / ep0) ** n * (d[first] + params[first] * (math.log(p / ep0) * d[first + 1]
+                                                                    - n / ep0 * d[first + 2]))
         elif p > 0.0:
             change += p ** params[first + 1] * (d[first] + params[first] * math.log(p) * d[first + 1])
     return change
@@ -107,6 +128,15 @@ def resistance_change(hardening, rate, p, growth, dt, friction_stress, params, d
     over = speed ** (1.0 / m)
     return dsigma * (1.0 + over) + sigma * over * (d[first] / (m * params[first])
                                                    - math.log(speed) / (m * m) * d[first + 1])
+
+
+@inner
+def straight(hardening, rate):
+    """Whether the resistance is linear in the growth: one Newton step is exact."""
+    for i in range(0, len(hardening) - 2, 2):
+        if hardening[i] != LINEAR:
+            return False
+    return rate[0] == NONE
 
 
 @inner

@@ -7,7 +7,7 @@ z). One unknown, the growth of p, for any number of terms (symbols of ``plastici
     xi = (1 + z h A)^-1 (s - sum 2/3 C_i w_i a_i),     q(xi) = sqrt(xi : A xi) = resistance(p + growth, growth / dt)
     strain = z A xi,  s+ = s - 2 G I strain,  a_i+ = w_i (a_i + strain)
 
-(A = 3/2 on deviators: Mises; ``plasticity/j2_hill.py`` has Hill's). gamma = 0 is Prager's back stress. Damage acts on
+(A = 3/2 on deviators: Mises; ``plasticity/hill48.py`` has Hill's). gamma = 0 is Prager's back stress. Damage acts on
 the stress of this effective material: tau = (1 - D) (s+ + kappa (J - 1) J 1), with Lemaitre's
 
     dD = (Y / S)^s dp,   Y = q^2 / (2 E) (2/3 (1 + nu) + 3 (1 - 2 nu) (mean stress / q)^2)   beyond p = threshold,
@@ -28,6 +28,7 @@ from idic.materials.composed.flow_stress import flow_stress, most_growth, resist
 from idic.materials.composed.isotropic_return import HILL48, flows
 from idic.materials.core import tensors
 from idic.materials.core.inner import inner
+from idic.materials.core.rotation import real_parts, rotation, to_axes, transposed
 from idic.materials.plasticity.elastoplastic import (
     ABSOLUTE_TOLERANCE,
     MAX_ITERATIONS,
@@ -36,24 +37,20 @@ from idic.materials.plasticity.elastoplastic import (
     shear_and_bulk,
     trial_state,
 )
-from idic.materials.plasticity.j2_hill import flow_direction, returned, to_axes
-from idic.materials.plasticity.j2_kinematic import real_parts, rotation, transposed
+from idic.materials.plasticity.hill48 import coefficients, flow_direction, returned
 
 PRAGER, ARMSTRONG_FREDERICK = 1, 2
-RATIOS, ANGLE = 3, 6  # places of Hill's r0, r45, r90 and of the angle
+ANGLE = 3  # place of the angle behind Hill's r0, r45, r90
 MOST_DAMAGE = 0.99
 
 
 @inner
 def hill_coefficients(surface, first, params):
-    """(f, g, h, n) of the yield condition as in ``j2_hill.py``, r0, r45, r90 from place `first` on; of Mises too."""
+    """(f, g, h, n) of the yield condition as in ``hill48.py``, r0, r45, r90 from place `first` on; of Mises too."""
     if surface != HILL48:
         half = 0.5 + 0.0 * params[0]
         return half, half, half, 3.0 * half
-    r0, r45, r90 = params[first], params[first + 1], params[first + 2]
-    g = 1.0 / (1.0 + r0)
-    h = r0 * g
-    return h / r90, g, h, 0.5 * (r0 + r90) * (1.0 + 2.0 * r45) * g / r90
+    return coefficients(first, params)
 
 
 @inner
@@ -92,7 +89,7 @@ def yield_function(surface, hardening, back, rate, s, twice_shear, state, p, gro
     flow, dflow, _ = resistance(hardening, rate, p, growth, dt, 0.0 * p, params)
     A, dA, sum_C, dsum_C = relative(back, s, growth, state, params)
     h = twice_shear + sum_C
-    if surface != HILL48:
+    if surface[0] != HILL48:
         norm = np.sqrt(tensors.contract(A, A))
         slope = tensors.contract(A, dA) / norm / ROOT - 1.5 * (h + dsum_C * growth) - dflow
         return norm / ROOT - 1.5 * h * growth - flow, slope, tensors.scaled(growth / ROOT / norm, A, 0.0)
@@ -114,7 +111,7 @@ def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, 
     largest = size / (1.5 * twice_shear)
     sigma = flow_stress(hardening, p, params)[0]
     limit = max(most_growth(rate, max(size, q), sigma, dt, params), ABSOLUTE_TOLERANCE * largest)
-    low, high = 0.0, limit if surface == HILL48 else min(largest, limit)
+    low, high = 0.0, limit if surface[0] == HILL48 else min(largest, limit)
     x = 0.5 * min((q - sigma) / (1.5 * twice_shear), high)
     for _ in range(MAX_ITERATIONS):
         value, slope, _ = yield_function(surface, hardening, back, rate, s, twice_shear, state, p, x, dt,
@@ -129,7 +126,7 @@ def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, 
             new, converged = (2.0 * low + largest if high == math.inf else 0.5 * (low + high)), False
         if converged or abs(new - x) <= ABSOLUTE_TOLERANCE * largest:
             strong = flow_stress(hardening, p + new, params)[0] > 0.0  # else softened away
-            return new if strong and (surface == HILL48 or new < (1.0 - 1e-10) * largest) else -1.0
+            return new if strong and (surface[0] == HILL48 or new < (1.0 - 1e-10) * largest) else -1.0
         x = new
     return -1.0
 
@@ -179,10 +176,10 @@ def update(surface, hardening, back, rate, damage, F, state, params, dt, P, stat
     for m in range(state.shape[0]):
         state_new[m] = state[m]
     R = rotation(tensors.load(F))
-    turn = to_axes(R, params[ANGLE]) if surface == HILL48 else transposed(R)
+    turn = to_axes(R, params[surface[1] + ANGLE]) if surface[0] == HILL48 else transposed(R)
     spherical = kappa * (J - 1.0) * J
     s = tensors.scaled(G, dev, 0.0)
-    local, hill = tensors.congruence(turn, s), hill_coefficients(surface, RATIOS, params)
+    local, hill = tensors.congruence(turn, s), hill_coefficients(surface[0], surface[1], params)
     A = relative(back, local, 0.0 * p, state, params)[0]
     q = np.sqrt(tensors.contract(A, flow_direction(A, hill)))
     growth = 0.0 * p

@@ -4,9 +4,13 @@ With q the Mises stress of the trial state (symbols of ``plasticity/elastoplasti
 
     q - 3 G I growth - resistance(p + growth, growth / dt) = 0,   x = sqrt(3/2) growth
 
-Drucker-Prager adds friction * pressure to the flow stress (``plasticity/j2_pressure.py``): flow keeps the volume, so
-the pressure is known before the return, and where tension leaves no strength the deviator vanishes. Derivatives are
-written by hand, so a combination that an older law covers costs what that law does.
+``surface`` is the kind and the place of its first parameter. Drucker-Prager adds friction * pressure to the flow
+stress: yield_stress is the Mises stress at yield in pure shear, tension yields at yield_stress / (1 + friction / 3),
+compression at yield_stress / (1 - friction / 3). Flow is along the deviator (measured dilation is far below that of
+the associated rule: Spitzig & Richmond, Acta Metall. 32 (1984) 457, doi:10.1016/0001-6160(84)90119-6), so the pressure
+is known before the return, and where tension leaves no strength the deviator vanishes: a fluid under tension, which a
+simulation will not pass through but the search for F33 may.
+Derivatives are written by hand.
 """
 
 from __future__ import annotations
@@ -15,10 +19,12 @@ import math
 
 
 from idic.materials.composed.flow_stress import (
+    NONE,
     flow_stress,
     most_growth,
     resistance,
     resistance_change,
+    straight,
     without_viscosity,
 )
 from idic.materials.core import tensors
@@ -45,9 +51,13 @@ def plastic_growth(hardening, rate, trial, stiffness, p, dt, friction_stress, pa
     Newton inside a shrinking bracket, from the middle: safe for an infinite slope (power laws) and for softening.
     """
     largest = trial / stiffness
-    sigma = flow_stress(hardening, p, params)[0] + friction_stress
+    sigma, start_slope = flow_stress(hardening, p, params)
+    sigma += friction_stress
     if flow_stress(hardening, p + largest, params)[0] + friction_stress <= 0.0:
         return -2.0
+    if straight(hardening, rate):
+        x = (trial - sigma) / (stiffness + start_slope)
+        return x if 0.0 < x < (1.0 - 1e-10) * largest else -1.0
     limit = max(most_growth(rate, trial, sigma, dt, params), ABSOLUTE_TOLERANCE * largest)
     low, high = 0.0, min(largest, limit)
     x = 0.5 * min((trial - sigma) / stiffness, high)
@@ -71,7 +81,7 @@ def plastic_growth(hardening, rate, trial, stiffness, p, dt, friction_stress, pa
 @inner
 def friction_of(surface, spherical, params):
     """friction * pressure, what Drucker and Prager add to the flow stress."""
-    return -params[3] * spherical if surface == DRUCKER_PRAGER else 0.0 * spherical
+    return -params[surface[1]] * spherical if surface[0] == DRUCKER_PRAGER else 0.0 * spherical
 
 
 @inner
@@ -97,7 +107,7 @@ def update(surface, hardening, rate, F, state, params, dt, P, state_new):
     trial, stiffness = G * norm / ROOT, 3.0 * G * mean
     if flows(hardening, rate, trial.real, p.real, dt, friction_stress.real, known):
         real = plastic_growth(hardening, rate, trial.real, stiffness.real, p.real, dt, friction_stress.real, known)
-        if real == -1.0 or (real < 0.0 and surface != DRUCKER_PRAGER):
+        if real == -1.0 or (real < 0.0 and surface[0] != DRUCKER_PRAGER):
             return 1
         if real < 0.0:
             growth, keep = trial / stiffness, 0.0 * keep
@@ -130,7 +140,7 @@ def linearise(surface, hardening, rate, F, state, params, dt, dF, dstate, dparam
     plastic = flows(hardening, rate, trial, p, dt, friction_stress, params)
     if plastic:
         growth = plastic_growth(hardening, rate, trial, stiffness, p, dt, friction_stress, params)
-        if growth == -1.0 or (growth < 0.0 and surface != DRUCKER_PRAGER):
+        if growth == -1.0 or (growth < 0.0 and surface[0] != DRUCKER_PRAGER):
             return 1
         strong = growth >= 0.0
         if strong:
@@ -151,14 +161,15 @@ def linearise(surface, hardening, rate, F, state, params, dt, dF, dstate, dparam
         if given.shape[0] > 0:
             dG, dkappa = elastic_change(params, given)
         if plastic and strong:
-            if surface == DRUCKER_PRAGER:
+            if surface[0] == DRUCKER_PRAGER:
                 ell = tensors.product(tensors.load(dF[k]), fi)
                 change = kappa * (2.0 * J - 1.0) * J * (ell[0] + ell[4] + ell[8]) + dkappa * (J - 1.0) * J
-                dfriction_stress = -params[3] * change - (given[3] * spherical if given.shape[0] > 0 else 0.0)
+                dfriction_stress = -params[surface[1]] * change - (
+                    given[surface[1]] * spherical if given.shape[0] > 0 else 0.0)
             if given.shape[0] > 0:
                 dflow = resistance_change(hardening, rate, state_new[6], growth, dt, friction_stress, params, given,
                                           dfriction_stress)
-            elif surface == DRUCKER_PRAGER:
+            elif surface[0] == DRUCKER_PRAGER:
                 dflow = dfriction_stress * rate_factor(hardening, rate, p, growth, dt, friction_stress, params)
         if dstate.shape[0] > 0:
             dp = dstate[k, 6]
@@ -169,5 +180,7 @@ def linearise(surface, hardening, rate, F, state, params, dt, dF, dstate, dparam
 @inner
 def rate_factor(hardening, rate, p, growth, dt, friction_stress, params):
     """Derivative of the resistance by the flow stress: it is linear in it, and 1 MPa more shows the factor."""
+    if rate[0] == NONE:
+        return 1.0
     more = resistance(hardening, rate, p, growth, dt, friction_stress + 1.0, params)[0]
     return more - resistance(hardening, rate, p, growth, dt, friction_stress, params)[0] if math.isfinite(more) else 1.0

@@ -69,8 +69,9 @@ def material_card(name: str, law: str, values: Mapping[str, float], program: str
     tabled = bool(factors) and not {"backstress", "elasticity"} & {*by_group} and len(temperatures) > 0
     at = [(T, values_at(law, values, T)) for T in temperatures] if tabled else []
     before, lines, missing = _elastic(name, by_group, values, at)
-    if "yield_stress" in values and math.isfinite(values["yield_stress"]):
-        more, lacking = _plastic(law, by_group, values, program, reached, at)
+    start = float(flow_stress(law, values, np.zeros(1))[0])
+    if ("yield_stress" in values or any(w.kind == "swift" for w in terms)) and math.isfinite(start):
+        more, lacking = _plastic(law, by_group, values, start, program, reached, at)
         lines, missing = lines + more, missing + lacking
     if factors and not tabled:
         missing.append(f"temperature: the values are those at {values['reference_temperature']:g} °C")
@@ -109,8 +110,8 @@ def _elastic(name: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping
                     _row(shear)], missing
 
 
-def _plastic(law: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[str, float], program: str,
-             reached: float | None, at: Warm) -> tuple[list[str], list[str]]:
+def _plastic(law: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[str, float], start: float,
+             program: str, reached: float | None, at: Warm) -> tuple[list[str], list[str]]:
     missing = [f"{w.term.group} {w.kind}: no card has this equation" for group in ("rate", "damage")
                for w in groups.get(group, [])]
     free = [w for w in groups.get("hardening", []) if w.kind.startswith("free")]
@@ -122,7 +123,7 @@ def _plastic(law: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[
     if at:
         table = [_row(stress, strain, T) for T, v in at
                  for stress, strain in zip(flow_stress(law, v, p), p, strict=True)]
-    lines, lacking = _hardening(groups.get("backstress", []), bool(groups.get("hardening")), values, p, table, program)
+    lines, lacking = _hardening(groups.get("backstress", []), bool(groups.get("hardening")), start, p, table, program)
     missing += lacking
     for surface in groups.get("yield_surface", []):
         more, lacking = _surface(surface, program)
@@ -130,7 +131,7 @@ def _plastic(law: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping[
     return lines, missing
 
 
-def _hardening(back: list[WrittenTerm], isotropic: bool, values: Mapping[str, float], p: np.ndarray, table: list[str],
+def _hardening(back: list[WrittenTerm], isotropic: bool, start: float, p: np.ndarray, table: list[str],
                program: str) -> tuple[list[str], list[str]]:
     """*PLASTIC with its tables, and the terms without a card."""
     if not back:
@@ -140,13 +141,12 @@ def _hardening(back: list[WrittenTerm], isotropic: bool, values: Mapping[str, fl
     if program == "abaqus":
         terms = [x for w in back for x in (w.values["C"], w.values.get("gamma", 0.0))]
         lines = [f"*PLASTIC, HARDENING=COMBINED, DATA TYPE=PARAMETERS, NUMBER BACKSTRESSES={len(back)}",
-                 _row(values["yield_stress"], *terms)]
+                 _row(start, *terms)]
         return lines + (["*CYCLIC HARDENING", *table] if isotropic else []), []
     if curved:
         return ["*PLASTIC",
                 *table], [f"backstress {w.kind}: CalculiX hardens kinematically by a table, without recovery; "
                                       "left out, so this body hardens too little" for w in curved]
-    start = values["yield_stress"]
     line = [_row(start + straight * strain, strain) for strain in (0.0, p[-1])]
     if not isotropic:
         return ["*PLASTIC, HARDENING=KINEMATIC", *line], []

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.materials.composed.elasticity import FIBRE, HAHN_TSAI, ORTHOTROPIC, RAMBERG_OSGOOD, STIFFENING
-from idic.materials.composed.flow_stress import FREE, JOHNSON_COOK, LINEAR, NORTON, PERZYNA, POWER, VOCE
+from idic.materials.composed.flow_stress import (FREE, JOHNSON_COOK, LINEAR, NORTON, PERZYNA, POWER,
+                                                  POWER_REFERENCE, SWIFT, VOCE)
 from idic.materials.composed.general_return import ARMSTRONG_FREDERICK, PRAGER
 from idic.materials.composed.isotropic_return import DRUCKER_PRAGER, HILL48, IN_PLANE_SHEAR, MISES
 from idic.materials.core import temperature
@@ -109,6 +110,20 @@ TERMS = {term.kind: term for term in (
          (LawParameter("K", "MPa", "factor of the power law", default=300.0),
           LawParameter("n", "-", "exponent of the power law", default=0.3, bounds=(0.0, 5.0))),
          "K p^n (Ludwik 1909)"),
+    Term("power_reference", "hardening", POWER_REFERENCE,
+         (LawParameter("K0", "MPa", "hardening stress at the plastic strain ep0", default=50.0),
+          LawParameter("n", "-", "exponent of the power law", default=0.3, bounds=(0.0, 5.0)),
+          LawParameter("ep0", "-", "plastic strain at which K0 is added; about half the largest of the test, locked",
+                       default=2e-3)),
+         "K0 (p / ep0)^n (Ludwik 1909): power with K = K0 ep0^-n, for plastic strains below 1 %, where K and n cannot "
+         "be told apart"),
+    Term("swift", "hardening", SWIFT,
+         (LawParameter("K", "MPa", "flow stress where eps0 + plastic strain is 1", default=500.0, null=np.inf),
+          LawParameter("eps0", "-", "pre-strain; the initial yield stress is K eps0^n", default=0.01,
+                       bounds=(0.0, 1.0)),
+          LawParameter("n", "-", "exponent (0: no hardening, sigma = K)", default=0.2, bounds=(0.0, 5.0))),
+         "K (eps0 + p)^n in the place of yield_stress; Swift, J. Mech. Phys. Solids 1 (1952) 1, "
+         "doi:10.1016/0022-5096(52)90002-1"),
     Term("free", "hardening", FREE, (),
          "linear between yield_stress, s2 ... sn at n knots, range ((k - 1) / (n - 1))^2; free or free8 has 8 of them, "
          "free12 has 12"),

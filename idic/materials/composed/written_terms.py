@@ -1,4 +1,4 @@
-"""The terms of a law by name: of a composed law, or of an older one that is a special case of it.
+"""The terms of a law by name: of a composed law, or of one that is a special case of it.
 
 ``terms_of`` is what a law file, a card of another program and the report read a law by: kinds with their values.
 """
@@ -14,21 +14,13 @@ from idic.materials.composed.elastoplastic import NAME
 from idic.materials.composed.free_curve import basis, knots_of
 from idic.materials.composed.terms import GROUPS, Term, term_of
 from idic.materials.core.law import get_law
+from idic.materials.plasticity.short_forms import SHORT_FORMS
 
-OLDER = {  # law: (terms, {parameter of the older law: that of the composed one})
+TERMS_OF_OTHERS = {  # law: (terms, {parameter of the law: that of the composed one})
     "elastic": ((), {}),
     "orthotropic": (("orthotropic",), {name: f"elasticity_{name}" for name in ("E1", "E2", "nu12", "G12", "angle")}),
-    "j2_linear": (("linear",), {"hardening_modulus": "hardening_1_H"}),
-    "j2_voce": (("voce", "linear"), {"Q": "hardening_1_Q", "b": "hardening_1_b", "hardening_modulus": "hardening_2_H"}),
-    "j2_power": (("power",), {"K": "hardening_1_K", "n": "hardening_1_n"}),
-    "j2_kinematic": (("linear", "armstrong_frederick"), {"hardening_modulus": "hardening_1_H", "C": "backstress_1_C",
-                                                         "gamma": "backstress_1_gamma"}),
-    "j2_hill": (("hill48", "voce", "linear"), {
-        "Q": "hardening_1_Q", "b": "hardening_1_b", "hardening_modulus": "hardening_2_H",
-        **{name: f"yield_surface_{name}" for name in ("r0", "r45", "r90", "angle")}}),
-    "viscoplastic": (("linear", "norton"), {"hardening_modulus": "hardening_1_H", "eta": "rate_eta", "m": "rate_m"}),
-    "j2_pressure": (("drucker_prager", "linear"), {"hardening_modulus": "hardening_1_H",
-                                                   "friction": "yield_surface_friction"}),
+    **{name: (form.kinds, {own: composed for composed, own in form.names.items()})
+       for name, form in SHORT_FORMS.items()},
 }
 
 
@@ -47,7 +39,7 @@ class WrittenTerm:
 
 def terms_of(law: str, values: Mapping[str, float]) -> tuple[WrittenTerm, ...] | None:
     """The terms of a law with its values by parameter name, in the order of the groups; None of a law that has none."""
-    kinds, renamed = OLDER.get(law, (None, {}))
+    kinds, renamed = TERMS_OF_OTHERS.get(law, (None, {}))
     if law == NAME:
         kinds = ()
     elif law.startswith(f"{NAME}("):
@@ -78,7 +70,7 @@ def values_at(law: str, values: Mapping[str, float], temperature: float) -> dict
 def flow_stress(law: str, values: Mapping[str, float], p: np.ndarray) -> np.ndarray:
     """Yield stress and isotropic hardening at plastic strain p, slow  # (m,) MPa"""
     p = np.asarray(p, dtype=float)
-    total = np.full(len(p), float(values["yield_stress"]))
+    total = np.full(len(p), float(values.get("yield_stress", 0.0)))
     for written in terms_of(law, values) or ():
         v = written.values
         if written.kind == "linear":
@@ -87,6 +79,10 @@ def flow_stress(law: str, values: Mapping[str, float], p: np.ndarray) -> np.ndar
             total += v["Q"] * (1.0 - np.exp(-v["b"] * p))
         elif written.kind == "power":
             total += v["K"] * p ** v["n"]
+        elif written.kind == "power_reference":
+            total += v["K0"] * (p / v["ep0"]) ** v["n"]
+        elif written.kind == "swift":
+            total += v["K"] * (v["eps0"] + p) ** v["n"]
         elif written.kind.startswith("free"):
             n, first = knots_of(law), float(values["yield_stress"])
             levels = np.maximum.accumulate([first, *(v[f"s{k}"] for k in range(2, n + 1))])

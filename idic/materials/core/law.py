@@ -5,7 +5,7 @@ A law is one function for one point, in one file, with one `LawSpec`. To add a l
 by themselves, exactly, from the complex step) and call `register`. Rules for ``update``:
 
 * compare real parts only (``if x.real > 0.0``), no ``abs`` of anything that is differentiated;
-* an inner iteration converges on real parts and then takes one more, complex, Newton step (see ``j2_isotropic.py``);
+* an inner iteration converges on real parts and then takes one more, complex, Newton step (see ``rate/creep.py``);
 * inputs are never written; return 0, or 1 where the point did not converge (``J <= 0``, no root).
 """
 

@@ -1,1 +1,1 @@
-"""Laws with plastic flow: isotropic, kinematic, anisotropic and pressure-dependent, with or without rate."""
+"""Elastoplasticity: what all laws of this kind share, Hill's surface, and the short forms of the composed law."""

@@ -8,8 +8,8 @@ Methods Appl. Mech. Eng. 99 (1992) 61, doi:10.1016/0045-7825(92)90123-2; Simo & 
     y = 1 - 2 G I x / |s|,  tau = y s + kappa (J - 1) J 1,  P = tau F^-T
     b+ = y dev b + I 1,  Cp^-1 = J^(2/3) F^-1 b+ F^-T,  p+ = p + sqrt(2/3) x
 
-Each law finds x, the plastic multiplier of the step, from its own yield condition (``j2_isotropic.py``,
-``viscoplastic.py``, ``creep.py`` ...). State: Cp^-1 - 1 (11, 22, 33, 12, 13, 23) and p, the equivalent plastic strain.
+Each law finds x, the plastic multiplier of the step, from its own yield condition (``composed/isotropic_return.py``,
+``creep.py`` ...). State: Cp^-1 - 1 (11, 22, 33, 12, 13, 23) and p, the equivalent plastic strain.
 """
 
 from __future__ import annotations

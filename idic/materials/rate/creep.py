@@ -80,7 +80,7 @@ def update(F, state, params, dt, P, state_new):
 
 
 def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new):
-    """`update` and its derivative (as ``j2_isotropic.py``, with the creep law for the flow stress)."""
+    """`update` and its derivative (as ``composed/isotropic_return.py``, with the creep law for the flow stress)."""
     G, kappa = elastoplastic.shear_and_bulk(params[0], params[1])
     trial = elastoplastic.trial_state(F, state)
     J, fi, b, mean, dev, norm, shrink = trial
