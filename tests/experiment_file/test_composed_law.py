@@ -20,6 +20,7 @@ TERMS = {"law": "elastoplastic", "E": 70e3, "nu": 0.3, "yield_stress": {"value":
                        {"kind": "linear", "H": {"value": 1, "unit": "GPa"}}],
          "backstress": [{"kind": "armstrong_frederick", "C": 5000, "gamma": {"value": 40, "identify": True}}],
          "rate": {"kind": "norton", "eta": 20, "m": 4}, "damage": {"kind": "lemaitre", "S": 0.5, "s": 1}}
+HARDENING = "linear | voce | power | power_reference | swift | free"
 
 
 def tables(**changes):
@@ -56,14 +57,24 @@ def test_what_is_written_from_the_tables_is_read_again_as_the_same_law():
                                                                                   "experiment.toml")
 
 
+def test_swifts_curve_takes_the_place_of_the_yield_stress():
+    swift = {"kind": "swift", "K": {"value": 0.5, "unit": "GPa", "identify": True}, "eps0": 0.01, "n": 0.2}
+    own = dict(hardening=[swift], backstress=None, rate=None, damage=None)
+    record, found = read(**own, yield_stress=None)
+    assert record.law == "elastoplastic(hill48+swift)" and found["hardening_1_K"].value == 500.0
+    assert list(found)[:5] == ["E", "nu", "hardening_1_K", "hardening_1_eps0", "hardening_1_n"]
+    with pytest.raises(InputError, match="yield_stress"):
+        read(**own)
+
+
 def test_no_terms_are_perfect_plasticity():
     record, found = read(**dict.fromkeys(("yield_surface", "hardening", "backstress", "rate", "damage")))
     assert record.law == "elastoplastic" and list(found) == ["E", "nu", "yield_stress"]
 
 
 @pytest.mark.parametrize(("changes", "key", "expected"), [
-    ({"hardening": [{"Q": 3.0}]}, "hardening[0].kind", "linear | voce | power | free"),
-    ({"hardening": [{"kind": "voice", "Q": 3.0, "b": 4.0}]}, "hardening[0].kind", "linear | voce | power | free"),
+    ({"hardening": [{"Q": 3.0}]}, "hardening[0].kind", HARDENING),
+    ({"hardening": [{"kind": "voice", "Q": 3.0, "b": 4.0}]}, "hardening[0].kind", HARDENING),
     ({"hardening": [{"kind": "voce", "Q": 3.0}]}, "hardening[0].b",
      "b (rate of the saturation over plastic strain, -)"),
     ({"hardening": [{"kind": "voce", "Q": 3.0, "b": 4.0, "H": 2.0}]}, "hardening[0].H", "Q, b"),

@@ -118,7 +118,7 @@ TERMS = {term.kind: term for term in (
          "K0 (p / ep0)^n (Ludwik 1909): power with K = K0 ep0^-n, for plastic strains below 1 %, where K and n cannot "
          "be told apart"),
     Term("swift", "hardening", SWIFT,
-         (LawParameter("K", "MPa", "flow stress where eps0 + plastic strain is 1", default=500.0, null=np.inf),
+         (LawParameter("K", "MPa", "flow stress where eps0 + plastic strain is 1", default=500.0),
           LawParameter("eps0", "-", "pre-strain; the initial yield stress is K eps0^n", default=0.01,
                        bounds=(0.0, 1.0)),
           LawParameter("n", "-", "exponent (0: no hardening, sigma = K)", default=0.2, bounds=(0.0, 5.0))),

@@ -15,6 +15,7 @@ The compiled code is that of the combination. A parameter that may be left out h
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -67,10 +68,12 @@ SHORT_FORMS = {
     "j2_power_reference": ShortForm(
         ("power_reference",), _own("hardening_1", "K0", "n", "ep0"), {"K0": 0.0}, "yield_stress + K0 (p / ep0)^n",
         derived={"K": ("MPa", factor_at_one)}),
-    "j2_swift": ShortForm(("swift",), _own("hardening_1", "K", "eps0", "n"), {"n": 0.0}, "K (eps0 + p)^n"),
+    "j2_swift": ShortForm(("swift",), _own("hardening_1", "K", "eps0", "n"), {"K": math.inf, "n": 0.0},
+                          "K (eps0 + p)^n"),
     "j2_kinematic": ShortForm(
         ("linear", "armstrong_frederick"), _H1 | _own("backstress_1", "C", "gamma"), {**_FLAT, "C": 0.0, "gamma": 0.0},
-        "yield_stress + hardening_modulus p, the size of the elastic range", {"hardening_modulus": 500.0}),
+        "yield_stress + hardening_modulus p, the size of the elastic range; gamma = 0: Prager, J. Appl. Mech. 23 (1956) "
+        "493", {"hardening_modulus": 500.0}),
     "j2_hill": ShortForm(
         ("voce", "linear", "hill48"),
         _own("hardening_1", "Q", "b") | _H2 | _own("yield_surface", "r0", "r45", "r90", "angle"), _VOCE,
@@ -78,7 +81,8 @@ SHORT_FORMS = {
         {"hardening_modulus": 200.0}),
     "viscoplastic": ShortForm(
         ("linear", "norton"), _H1 | _own("rate", "eta", "m"), {**_FLAT, "eta": 0.0, "m": 1.0},
-        "yield_stress + hardening_modulus p + eta (dp/dt)^(1/m)"),
+        "yield_stress + hardening_modulus p + eta (dp/dt)^(1/m); Perzyna, Adv. Appl. Mech. 9 (1966) 243, "
+        "doi:10.1016/S0065-2156(08)70009-7"),
     "j2_pressure": ShortForm(
         ("linear", "drucker_prager"), _H1 | _own("yield_surface", "friction"), _FLAT,
         "yield_stress + friction pressure + hardening_modulus p"),
@@ -97,7 +101,7 @@ def short_law(name: str) -> LawSpec:
                                   default=form.defaults.get(own, p.default)))
     return replace(
         whole, name=name, parameters=tuple(parameters), compose=None, isotropic=whole.isotropic,
-        reference=f"elastoplastic({'+'.join(form.kinds)}): q = {form.flow}; {whole.reference.partition('; ')[2]}",
+        reference=f"elastoplastic({'+'.join(form.kinds)}): sigma = {form.flow}; {whole.reference.partition('; ')[2]}",
         derived={key: DerivedQuantity(unit, value) for key, (unit, value) in form.derived.items()})
 
 
