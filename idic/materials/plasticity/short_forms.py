@@ -72,8 +72,8 @@ SHORT_FORMS = {
                           "K (eps0 + p)^n"),
     "j2_kinematic": ShortForm(
         ("linear", "armstrong_frederick"), _H1 | _own("backstress_1", "C", "gamma"), {**_FLAT, "C": 0.0, "gamma": 0.0},
-        "yield_stress + hardening_modulus p, the size of the elastic range; gamma = 0: Prager, J. Appl. Mech. 23 (1956) "
-        "493", {"hardening_modulus": 500.0}),
+        "yield_stress + hardening_modulus p, the size of the elastic range; gamma = 0: Prager, J. Appl. Mech. 23 "
+        "(1956) 493", {"hardening_modulus": 500.0}),
     "j2_hill": ShortForm(
         ("voce", "linear", "hill48"),
         _own("hardening_1", "Q", "b") | _H2 | _own("yield_surface", "r0", "r45", "r90", "angle"), _VOCE,
