@@ -18,7 +18,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from idic.correlation.equations import BasisEquations
+from idic.correlation.equations import BasisEquations, SeenColumns
 from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
 from idic.correlation.height.section_map import SectionMap
 from idic.correlation.pixels.cells import N_NODES
@@ -35,7 +35,7 @@ class NoiseTerms:
     the noise of the frame is summed against, None: kappa times that of the frame.
     """
 
-    shared: np.ndarray
+    shared: np.ndarray | SeenColumns
     basis: BasisEquations | None = None
     gram: np.ndarray | None = None
 

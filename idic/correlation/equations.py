@@ -43,6 +43,24 @@ class ChannelEquations:
     d_local: np.ndarray  # (n_channels, m)
 
 
+@dataclass(frozen=True, eq=False)
+class SeenColumns:
+    """Columns of a frame, those that most frames share apart, and its rigid motion, times what it shows of them.
+
+    own : (c n_nodes, k); alike : (c n_nodes, m - k); visible : (c n_nodes + nb,)
+    """
+
+    own: np.ndarray
+    alike: np.ndarray
+    visible: np.ndarray
+
+    def __matmul__(self, project: np.ndarray) -> np.ndarray:
+        """Sums of the columns  # project (m + nb, n) -> (c n_nodes + nb, n)"""
+        k, m = self.own.shape[1], self.own.shape[1] + self.alike.shape[1]
+        fields = self.own @ project[:k] + self.alike @ project[k:m]
+        return self.visible[:, None] * np.vstack([fields, project[m:]])
+
+
 @dataclass(frozen=True)
 class FrameEquations:
     """All equations of one frame before elimination.
@@ -60,7 +78,7 @@ class FrameEquations:
     gram: np.ndarray
     rhs: np.ndarray
     rr: float
-    shared: np.ndarray
+    shared: np.ndarray | SeenColumns
     kappa: float
     channels: ChannelEquations
     local_precision: np.ndarray

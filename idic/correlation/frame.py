@@ -89,13 +89,14 @@ class NodalEquations:
 class FrameGram:
     """Normal equations of one frame for m given fields and brightness: ``matrix @ (fields, brightness) = rhs``.
 
-    matrix (m + nb, m + nb); rhs (m + nb,); n_columns = m; h_columns = H @ columns (2 n_nodes, m).
+    matrix (m + nb, m + nb); rhs (m + nb,); n_columns = m; h_columns = H @ columns (2 n_nodes, m),
+    None of measured fields.
     """
 
     matrix: np.ndarray
     rhs: np.ndarray
     n_columns: int
-    h_columns: np.ndarray
+    h_columns: np.ndarray | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,11 +13,12 @@ import numpy as np
 
 from idic.correlation.cameras import joined_equations, unit_weights, with_camera_sums
 from idic.correlation.channels import channel_equations
-from idic.correlation.comparison import Reference
+from idic.correlation.comparison import NoiseTerms, Reference
 from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.equations import FrameEquations
+from idic.correlation.equations import FrameEquations, SeenColumns
 from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.field.equations import FieldEquations
+from idic.correlation.field.reference import FieldReference
 from idic.correlation.frame import NodalEquations
 from idic.correlation.system import CorrelationSystem, eliminate
 from idic.correlation.view import view_of
@@ -64,18 +65,23 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
     nodes = experiment.mesh.nodes
     view = view_of(experiment, camera).at(response.frame)
     motion = view.motion(nodes, response.u)
-    nodal = reference.compare(experiment, response.frame, motion)
-    local_columns = view.columns(nodes, response.u, response.local_du)
-    columns = np.hstack([global_columns(context, response), local_columns])
-    if reference.shows_nothing(nodal):
-        nodal = _without_pixels(reference, nodal)
-    projected = nodal.gram(columns, local_columns.shape[1])
-    noise = reference.noise_terms(nodal, response.frame, motion, columns, projected)
+    nodal, own = reference.compare(experiment, response.frame, motion), global_columns(context, response)
+    if isinstance(reference, FieldReference) and isinstance(nodal, FieldEquations):
+        alike = reference.kept.columns(view, nodes, response.u, response.local_du)
+        projected = nodal.gram_of(own, alike)
+        noise = NoiseTerms(SeenColumns(own, alike, reference.visible(nodal)))
+    else:
+        local_columns = view.columns(nodes, response.u, response.local_du)
+        columns = np.hstack([own, local_columns])
+        if reference.shows_nothing(nodal):
+            nodal = _without_pixels(reference, nodal)
+        projected = nodal.gram(columns, local_columns.shape[1])
+        noise = reference.noise_terms(nodal, response.frame, motion, columns, projected)
     return nodal, FrameEquations(
         gram=projected.matrix, rhs=projected.rhs, rr=nodal.rr, shared=noise.shared, kappa=nodal.kappa,
         channels=channel_equations(context, response), local_precision=context.local_precision, local_gap=-local,
         noise_gram=noise.gram, basis=noise.basis, scatter=context.local_scatter,
-        few=isinstance(nodal, FieldEquations))
+        few=isinstance(reference, FieldReference))
 
 
 def turned_response(experiment: Experiment, response: FrameResponse) -> FrameResponse:

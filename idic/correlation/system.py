@@ -227,6 +227,7 @@ def _open_sums(equations: FrameEquations, weight: float, whole: np.ndarray, rhs:
     frame alone, which is taken first: an offset of many standard deviations then leaves noise only, and the basis, an
     approximation where the strain is large, does not carry it."""
     own, rhs = equations.basis, rhs - whole @ step
+    assert isinstance(equations.shared, np.ndarray)  # as wherever there is a basis
     columns, product = weight * equations.shared, weight * own.product
     local = LocalEquations(whole[n:, n:], whole[n:, :n], rhs[n:], noise[n:, n:], noise[n:, :n], columns[:, n:],
                       product[:, n:], own.kappa)

@@ -67,6 +67,11 @@ class View:
     def n_components(self) -> int:
         return 2 if self.kind == GREY else 3
 
+    @property
+    def is_affine(self) -> bool:
+        """Whether `columns` depend on the fields alone, in all frames."""
+        return self.camera.motion is None and self.camera.is_affine
+
     def points(self, nodes: np.ndarray) -> np.ndarray:
         """The points to project: of a cross-section x alone  # (n_nodes, dim) mm"""
         return nodes if self.kind != SECTION else nodes * [1.0, 0.0]

@@ -118,10 +118,15 @@ class Camera:
         a = self.matrix - d[:, :, None] * self.tilt  # (n, 2, 2)
         return np.linalg.solve(a, d[:, :, None])[:, :, 0]
 
+    @property
+    def is_affine(self) -> bool:
+        """Whether the Jacobian is the same everywhere."""
+        return self.k1 == 0.0 and not self.tilt.any()
+
     def jacobian(self, points: np.ndarray) -> np.ndarray:
         """d (column, row) / d (x, y)  # points (n, 2|3) mm -> (n, 2, 2) px/mm"""
         x = _plane(points)
-        if self.k1 == 0.0 and not self.tilt.any():
+        if self.is_affine:
             return np.tile(self.matrix, (len(x), 1, 1))
         p0, w = self._ideal(x)
         centred = p0 - self.origin_px - self.shift_px

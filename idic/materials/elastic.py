@@ -144,6 +144,7 @@ LAW = register(LawSpec(
     parameters=ELASTIC_PARAMETERS,
     updates={"small": update_small, "finite": update_finite},
     linearise={"small": linearise_small, "finite": linearise_finite},
+    linear=True,
     reference="Hooke's law; finite: St. Venant-Kirchhoff, S = lam tr(E) I + 2 mu E (small strains, large rotations)",
     alternatives=ELASTIC_ALTERNATIVES,
 ))

@@ -135,6 +135,7 @@ LAW = register(LawSpec(
     parameters=PARAMETERS,
     updates={"small": update_small, "finite": update_finite},
     linearise={"small": linearise_small},
+    linear=True,
     isotropic=False,
     reference="Jones, Mechanics of Composite Materials, 2nd ed. (1999), eq. 2.67; 3D: transversely isotropic about 1",
 ))

@@ -50,12 +50,16 @@ class RepeatedReader:
         known = (Path(group) / (name + _SUFFIX)).exists()
         self._numbers = read_array(group, name + _SUFFIX) if known else np.arange(self._array.n_frames)
         self._first, self._block = 0, np.zeros((0, *self._array.shape))
+        self._record: tuple[int, np.ndarray] | None = None
 
     def frame(self, k: int) -> np.ndarray:
-        """The record of frame k, counted from the reference."""
+        """The record of frame k, counted from the reference; the same object where it is the same as the last."""
         number = int(self._numbers[k])
+        if self._record is not None and self._record[0] == number:
+            return self._record[1]
         if not self._first <= number < self._first + len(self._block):
             step = self._array.frames_per_chunk
             self._first = step * (number // step)
             self._block = self._array.read(self._first, min(self._first + step, self._array.n_frames))
-        return self._block[number - self._first]
+        self._record = number, self._block[number - self._first]
+        return self._record[1]

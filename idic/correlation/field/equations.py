@@ -15,21 +15,31 @@ import numpy as np
 from scipy import sparse
 
 from idic.correlation.frame import FrameGram, NodalEquations
+from idic.correlation.view import View
 
 
 class KeptProduct:
-    """H C and C^T H C of the columns C that were asked for last."""
+    """The columns C that most frames share and C^T H C, of those that were asked for last."""
 
     def __init__(self) -> None:
-        self._last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
+        self._fields: tuple[tuple, np.ndarray, np.ndarray] | None = None
 
-    def of(self, H: sparse.csr_array, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """H C (n, m) and C^T H C (m, m); H is the same in all calls."""
-        last = self._last  # one look: threads of a worker share it
-        if last is None or not np.array_equal(last[0], C):
-            product = H @ C
-            last = self._last = C.copy(), product, C.T @ product
-        return last[1:]
+    def columns(self, view: View, nodes: np.ndarray, u: np.ndarray, fields: np.ndarray) -> np.ndarray:
+        """`View.columns`, kept from frame to frame where neither fields nor scale change  # (c n_nodes, m)"""
+        if not view.is_affine:
+            return view.columns(nodes, u, fields)
+        last = self._fields  # one look: threads of a worker share it
+        if last is None or last[0] != view.camera.key or not (last[1] is fields or np.array_equal(last[1], fields)):
+            last = self._fields = view.camera.key, fields, view.columns(nodes, u, fields)
+        return last[2]
+
+    def gram(self, H: sparse.csr_array, C: np.ndarray) -> np.ndarray:
+        """C^T H C; H is the same in all calls  # (m, m)"""
+        last = self._last
+        if last is None or not (last[0] is C or np.array_equal(last[0], C)):
+            last = self._last = C, C.T @ (H @ C)
+        return last[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,20 +62,23 @@ class FieldEquations(NodalEquations):
     def gram(self, columns: np.ndarray, alike: int = 0) -> FrameGram:
         """M and b of nodal fields; alike : how many of the last columns most frames share  # columns (2 n_nodes, m)"""
         columns = np.ascontiguousarray(columns, dtype=np.float64)
-        m, nb = columns.shape[1], self.n_brightness
-        own, others = np.ascontiguousarray(columns[:, :m - alike]), np.ascontiguousarray(columns[:, m - alike:])
-        others_product, others_gram = self.kept.of(self.all_points, others)
-        product = np.hstack([self.all_points @ own, others_product])
+        k = columns.shape[1] - alike
+        return self.gram_of(np.ascontiguousarray(columns[:, :k]), np.ascontiguousarray(columns[:, k:]))
+
+    def gram_of(self, own: np.ndarray, alike: np.ndarray) -> FrameGram:
+        """The same of columns of the frame and of those that most frames share  # (c n_nodes, k), (c n_nodes, m - k)"""
+        k, m, nb = own.shape[1], own.shape[1] + alike.shape[1], self.n_brightness
+        product, alike_gram = self.all_points @ own, self.kept.gram(self.all_points, alike)
         matrix = np.zeros((m + nb, m + nb))
-        matrix[:m - alike, :m] = own.T @ product
-        matrix[m - alike:m, :m - alike] = matrix[:m - alike, m - alike:m].T
-        matrix[m - alike:m, m - alike:m] = others_gram
+        matrix[:k, :k] = own.T @ product
+        matrix[k:m, :k] = alike.T @ product
+        matrix[:k, k:m] = matrix[k:m, :k].T
+        matrix[k:m, k:m] = alike_gram
         if self.missing.shape[0]:
-            gone = self.missing @ columns
-            product = product - self.missing.T @ gone
+            gone = np.hstack([self.missing @ own, self.missing @ alike])
             matrix[:m, :m] -= gone.T @ gone
         if nb:
-            matrix[:m, m:] = (self.hb.T @ columns).T
+            matrix[:m, m:] = np.hstack([self.hb.T @ own, self.hb.T @ alike]).T
             matrix[m:, :m] = matrix[:m, m:].T
             matrix[m:, m:] = self.bb
-        return FrameGram(matrix, np.concatenate([columns.T @ self.q, self.rb]), m, product)
+        return FrameGram(matrix, np.concatenate([own.T @ self.q, alike.T @ self.q, self.rb]), m, None)

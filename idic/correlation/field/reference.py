@@ -167,9 +167,14 @@ class FieldReference(NodalBasis):
                     projected: FrameGram) -> NoiseTerms:
         """The columns alone: ordinary least squares. Points come and go, and their noise is correlated, which
         generalised least squares of independent pixels do not know."""
-        nb, seen = equations.n_brightness, equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
-        around = np.concatenate([np.repeat(self.visible_share(equations), self.n_components), np.full(nb, seen)])
-        return NoiseTerms(around[:, None] * self.shared_columns(motion, columns, nb))
+        return NoiseTerms(self.visible(equations)[:, None]
+                          * self.shared_columns(motion, columns, equations.n_brightness))
+
+    def visible(self, equations: NodalEquations) -> np.ndarray:
+        """How much of the points around a node, and of all, the frame shows  # (c n_nodes + nb,)"""
+        seen = equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
+        around = np.repeat(self.visible_share(equations), self.n_components)
+        return np.concatenate([around, np.full(equations.n_brightness, seen)])
 
     def pull_back(self, motion: np.ndarray) -> np.ndarray:
         """Nothing: points are material  # (n_nodes, c, c)"""

@@ -9,6 +9,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe.assembly import expansion, in_parts, kernels, kernels_solid, locking
+from idic.fe.assembly.linear import KeptResponse, LinearResponse, kept_response
 from idic.fe.assembly.variation import factor_of
 from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
 from idic.fe.solver.linear import Pattern, make_pattern
@@ -33,6 +34,7 @@ class Group:
     steepest : 1/mm, the largest |dN/dX|
     holding : (n,) elements with prescribed dofs, counted within the group
     size : (n_el nq,) mm, of the element of each point, where the law depends on it, else None
+    linear : the one response of all points, where the law is linear, else None
     """
 
     section: int
@@ -50,6 +52,7 @@ class Group:
     steepest: float
     holding: np.ndarray
     size: np.ndarray | None = None
+    linear: KeptResponse | None = None
 
     @property
     def n_points(self) -> int:
@@ -129,7 +132,8 @@ def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: s
     return Group(index, section.law, cell, np.asarray(elements), connectivity, dofs, grads, weights,
                  pattern.positions(dofs), remedy, mean_b,
                  float(np.abs(weights[:, None, None] * grads).reshape(*dofs.shape[:1], -1, grads[0].size).sum(1).max()),
-                 float(np.abs(grads).max()), np.flatnonzero((pattern.equation[dofs] < 0).any(axis=1)), size)
+                 float(np.abs(grads).max()), np.flatnonzero((pattern.equation[dofs] < 0).any(axis=1)), size,
+                 kept_response(section.law, model.mode, grads, weights, len(elements), remedy))
 
 
 def weight_factor(model: Model, section: int, cell: str, connectivity: np.ndarray, weights: np.ndarray,
@@ -211,7 +215,10 @@ def evaluate(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, st
             guess = np.ascontiguousarray(guesses[k][:, -1]) if guesses is not None and model.mode == 2 else None
             values = values_at(group, values, g)
             args = (group.law, model.mode, g.Fbar, g.expansion, states[k], values, dt)
-            if stiffness:
+            linear = _linear(group, g, values)
+            if linear is not None:
+                ok, (g.P, g.state), g.A, g.Ke = True, linear.stress(g.F), linear.A, linear.Ke
+            elif stiffness:
                 g.P, g.state, g.A, ok = expansion.tangent(*args, guess=guess)
             else:
                 g.P, g.state, ok = expansion.stress(*args, guess=guess)
@@ -285,6 +292,12 @@ def values_at(group: Group, params: np.ndarray, g: GroupEvaluation) -> np.ndarra
     spec = group.law.spec
     found = params if g.temperature is None else spec.temperature.values(params, g.temperature)
     return found if group.size is None else spec.crack_band.values(band_place(group), found, group.size)
+
+
+def _linear(group: Group, g: GroupEvaluation, params: np.ndarray) -> LinearResponse | None:
+    if group.linear is None or g.expansion is not None or g.temperature is not None or group.size is not None:
+        return None
+    return group.linear.of(params)
 
 
 def band_place(group: Group) -> int:
@@ -413,6 +426,8 @@ def point_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray
     group, mode = system.groups[k], system.model.mode
     d = system.n_dim
     nd = dstate.shape[1]
+    if du is None and dparams is not None and _linear(group, g, params) is not None:
+        return group.linear.changes(params, dparams, g.F), dstate
     dF = np.zeros((group.n_points, nd, d, d))
     if du is not None:
         changes = (kernels_solid if d == 3 else kernels).gradient_changes

@@ -140,6 +140,8 @@ class LawSpec:
     state_names : tuple of str
     initial_state : tuple of float
         The state at rest; zeros where not given.
+    linear : bool
+        With small kinematics the stress is linear in the strain, whatever happened before.
     isotropic : bool
         The response does not depend on how the body was turned before loading.
     reference : str
@@ -166,6 +168,7 @@ class LawSpec:
     linearise: Mapping[str, Callable] = field(default_factory=dict)
     state_names: tuple[str, ...] = ()
     initial_state: tuple[float, ...] = ()
+    linear: bool = False
     isotropic: bool = True
     reference: str = ""
     alternatives: Mapping[tuple[str, ...], Callable] = field(default_factory=dict)

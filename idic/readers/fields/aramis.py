@@ -86,17 +86,17 @@ def read_aramis_head(path: Path) -> tuple[float | None, dict[str, tuple[float, s
 def _blocks(text: str) -> tuple[dict[str, str], list[_Block]]:
     units: dict[str, str] = {}
     blocks: list[_Block] = []
-    for number, line in enumerate(text.splitlines(), 1):
-        if not line.strip():
-            continue
-        if line.startswith("#"):
-            key, _, value = line[1:].partition(":")
-            if key.strip().lower() == "units":
-                units = dict(_pairs(value))
-            else:
-                blocks.append(_Block(value.strip(), number + 1, []))
-        elif blocks:
-            blocks[-1].lines.append(line)
+    lines = text.splitlines()
+    marks = [k for k, line in enumerate(lines) if line[:1] == "#"]
+    for mark, end in zip(marks, [*marks[1:], len(lines)], strict=True):
+        key, _, value = lines[mark][1:].partition(":")
+        if key.strip().lower() == "units":
+            units = dict(_pairs(value))
+        else:
+            blocks.append(_Block(value.strip(), mark + 2, []))
+        if blocks:
+            rows = lines[mark + 1:end]
+            blocks[-1].lines.extend(rows if all(map(str.strip, rows)) else filter(str.strip, rows))
     return units, [block for block in blocks if block.lines]
 
 
