@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -96,16 +95,16 @@ def numbers_of(lines: Sequence[str], n_columns: int, separator: str, path: Path,
 
 
 def _plain_numbers(lines: Sequence[str], n_columns: int, separator: str) -> np.ndarray | None:
-    """The same where every cell is a bare number, five times as fast; None where one is not."""
+    """The same where every cell is a bare number, twice as fast; None where one is not."""
     if separator == " " or any(line.count(separator) != n_columns - 1 for line in lines):
         return None
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # how NumPy says that it stopped before the end
-        try:
-            values = np.fromstring(separator.join(lines), sep=separator)
-        except (DeprecationWarning, ValueError):
-            return None
-    return values.reshape(len(lines), n_columns) if values.size == len(lines) * n_columns else None
+    text = separator.join(lines)
+    if "_" in text or not text.isascii():  # which Python takes as parts of a number
+        return None
+    try:
+        return np.array(list(map(float, text.split(separator)))).reshape(len(lines), n_columns)
+    except ValueError:
+        return None
 
 
 def _row(line: str, n_columns: int, separator: str, path: Path, number: int) -> list[float]:
