@@ -30,10 +30,10 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # One file of laws only: it compiles them all, and those that come in the middle of the session find them on the disk.
 FIRST = ("quality/test_lint.py", "faults/test_resume.py", "workers/test_prefect_server.py", "faults/test_damage.py",
          "workers/test_dask_executor.py", "laws/test_law_contract.py", "identify/test_imperfect_records.py",
-         "diagnose/test_diagnosis_runs.py", "laws/test_user_laws.py", "studies/test_study_flow.py",
-         "front_door/test_story.py", "external/test_faults.py", "twins/test_joint_experiments.py",
-         "identify/test_loop.py", "front_door/test_commands.py", "experiment_file/test_init_and_check.py",
-         "identify/test_parallel_steps.py", "diagnose/test_refits.py")
+         "diagnose/test_diagnosis_runs.py", "run/test_flow.py", "front_door/test_no_prefect.py",
+         "laws/test_user_laws.py", "front_door/test_story.py", "external/test_faults.py",
+         "twins/test_joint_experiments.py", "identify/test_loop.py", "front_door/test_commands.py",
+         "experiment_file/test_init_and_check.py", "identify/test_parallel_steps.py", "diagnose/test_refits.py")
 ROOT = Path(__file__).parent
 
 

@@ -50,7 +50,8 @@ def test_a_clean_record_names_nothing(twin):
     assert found.parameters["BODY.E"].value == pytest.approx(TRUTH["E"], rel=0.005)  # three standard deviations
 
 
-@pytest.mark.parametrize("name", ["machine_compliance", pytest.param("friction", marks=pytest.mark.slow), "pixel_size"])
+@pytest.mark.parametrize("name", ["machine_compliance", *(pytest.param(name, marks=pytest.mark.slow)
+                                                              for name in ("friction", "pixel_size"))])
 def test_an_effect_is_ranked_first_and_its_amplitude_and_the_modulus_are_recovered(twin, name):
     found, result = screening(twin(name), FEW)
     _first_and_recovered(twin(name), name, found, result)

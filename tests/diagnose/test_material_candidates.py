@@ -192,6 +192,7 @@ def test_a_logged_temperature_drives_the_expansion_and_without_one_a_course_is_s
     np.testing.assert_allclose(seen.temperatures[0].drive.values, 20.0 + np.arange(6))
 
 
+@pytest.mark.slow  # 10 s of CPU time; test_diagnosis_runs.py finds concealed yielding
 @pytest.mark.parametrize("name", ["viscoelasticity"])
 def test_the_concealed_physics_stands_first(name, tmp_path):
     """One of the matrix below, among the material candidates only."""

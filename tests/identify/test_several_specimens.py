@@ -101,6 +101,7 @@ def test_three_directions_give_the_four_constants_that_no_one_of_them_gives(tmp_
     assert "Specimen by specimen" in joint_page(result)
 
 
+@pytest.mark.slow  # 11 s of CPU time; the scatter of given values: below
 def test_specimens_that_differ_are_told_apart_with_their_scatter(tmp_path):
     factors = {"a": 0.96, "b": 1.0, "c": 1.05}
     folders = [write_specimen(tmp_path / name, 0.0, stiffer=factor) for name, factor in factors.items()]
