@@ -17,7 +17,9 @@ from idic.correlation.reference import MAX_GRADIENT_NOISE
 from idic.images.interpolate import DEGREES, gradient_at_pixels, prefilter
 from idic.images.quality.gradient_noise import gradient_noise_share
 from idic.images.quality.noise_covariance import NoiseCovariance, noise_covariance, pixel_gain
-from idic.identify.noise.recordings import recordings
+from idic.images.camera import Camera
+from idic.identify.noise.free_residual import free_residual_noise
+from idic.identify.noise.recordings import CONSECUTIVE, FREE_RESIDUAL, STILL, recordings
 from idic.model.experiment import Channel, CorrelatedNoise, Experiment, Noise
 
 MAD_TO_STD = 1.4826  # median absolute deviation -> standard deviation of a normal distribution
@@ -29,6 +31,8 @@ NOISE_SHARE_OF_A_SHORT_LOG = 2e-3  # of its largest value
 MIN_NOISE_RATIO = 1.08  # of measured to assumed noise; below, 95 % intervals still hold in 93 %, and nothing is changed
 MIN_STANDARD_ERRORS = 4.0  # of that difference
 MAX_NOISE_RATIO = 4.0  # above, it is motion or light that the images differ by
+TOLD = {STILL: "still frames show", CONSECUTIVE: "consecutive images show",
+        FREE_RESIDUAL: "the residual of a free FE-DIC shows"}
 MIN_TOLD_CORRELATION = 0.05  # of neighbouring pixels
 
 
@@ -118,17 +122,20 @@ def with_measured_noise(experiment: Experiment) -> Experiment:
 def measured_noise(view: Experiment) -> Noise:
     """The noise of one camera, with its correlation where that matters; unchanged for heights and unknown noise.
 
-    Images at rest decide where they tell it, else consecutive images of the test.
+    Images at rest decide where they tell it, else consecutive images of the test, else what a free FE-DIC leaves: one
+    that differs by more than `MAX_NOISE_RATIO` times the noise shows motion or light.
     """
     noise = view.noise
     if view.stack is None or view.quantity != "grey" or not noise.std_gv or noise.correlated is not None:
         return noise
-    pixel_map = build_reference(view, view.camera).pixel_map
-    region = pixel_map.to_image(np.ones(len(pixel_map.points())), 0.0) > 0.0
+    reference = build_reference(view, view.camera)
+    region = reference.pixel_map.to_image(np.ones(len(reference.pixel_map.points())), 0.0) > 0.0
     for recording in recordings(view):
         found = noise_covariance(recording.stack, recording.frames, region, view.options.lowpass_px)
-        if found is not None:
+        if found is not None and found.sum_std_gv < MAX_NOISE_RATIO * noise.std_gv:
             return _judged(noise, found, view.options.lowpass_px, recording.source)
+    if isinstance(view.camera, Camera) and (found := free_residual_noise(view, reference, region)) is not None:
+        return _judged(noise, found, view.options.lowpass_px, FREE_RESIDUAL)
     return noise
 
 
@@ -175,7 +182,7 @@ def noise_notes(experiment: Experiment) -> list[str]:
             continue
         beside = 0.5 * (found.correlation[middle][middle + 1] + found.correlation[middle + 1][middle])
         text = (f"image noise{of}: {found.stated_gv:.3g} {view.value_unit} ({view.noise.source.replace('_', ' ')}), "
-                f"but {found.source.replace('_', ' ')} show {found.recorded_gv:.3g}")
+                f"but {TOLD[found.source]} {found.recorded_gv:.3g}")
         if abs(beside) > MIN_TOLD_CORRELATION:
             text += f" with a correlation of {beside:.2f} between neighbouring pixels"
         notes.append(f"{text}: sums against the gradient carry {found.sum_std_gv:.3g}, which weights and error bars "

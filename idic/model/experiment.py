@@ -225,7 +225,7 @@ class CorrelatedNoise:
     sum_std_gv : of independent pixel noise that scatters sums against the gradient as this noise does (GV)
     correlation : (2 L + 1, 2 L + 1) of pixels so many rows and columns apart, 1 in the middle
     stated_gv : what was given or found before (GV)
-    source : "still_frames" | "consecutive_images", "" of measured fields
+    source : "still_frames" | "consecutive_images" | "free_residual", "" of measured fields
     """
 
     recorded_gv: float

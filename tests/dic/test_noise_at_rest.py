@@ -1,4 +1,5 @@
-"""Which images the covariance of the noise comes from: those at rest, else consecutive ones of the test."""
+"""Which images the covariance of the noise comes from: those at rest, else consecutive ones of the test, else what a
+free FE-DIC leaves of them."""
 
 from __future__ import annotations
 
@@ -22,9 +23,9 @@ def clean():
     return np.array(pictures(FRAME, [lambda at, load=load: load * 0.004 * at for load in LOADS], SHAPE))
 
 
-def smooth(rng):
-    """Noise of STD that neighbours share  # SHAPE"""
-    noise = gaussian_filter(rng.standard_normal(SHAPE), SMOOTHING_PX, mode="wrap")
+def smooth(rng, shape=SHAPE):
+    """Noise of STD that neighbours share  # shape"""
+    noise = gaussian_filter(rng.standard_normal(shape), SMOOTHING_PX, mode="wrap")
     return STD * noise / noise.std()
 
 
@@ -59,3 +60,17 @@ def test_a_copy_of_the_reference_tells_nothing(clean):
     copied = experiment(grid(*FRAME), np.array([images.frame(k) for k in (0, 0, 2, 3, 4)]), noise=Noise(STD),
                         channels=recording(clean).channels)
     assert measured_noise(copied).correlated.source == "consecutive_images"
+
+
+@pytest.mark.parametrize("smoothed", [False, True])
+def test_steps_that_no_tile_search_follows_are_followed_by_a_free_measurement(smoothed):
+    """10 % of stretch from frame to frame; by still images of this noise the sums carry 1.7 times its pixels."""
+    rng, shape, frame = np.random.default_rng(3), (240, 300), (20, 30, 190, 190, 20)
+    moved = np.array(pictures(frame, [lambda at, k=k: 0.1 * k * at for k in range(3)], shape))
+    noise = np.array([smooth(rng, shape) if smoothed else STD * rng.standard_normal(shape) for _ in moved])
+    found = measured_noise(experiment(grid(*frame), (moved + noise).astype(np.float32), noise=Noise(STD))).correlated
+    if not smoothed:
+        assert found is None
+        return
+    assert found.source == "free_residual"
+    assert found.recorded_gv == pytest.approx(STD, rel=0.05) and found.sum_std_gv == pytest.approx(1.7 * STD, rel=0.08)

@@ -14,7 +14,7 @@ from idic.dic.still import declared_stack, find_still_frames
 from idic.images.stack import Stack
 from idic.model.experiment import Experiment
 
-STILL, CONSECUTIVE = "still_frames", "consecutive_images"
+STILL, CONSECUTIVE, FREE_RESIDUAL = "still_frames", "consecutive_images", "free_residual"
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,12 +66,12 @@ def noise_covariance(stack: Stack, frames: Sequence[int], region: np.ndarray,
     region : (ny, nx) bool, the specimen in the first of them
     lowpass_px : low-pass of the images before correlation; the covariance is that before it
     """
-    corners = _tile_corners(region)
+    corners = tile_corners(region)
     pairs = _chosen_pairs(len(frames))
     if len(corners) == 0 or not pairs:
         return None
     moved = corners.copy()  # where the material of each tile is
-    found: list[list[_TileNoise]] = []
+    found: list[list[TileNoise]] = []
     before, last = np.asarray(stack.frame(frames[0]), np.float32), 0
     for first in sorted(pairs):
         if first != last:
@@ -81,11 +81,11 @@ def noise_covariance(stack: Stack, frames: Sequence[int], region: np.ndarray,
         step = _motion(before, after, moved)
         found.append(_pair_noise(before, after, moved, step, lowpass_px))
         moved, before, last = moved + step, after, first + 1
-    return _pooled(found)
+    return pooled(found)
 
 
 @dataclass(frozen=True)
-class _TileNoise:
+class TileNoise:
     """Sums over one tile difference, and over white noise of variance 1 that went through the same fit."""
 
     variance: float  # of one image
@@ -109,7 +109,7 @@ def _chosen_pairs(n: int) -> list[int]:
     return sorted({int(k) for k in np.linspace(0, n - 2, min(MAX_PAIRS, n - 1)).round()})
 
 
-def _tile_corners(region: np.ndarray) -> np.ndarray:
+def tile_corners(region: np.ndarray) -> np.ndarray:
     """First pixels of the tiles that lie wholly on the specimen  # (n, 2) row, column"""
     total = np.pad(np.cumsum(np.cumsum(region, axis=0, dtype=np.int64), axis=1), ((1, 0), (1, 0)))
     ny, nx = region.shape
@@ -160,17 +160,17 @@ def _cut(image: np.ndarray, row: int, column: int, margin: int) -> np.ndarray | 
 
 
 def _pair_noise(one: np.ndarray, two: np.ndarray, corners: np.ndarray, steps: np.ndarray,
-                lowpass_px: float) -> list[_TileNoise]:
+                lowpass_px: float) -> list[TileNoise]:
     tiles, rng = [], np.random.default_rng(0)  # the same white noise for every pair: it calibrates the fit
     for (row, column), step in zip(corners, steps, strict=True):
         a, b = _cut(one, row, column, MARGIN_PX), _cut(two, row + step[0], column + step[1], MARGIN_PX)
         white = rng.standard_normal((TILE_PX, TILE_PX))
         if a is not None and b is not None:
-            tiles.append(_tile_noise(a, b, white, lowpass_px))
+            tiles.append(tile_noise(a, b, white, lowpass_px))
     return tiles
 
 
-def _tile_noise(a: np.ndarray, b: np.ndarray, white: np.ndarray, lowpass_px: float) -> _TileNoise:
+def tile_noise(a: np.ndarray, b: np.ndarray, white: np.ndarray, lowpass_px: float) -> TileNoise:
     """a, b : (t + 2 m, t + 2 m) two tiles with a margin; white : (t, t) standard normal."""
     mean, inner = (a + b) / 2.0, (slice(MARGIN_PX, -MARGIN_PX),) * 2
     y, x = np.meshgrid(*(np.linspace(-1.0, 1.0, TILE_PX),) * 2, indexing="ij")
@@ -189,7 +189,7 @@ def _tile_noise(a: np.ndarray, b: np.ndarray, white: np.ndarray, lowpass_px: flo
     weights = [lowpass(lowpass(_derivative(mean, FIRST, axis), lowpass_px), lowpass_px)[inner].astype(float)
                for axis in (0, 1)]  # the low-pass acts on the noise, or once more on the gradient
     square = weights[0] ** 2 + weights[1] ** 2
-    return _TileNoise(float((difference**2).sum()) / left, _lagged(difference), _lagged(through),
+    return TileNoise(float((difference**2).sum()) / left, _lagged(difference), _lagged(through),
                       float((square * difference**2).sum()), float((square * through**2).sum()),
                       _lagged(weights[0]) + _lagged(weights[1]), basis.reshape(*x.shape, -1), square)
 
@@ -216,7 +216,7 @@ def _lagged(values: np.ndarray, others: np.ndarray | None = None) -> np.ndarray:
     return found[np.ix_(at, at)]
 
 
-def _good(tiles: Sequence[_TileNoise]) -> list[_TileNoise]:
+def _good(tiles: Sequence[TileNoise]) -> list[TileNoise]:
     """The tiles of a pair in which there is nothing but noise; none where these are too few, or one image is a copy."""
     if len(tiles) < MIN_GOOD_TILES:
         return []
@@ -227,7 +227,7 @@ def _good(tiles: Sequence[_TileNoise]) -> list[_TileNoise]:
     return good if len(good) >= max(MIN_GOOD_TILES, len(tiles) // 2) else []
 
 
-def _pooled(pairs: Sequence[Sequence[_TileNoise]]) -> NoiseCovariance | None:
+def pooled(pairs: Sequence[Sequence[TileNoise]]) -> NoiseCovariance | None:
     """The pairs that show the least: in the others the specimen moved by more than the fit takes out."""
     kept = sorted((good for tiles in pairs if (good := _good(tiles))),
                   key=lambda tiles: float(np.mean([tile.in_sums for tile in tiles])))
@@ -263,7 +263,7 @@ def _without_chance(correlation: np.ndarray, independent: int) -> np.ndarray:
     return np.where(chance, 0.0, correlation)
 
 
-def _given_back(tiles: Sequence[_TileNoise], lags: np.ndarray) -> tuple[float, float, np.ndarray]:
+def _given_back(tiles: Sequence[TileNoise], lags: np.ndarray) -> tuple[float, float, np.ndarray]:
     """What the fit takes from correlated noise is given back: it takes most of what is as smooth as the pattern.
 
     Fixed point of the covariance whose expected sums after the fit are those found; of as many tiles as tell it.
