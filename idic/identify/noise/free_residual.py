@@ -16,8 +16,16 @@ from scipy.ndimage import binary_erosion
 from idic.correlation.reference import ReferenceImage
 from idic.dic.stack import dic_stack
 from idic.images.interpolate import evaluate, prefilter
-from idic.images.quality.noise_covariance import (MARGIN_PX, MIN_GOOD_TILES, TILE_PX, NoiseCovariance, TileNoise, pooled,
-                                                  tile_corners, tile_noise)
+from idic.images.quality.noise_covariance import (
+    MARGIN_PX,
+    MIN_GOOD_TILES,
+    TILE_PX,
+    NoiseCovariance,
+    TileNoise,
+    pooled,
+    tile_corners,
+    tile_noise,
+)
 from idic.model.experiment import Experiment
 
 MAX_FRAMES = 3  # that are followed, the first ones after the reference
