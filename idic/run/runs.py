@@ -30,6 +30,7 @@ from idic.run.recovery.scan import BYTES_FOR_WORKERS, stored_bytes
 from idic.run.session import Timing, open_session
 from idic.store.camera_groups import refuse_changed_images
 from idic.store.layout import DESCRIPTION
+from idic.store.path_names import refuse_names_that_are_one
 from idic.store.run_store import RunStore
 from idic.workers.probe import ExperimentToSee
 from idic.workers.runner import TaskRunner
@@ -103,6 +104,8 @@ class SingleRun:
         """Everything that can be wrong before something is written."""
         check_before_writing(self.experiment)
         checked_sensitivity(sensitivity, self.experiment)
+        refuse_names_that_are_one(self.experiment.parameters, self.store.run)
+        refuse_names_that_are_one((channel.column for channel in self.experiment.channels), self.store.run)
 
     @contextmanager
     def claim(self, resume: bool) -> Iterator[None]:

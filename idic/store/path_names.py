@@ -8,7 +8,12 @@ from __future__ import annotations
 
 import hashlib
 import re
+import unicodedata
+from collections.abc import Iterable
+from pathlib import Path
 from urllib.parse import quote
+
+from idic.errors import InputError
 
 _ENCODED = re.compile(r'[/\\:*?"<>|%\x00-\x1f\x7f]|^\.|[. ]$')  # separators, and what a file system refuses
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)  # of Windows
@@ -28,3 +33,29 @@ def path_name(label: str) -> str:
         return name
     digest = hashlib.sha256(label.encode()).hexdigest()[:_DIGITS]
     return f"{quote(name, safe='%')[:MAX_BYTES - _DIGITS - 1]}-{digest}"
+
+
+def refuse_names_that_are_one(labels: Iterable[str], folder: Path) -> None:
+    """Two labels that the disk of a folder takes for one name: ``Sheet`` and ``sheet`` on most macOS and Windows disks.
+
+    Raises
+    ------
+    InputError
+        There are two such labels, and the disk does not tell them apart.
+    """
+    seen: dict[str, str] = {}
+    for label in labels:
+        other = seen.setdefault(unicodedata.normalize("NFC", path_name(label)).casefold(), label)
+        if other != label and ignores_case(folder):
+            raise InputError("two names that are one on the disk of the results", file=folder,
+                             expected="names that differ in more than capitals", found=f"{other}, {label}",
+                             remedy="rename one of them in the mesh, the log or experiment.toml")
+
+
+def ignores_case(folder: Path) -> bool:
+    """Whether the disk of a folder, which need not exist yet, takes ``a`` and ``A`` for one name; writes nothing."""
+    for part in (folder.absolute(), *folder.absolute().parents):
+        other = part.with_name(part.name.swapcase()) if part.name else part
+        if part.exists() and other.name != part.name:
+            return other.exists() and other.samefile(part)
+    return False

@@ -15,11 +15,12 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import pytest
 
 import idic
+from idic.errors import InputError
 from idic.readers.paths import natural_key
 from idic.run.diagnosis.enriched import way_to
 from idic.store import replace, run_lock
 from idic.store.layout import group_name
-from idic.store.path_names import path_name
+from idic.store.path_names import ignores_case, path_name, refuse_names_that_are_one
 from idic.store.run_lock import RunBusy
 from idic.workers import peak_memory
 
@@ -79,6 +80,18 @@ def test_a_name_of_the_user_is_one_part_of_a_path_on_every_system(label):
     for kind in (PurePosixPath, PureWindowsPath):
         assert kind("run", name).parts == ("run", name)
     assert not PureWindowsPath(name).drive and not name.endswith((".", " "))
+
+
+def test_two_names_that_are_one_on_a_disk_without_capitals_are_refused_there(tmp_path):
+    run = tmp_path / "Runs" / "first"  # not there yet
+    assert not ignores_case(run)  # this disk tells them apart
+    refuse_names_that_are_one(["sheet.E", "SHEET.E"], run)
+    (tmp_path / "rUNS").mkdir()
+    (tmp_path / "Runs").symlink_to(tmp_path / "rUNS")  # what such a disk answers: both names, one folder
+    assert ignores_case(run)
+    refuse_names_that_are_one(["sheet.E", "sheet.nu"], run)
+    with pytest.raises(InputError, match="sheet.E, SHEET.E"):
+        refuse_names_that_are_one(["sheet.E", "sheet.nu", "SHEET.E"], run)
 
 
 def test_groups_of_a_run_are_the_same_folders_under_either_separator():
