@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from hashlib import blake2b
 
 import numpy as np
 from scipy.ndimage import binary_erosion
@@ -25,6 +26,9 @@ from idic.images.placed_camera import PLACEMENT_STEM, AnyCamera, PlacedCamera
 from idic.images.interpolate import DEGREES
 from idic.model.experiment import Experiment
 from idic.parameters import ParameterSet
+
+MAX_TRACED = 3  # pixel maps of lenses that a process keeps, 16 bytes per pixel each
+_traced: dict[tuple, tuple[PixelMap, np.ndarray | None]] = {}
 
 
 def camera_at(experiment: Experiment, parameters: ParameterSet) -> AnyCamera:
@@ -61,10 +65,7 @@ def build_reference(experiment: Experiment, camera: AnyCamera) -> Reference:
         return _section_reference(experiment, camera)
     options, stack = experiment.options, experiment.stack
     mask = _inside_borders(experiment.mask, stack.shape, options.border_px if view.kind == GREY else 0)
-    pixel_map = mapped_pixels(experiment, camera, mask)
-    if options.edge_margin_px:
-        mask = _without_edges(pixel_map, options.edge_margin_px)
-        pixel_map = mapped_pixels(experiment, camera, mask)
+    pixel_map, mask = _kept_pixels(experiment, camera, mask)
     image = stack.frame(experiment.reference)
     if view.kind == GREY:
         images = [stack.frame(k) for k in experiment.averaged] or image
@@ -75,6 +76,38 @@ def build_reference(experiment: Experiment, camera: AnyCamera) -> Reference:
         seen = ~gaps if mask is None else mask & ~gaps
         pixel_map = mapped_pixels(experiment, camera, seen)
     return build_height_reference(pixel_map, image, degree, options.lowpass_px)
+
+
+def _kept_pixels(experiment: Experiment, camera: AnyCamera,
+                 mask: np.ndarray | None) -> tuple[PixelMap, np.ndarray | None]:
+    """The pixels of the surface less those along its edges, and their mask; of a lens kept for the next reference.
+
+    Rays are traced for some microseconds per pixel: the noise, the start, the identification and its judgement each
+    attach the same reference image.
+    """
+    def found() -> tuple[PixelMap, np.ndarray | None]:
+        pixel_map, margin = mapped_pixels(experiment, camera, mask), experiment.options.edge_margin_px
+        if not margin:
+            return pixel_map, mask
+        inner = _without_edges(pixel_map, margin)
+        return mapped_pixels(experiment, camera, inner), inner
+
+    if not isinstance(camera, PlacedCamera):
+        return found()
+    mesh, one = experiment.mesh, camera.effective
+    faces = [] if experiment.surface is None else mesh.edge_sets[experiment.surface]
+    digest = blake2b()
+    for part in (mesh.nodes, *(block.connectivity for block in mesh.blocks), faces, one.intrinsic, one.rotation,
+                 one.translation_mm, () if mask is None else mask):
+        digest.update(np.ascontiguousarray(part))
+        digest.update(str(np.shape(part)).encode())
+    key = digest.digest(), experiment.stack.shape, mask is None, experiment.options.edge_margin_px
+    kept = _traced.get(key)
+    if kept is None:
+        kept = _traced[key] = found()
+        for oldest in list(_traced)[:-MAX_TRACED]:
+            _traced.pop(oldest, None)
+    return kept
 
 
 def mapped_pixels(experiment: Experiment, camera: AnyCamera, mask: np.ndarray | None) -> PixelMap:

@@ -35,6 +35,7 @@ from idic.identify.systematic.refinement import refined
 from idic.identify.weights import noise_weights
 from idic.model.experiment import Column
 from idic.model.forward import build_forward
+from idic.report.evidence.rig import rig_warnings
 from idic.virtual_tests.stereo.plate import REDUCED, TRUTH, Size, plate_test, write_plate
 
 SMALL = Size(0.2, (100, 156), (2, 2, 2), (2, 3, 2, 1), (3, 4, 2, 1))
@@ -97,6 +98,21 @@ def test_exchanged_images_are_refused(folder, tmp_path):
     with pytest.raises(InputError, match="swapped"):
         load_experiment(swapped)
     assert not any("different grey values" in note for note in load_experiment(folder).notes)
+
+
+@pytest.mark.parametrize(("free", "open_ones"), [
+    (("right.turn_y",), ()),
+    # both cameras and the mesh moved alike leave every image as it is
+    (("left.t_x", "left.t_y", "left.t_z", "right.t_x", "right.t_y", "right.t_z", "placement.t_z"), ("placement.t_z",)),
+    # both scale the image; without a target nothing else tells a distance
+    pytest.param(("right.fx", "right.fy", "right.t_z"), ("right.fx", "right.t_z"), marks=pytest.mark.slow),
+])
+def test_what_a_rig_leaves_open_is_said_before_the_run(folder, free, open_ones):
+    experiment = load_experiment(folder, {"dof": [{"name": name} for name in free]})
+    said = list(rig_warnings(experiment, 0.0))
+    for name in open_ones:
+        assert any(f"{name} " in text and ("will not be identified" in text or "hardly" in text) for text in said), said
+    assert open_ones or not said
 
 
 @pytest.mark.slow  # half a minute of processor time

@@ -13,12 +13,13 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from idic.correlation.pinhole.ray_map import build_ray_map
+from idic.correlation.pixels.pixel_map import PixelMap
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Mesh, surface_cells
 from idic.images.placed_camera import PlacedCamera
 
 COARSE_PX = 4.0   # blur before a comparison that has to survive a rough alignment
-MIN_POINTS = 200
+MIN_POINTS, MAX_POINTS = 200, 200_000  # of an image; more are thinned out
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,18 +36,21 @@ def speckle_agreement(mesh: Mesh, one: Seen, two: Seen, blur_px: float = 0.0) ->
 
     blur_px : of both images first
     """
+    every = max(1, int(np.ceil(np.sqrt(one.image.size / MAX_POINTS))))
+    some, wanted = (np.zeros(seen.image.shape, dtype=bool) for seen in (one, two))
+    some[::every, ::every] = True
+    ny, nx = two.image.shape
     try:
-        pixels = build_ray_map(mesh, surface_cells(mesh, one.surface), one.camera, one.image.shape, surface=one.surface)
-        other = build_ray_map(mesh, surface_cells(mesh, two.surface), two.camera, two.image.shape, surface=two.surface)
-        points = pixels.interpolate(mesh.nodes)
-        at = two.camera.project(points)
+        pixels = _ray_map(mesh, one, some)
+        at = two.camera.project(pixels.interpolate(mesh.nodes))
+        column, row = np.rint(at).astype(int).T
+        inside = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
+        wanted[row[inside], column[inside]] = True
+        other = _ray_map(mesh, two, wanted)
     except InputError:
         return float("nan")
     images = [gaussian_filter(np.asarray(seen.image, dtype=float), blur_px) for seen in (one, two)]
     owned = np.isfinite(other.to_image(np.zeros(other.n_pixels)))  # what the second camera sees of the mesh
-    column, row = np.rint(at).astype(int).T
-    ny, nx = two.image.shape
-    inside = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
     inside[inside] = owned[row[inside], column[inside]]
     if inside.sum() < MIN_POINTS:
         return float("nan")
@@ -55,6 +59,10 @@ def speckle_agreement(mesh: Mesh, one: Seen, two: Seen, blur_px: float = 0.0) ->
     if ours.std() == 0.0 or theirs.std() == 0.0:
         return float("nan")
     return float(np.corrcoef(ours, theirs)[0, 1])
+
+
+def _ray_map(mesh: Mesh, seen: Seen, mask: np.ndarray) -> PixelMap:
+    return build_ray_map(mesh, surface_cells(mesh, seen.surface), seen.camera, seen.image.shape, mask, seen.surface)
 
 
 def agreements(mesh: Mesh, cameras: Sequence[Seen]) -> list[float]:

@@ -1,4 +1,5 @@
-"""`idic check`: every image decoded, the mesh drawn on the reference image, the noise estimated; no simulation."""
+"""`idic check`: every image decoded, the mesh drawn on the reference image, the noise estimated; no simulation,
+except where values of cameras with a lens are free."""
 
 from __future__ import annotations
 
@@ -19,6 +20,7 @@ from idic.report.evidence.placement import ends_that_move_otherwise, mirrored_ax
 from idic.report.evidence.plausible import (
     implausible_scale, implausible_values, opposed_forces, pattern_warnings, start_values,
 )
+from idic.report.evidence.rig import rig_warnings
 from idic.report.figures.mesh_overlay import mesh_on_points, mesh_overlay
 from idic.report.figures.style import Picture
 
@@ -145,7 +147,8 @@ def check(experiment: Experiment, overlay_to: str | Path | None = None, draw: bo
         Path(overlay_to).write_bytes(main.overlay.png)
     cost = expected_cost(experiment)
     return replace(main, cameras=tuple(others), cost=cost,
-                   warnings=(*main.warnings, *_model_warnings(experiment), *cost.warnings()))
+                   warnings=(*main.warnings, *_model_warnings(experiment), *rig_warnings(there, cost.time_s),
+                             *cost.warnings()))
 
 
 def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:

@@ -1,0 +1,79 @@
+"""What cameras with a lens leave open, said by `idic check` before the run: poses, lenses and places that are free."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from idic.errors import InputError, NotConverged
+from idic.fe.mesh.surface_edges import followed, normal_axis, seen_first
+from idic.identify.design import design_test
+from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
+from idic.model.drives import set_nodes
+from idic.model.experiment import Experiment, Measured, Noise
+
+N_FRAMES = 6  # that are compared; all are simulated
+LONGEST_S = 1200.0  # of an identification, of which the simulation here is a tenth
+ASSUMED_NOISE_GV = 2.0  # where it is not known yet
+MIN_CORRELATION = 0.99  # of two degrees of freedom that are determined, but hardly apart
+
+
+def rig_warnings(experiment: Experiment, time_s: float) -> Iterator[str]:
+    """Warnings; time_s : expected of the identification.
+
+    The spectrum is that of `idic.identify.design` at the start values, in one simulation: the same directions that the
+    identification would leave out in the end.
+    """
+    yield from _held_thickness(experiment)
+    stems = {PLACEMENT_STEM, *(view.camera_name for view in experiment.views if isinstance(view.camera, PlacedCamera))}
+    free = [name for name in experiment.parameters.free if name.partition(".")[0] in stems]
+    if len(stems) == 1 or not free:
+        return
+    if time_s > LONGEST_S:
+        yield f"whether {', '.join(free)} can be told apart is not looked at, as it takes minutes: idic design says it"
+        return
+    try:
+        told = design_test("check", _thinned(experiment)).full.summary()
+    except (InputError, NotConverged) as problem:
+        yield f"whether {', '.join(free)} can be told apart is not known before the run: {problem}"
+        return
+    for entry in told["not_identifiable"]:
+        yield f"{entry['name']} will not be identified: it {_sentence(entry['reason'])}; hold it, or give it a prior"
+    names, matrix = told["correlation"]["names"], np.array(told["correlation"]["matrix"])
+    for i, first in enumerate(names):
+        for j, second in enumerate(names[:i]):
+            if (first in free or second in free) and abs(matrix[i, j]) > MIN_CORRELATION:
+                yield (f"{second} and {first} are hardly told apart (correlation {matrix[i, j]:.3f}): error bars will "
+                       "be large")
+
+
+def _sentence(reason: str) -> str:
+    return reason.removeprefix("it ")
+
+
+def _thinned(experiment: Experiment) -> Experiment:
+    """The experiment with few frames to compare, and a noise where none is known."""
+    counted = [k for k in range(experiment.reference + 1, experiment.n_frames) if k not in experiment.excluded]
+    kept = {counted[i] for i in np.linspace(0, len(counted) - 1, min(N_FRAMES, len(counted))).astype(int)}
+    noise = Noise(ASSUMED_NOISE_GV, "assumed")
+    return replace(
+        experiment, excluded=tuple(k for k in range(experiment.reference + 1, experiment.n_frames) if k not in kept),
+        noise=noise if experiment.noise.std_gv is None else experiment.noise,
+        cameras=tuple(replace(other, noise=noise) if other.noise.std_gv is None else other
+                      for other in experiment.cameras))
+
+
+def _held_thickness(experiment: Experiment) -> Iterator[str]:
+    """Measured edges behind a surface that tells nothing of the motion across it."""
+    mesh, surface = experiment.mesh, experiment.surface
+    if mesh.n_dim == 2 or surface is None or normal_axis(mesh, surface) is not None:
+        return
+    for name in dict.fromkeys(entry.nodes for entry in experiment.prescribed if isinstance(entry.drive, Measured)):
+        nodes = set_nodes(experiment, name)
+        leaders = seen_first(mesh, surface, nodes)
+        if len(leaders) and followed(mesh.nodes[nodes], leaders)[1].size:
+            yield (f"measured edge {name}: its hidden nodes follow the seen ones across the thickness, too, which "
+                   "holds the thickness there; a mesh turned so that the seen surface looks along an axis leaves it "
+                   "free")
