@@ -33,6 +33,7 @@ from idic.report.treatments import treatment_table
 GOOD = ("converged",)
 MAX_LOST_SHARE = 0.05  # of the pixels; more is marked
 MIN_CHANNEL_CHI2 = 0.2  # below, the stated noise of the channel is twice too large
+MIN_READINGS = 8  # of a channel: of fewer, chance alone leaves such a small mean square in one test of a hundred
 MAX_LARGE_TEXT_VALUES = 6  # values in the first sentence, beyond which it is set smaller
 
 
@@ -181,14 +182,18 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
         facts.append(("camera's floor", text, None))
     for name, value in result.get("residual", {}).get("channel_chi2_dof", {}).items():
         if value is not None:
-            facts.append((f"χ² of {name}", f"{value:.2f}", MIN_CHANNEL_CHI2 <= value <= words.MAX_CHANNEL_CHI2))
+            few = sum(map(_is_used, result.get("frames", ()))) < MIN_READINGS
+            facts.append((f"χ² of {name}", f"{value:.2f}",
+                          (few or value >= MIN_CHANNEL_CHI2) and value <= words.MAX_CHANNEL_CHI2))
     if record.noise_gv:
         source = words.NOISE_SOURCE.get(result["noise"].get("source", ""), result["noise"].get("source", ""))
         facts.append(("noise of one image σ", f"{record.noise_gv:.3g} {record.value_unit}, {source}", None))
     statuses = [f.get("status") for f in result.get("frames", ())]
     if statuses:
         used = sum(_is_used(f) for f in result["frames"])
-        facts.append(("frames used", f"{used} of {len(statuses)}", used >= len(statuses) - statuses.count("excluded")))
+        wrong = sum(f.get("status") in ("lost", "unexplained") and _is_used(f) for f in result["frames"])
+        facts.append(("frames used", f"{used} of {len(statuses)}" + (f", {wrong} of them unexplained" if wrong else ""),
+                      not wrong and used >= len(statuses) - statuses.count("excluded")))
     lost = result.get("residual", {}).get("lost_pixels")
     if lost:
         what = "pixels that left the image" if record.value_unit == "grey values" else "pixels off the image or in gaps"

@@ -57,7 +57,8 @@ def test_labels_of_left_out_frames_do_not_overprint_and_stay_on_the_axis(drawn, 
 def test_every_marker_of_left_out_frames_is_in_the_legend(drawn):
     charts.residual_level(with_left_out((4, 9), [3.5, 400.0]))
     (legend,) = drawn[0].legends
-    assert {"left out", "left out, beyond the axis"} <= {text.get_text() for text in legend.get_texts()}
+    told = {text.get_text() for text in legend.get_texts()}
+    assert {"lost or unexplained", "lost or unexplained, beyond the axis"} <= told
 
 
 def test_the_scale_of_the_local_chi2_ends_at_its_maximum_in_each_row(drawn):
@@ -109,6 +110,14 @@ def test_a_bad_value_has_no_green_chip():
         assert chip(page, label) == 'class="warn"', label
     for label in ("camera&#39;s floor", "noise of one image σ"):
         assert chip(page, label) == 'class="plain"', label
+    few = make_result()
+    few["residual"]["channel_chi2_dof"] = {"force_N": 0.07}
+    few["frames"] = few["frames"][:3]
+    assert chip(render_page(make_record(result=few), ()), "χ² of force_N") == ""  # three readings: chance
+    wrong = make_result()
+    wrong["frames"][4] |= {"status": "unexplained", "used": True}
+    page = render_page(make_record(result=wrong), ())
+    assert chip(page, "frames used") == 'class="warn"' and ", 1 of them unexplained" in page
     good = render_page(make_record(), ())
     assert chip(good, "χ² per pixel") == chip(good, "χ² of force_N") == chip(good, "status") == ""
 

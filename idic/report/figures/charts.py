@@ -96,8 +96,8 @@ def residual_level(record: RunRecord) -> Picture | None:
             figure,
             "residual_level",
             "Image residual per frame",
-            "Grey: residual of camera noise alone, after interpolation and low-pass. Red: frames that are left out "
-            "(lost, unexplained); a triangle stands for a residual beyond the axis, its value next to it.",
+            "Grey: residual of camera noise alone, after interpolation and low-pass. Red: frames that are lost or that "
+            "the model does not explain; a triangle stands for a residual beyond the axis, its value next to it.",
         )
 
 
@@ -123,16 +123,16 @@ def _excluded(record: RunRecord) -> np.ndarray:
 
 
 def _mark_left_out(axis, record: RunRecord, used: np.ndarray, top: float) -> None:
-    """Red rings around frames that are left out; triangles with their values where they are beyond the axis."""
+    """Red rings around lost and unexplained frames; triangles with their values where they are beyond the axis."""
     x, y = record.abscissa, record.rms_after
     out = ~used & np.isfinite(y)
     inside, beyond = out & (y < top), out & (y >= top)
     if inside.any():
-        axis.plot(x[inside], y[inside], "o", mfc="none", mec=RED, ms=8, ls="none", label="left out")
+        axis.plot(x[inside], y[inside], "o", mfc="none", mec=RED, ms=8, ls="none", label="lost or unexplained")
     if not beyond.any():
         return
     axis.plot(x[beyond], np.full(beyond.sum(), 0.94 * top), "^", mfc="none", mec=RED, ms=8, ls="none",
-              label="left out, beyond the axis")
+              label="lost or unexplained, beyond the axis")
     span = float(np.ptp(x)) or 1.0
     for group in _groups(np.flatnonzero(beyond), x, MIN_LABEL_SHARE * span):
         low, high = y[group].min(), y[group].max()
