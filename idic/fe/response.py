@@ -22,6 +22,7 @@ import numpy as np
 from idic.errors import NotConverged
 from idic.fe.assembly import assembly, kernels
 from idic.fe.assembly.assembly import System, discretise
+from idic.fe.assembly.linear import kept_response
 from idic.fe.boundary import Drives, drives_at
 from idic.fe.equilibrium import kept_factor
 from idic.fe.model import Model
@@ -101,7 +102,9 @@ def like(base: System, model: Model) -> System:
     same = (alike and np.array_equal(model.mesh.nodes, known.mesh.nodes)
             and (model.kind, model.thickness, model.locking) == (known.kind, known.thickness, known.locking)
             and model.quadrature == known.quadrature and not known.variations and not base.pressures
-            and not model.loads.pressure_faces and not any(group.mean_dilatation for group in base.groups))
+            and not model.loads.pressure_faces and not any(group.mean_dilatation for group in base.groups)
+            and all(one.law.spec.crack_band is None or one.law is other.law
+                    for one, other in zip(model.sections, known.sections, strict=True)))
     if not same:
         return discretise(model, base.pattern if alike else None)
     groups = []
@@ -109,7 +112,9 @@ def like(base: System, model: Model) -> System:
         factor = assembly.weight_factor(model, group.section, group.cell, group.connectivity, group.weights,
                                         group.mean_dilatation)
         weights = group.weights if factor is None else group.weights * factor
-        groups.append(replace(group, law=model.sections[group.section].law, weights=weights))
+        law = model.sections[group.section].law
+        linear = kept_response(law, model.mode, group.grads, weights, len(group.elements), group.mean_dilatation)
+        groups.append(replace(group, law=law, weights=weights, linear=linear))
     return replace(base, model=model, groups=tuple(groups))
 
 

@@ -9,9 +9,11 @@ from idic.fe import response
 from idic.fe.assembly import assembly
 from idic.fe.assembly.assembly import discretise
 from idic.fe.assembly.variation import Variation
+from idic.fe.boundary import drives_at
 from idic.fe.march import march
 from idic.fe.model import Reaction
 from idic.fe.response import Alternative, first_responses, like
+from idic.materials import compile as compile_law
 
 TIMES = np.arange(5.0)
 PULL = np.array([0.0, 0.3, 0.6, 1.0, 0.5])
@@ -67,10 +69,19 @@ def test_models_solved_together_answer_as_each_alone(monkeypatch):
             np.testing.assert_allclose(a.dchannels[:, k], b.dchannels[:, 0], atol=1e-9)
 
 
-def test_a_system_like_another_is_the_one_made_from_nothing():
-    base, model = discretise(plate()), plate("j2_linear", variations=SPOT)
+@pytest.mark.parametrize(("before", "after"), [("elastic", "j2_linear"), ("j2_linear", "elastic"),
+                                               ("elastic", "elastic_damage"), ("elastic", "orthotropic")])
+def test_a_system_like_another_is_the_one_made_from_nothing(before, after):
+    """Also where the law of one is linear, or its softening needs the size of an element, and that of the other not."""
+    base, model = discretise(plate(before)), plate(after, variations=SPOT)
     ours, theirs = like(base, model), discretise(model)
     assert ours.model is model and ours.pattern is base.pattern
+    u = solved(plate(before), FLOW if before == "j2_linear" else ELASTIC)[0][-1]
+    params = {"BODY": compile_law(after).spec.defaults()}
+    drives = drives_at(model, TIMES, TIMES[-1])
+    one, other = (assembly.evaluate(system, params, u, system.rest(), 1.0, drives) for system in (ours, theirs))
+    assert not one.trouble
+    np.testing.assert_array_equal(one.internal, other.internal)
     for a, b in zip(ours.groups, theirs.groups, strict=True):
         assert a.law is b.law
         np.testing.assert_array_equal(a.weights, b.weights)
