@@ -7,7 +7,7 @@ import pytest
 
 from idic.materials.composed.material_card import material_card
 from idic.materials import compile, get_law, point, points
-from idic.materials.composed.written_terms import OLDER, flow_stress, terms_of
+from idic.materials.composed.written_terms import TERMS_OF_OTHERS, flow_stress, terms_of
 
 CUBE = """*NODE
 1, 0, 0, 0
@@ -38,11 +38,11 @@ FRONT, 2, 2
 BELOW, 3, 3
 *AMPLITUDE, NAME=PULL
 {amplitude}
-*TIME POINTS, NAME=FRAMES, GENERATE
-1, {end}, 1
+*TIME POINTS, NAME=FRAMES
+{points}
 *STEP, NLGEOM, INC=10000
-*STATIC
-1, {end}, 1e-6, 1
+{procedure}
+{first}, {end}, 1e-9, {most}
 *BOUNDARY, AMPLITUDE=PULL
 RIGHT, 1, 1, 1
 *NODE PRINT, NSET=LEFT, TOTALS=ONLY, TIME POINTS=FRAMES
@@ -58,11 +58,13 @@ ALL, {start}
 """
 
 
-def pulled_by_calculix(folder, card, strain, warm=None):
+def pulled_by_calculix(folder, card, strain, warm=None, times=None, procedure="*STATIC"):
     """Nominal stress of one element in tension along x at every strain but the first, MPa; warm : °C at every
-    strain."""
-    course = lambda values: "\n".join(f"{k}, {e:.9g}" for k, e in enumerate(values))  # noqa: E731
-    step = STEP.format(amplitude=course(strain), end=len(strain) - 1)
+    strain; times : s, one by one where not given."""
+    times = np.arange(len(strain)) if times is None else times
+    course = lambda values: "\n".join(f"{t:.9g}, {e:.9g}" for t, e in zip(times, values, strict=True))  # noqa: E731
+    step = STEP.format(amplitude=course(strain), points="\n".join(f"{t:.9g}" for t in times[1:]), first=times[1],
+                       end=times[-1], most=np.diff(times).max(), procedure=procedure)
     if warm is not None:
         step = step.replace("*TIME POINTS", WARM.format(start=warm[0], amplitude=course(warm)) + "*TIME POINTS")
         step = step.replace("*NODE PRINT", "*TEMPERATURE, AMPLITUDE=WARM\nALL, 1\n*NODE PRINT")
@@ -213,7 +215,7 @@ def test_the_written_flow_stress_is_that_of_the_law_in_tension():
 
 
 def test_every_older_law_has_the_parameters_of_its_terms():
-    for name in OLDER:
+    for name in TERMS_OF_OTHERS:
         law = get_law(name)
         terms = terms_of(name, dict(zip(law.parameter_names, law.defaults(), strict=True)))
         named = {parameter for term in terms for parameter in term.names.values()}

@@ -2,9 +2,11 @@
 
 import numpy as np
 
-from idic.materials import LawSpec, register
-from idic.materials.plasticity.elastoplastic import ALTERNATIVES, PARAMETERS, STATE_NAMES
-from idic.materials.plasticity.j2_isotropic import HARDENING_MODULUS, LINEAR, update_by_return
+from idic.materials import LawSpec, get_law, register
+from idic.materials.composed import isotropic_return
+from idic.materials.composed.flow_stress import LINEAR, NONE
+
+SURFACE, HARDENING, RATE = (isotropic_return.MISES, 0), (LINEAR, 3, NONE, 0), (NONE, 0)
 
 
 def update(F, state, params, dt, P, state_new):
@@ -13,9 +15,10 @@ def update(F, state, params, dt, P, state_new):
          + F[0, 2] * (F[1, 0] * F[2, 1] - F[1, 1] * F[2, 0]))
     own = np.empty(4, dtype=F.dtype)
     own[0], own[1], own[2], own[3] = params[0], params[1], params[2] * J, params[3] * J
-    return update_by_return(LINEAR, F, state, own, P, state_new)
+    return isotropic_return.update(SURFACE, HARDENING, RATE, F, state, own, 1.0, P, state_new)
 
 
-register(LawSpec(name="j2_cauchy", parameters=(*PARAMETERS, HARDENING_MODULUS), updates={"finite": update},
-                 state_names=STATE_NAMES, alternatives=ALTERNATIVES,
+LIKE = get_law("j2_linear")
+register(LawSpec(name="j2_cauchy", parameters=LIKE.parameters, updates={"finite": update},
+                 state_names=LIKE.state_names, alternatives=LIKE.alternatives,
                  reference="CalculiX CrunchiX user's manual, *PLASTIC"))
