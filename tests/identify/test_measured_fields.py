@@ -174,6 +174,7 @@ def test_init_tells_a_notched_shear_test_from_tension(tmp_path):
     text = (tmp_path / "experiment.toml").read_text(encoding="utf-8")
     assert "outline_points_mm = 0.3" in text
     assert 'simulated = { reaction = "RIGHT", component = "y", factor = -1.0 }   # shear' in text
+    assert "# prior = { mean = 1.0, std = 0.05" in text  # a distance of the points, of the 11.8 mm between the notches
     (tmp_path / "experiment.toml").write_text(text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 "),
                                               encoding="utf-8")
     there = load_experiment(tmp_path, {"experiment.fields_noise_um": 1.0})
@@ -182,6 +183,25 @@ def test_init_tells_a_notched_shear_test_from_tension(tmp_path):
                                  - there.mesh.nodes[block.connectivity[:, :1]])).sum()
                / (1 if block.cell.startswith("quad") else 2) for block in there.mesh.blocks)
     assert area == pytest.approx(40.0 * 20.0 - 2 * 16.0, abs=0.3 * 120.0)  # two notches; edges within half a distance
+
+
+def test_the_error_bar_counts_a_section_that_the_outline_of_points_leaves_open(initialised, tmp_path):
+    """The outline is 7 % too narrow, as where subsets end before the edge: E by the force is as much too large."""
+    folder = tmp_path / "narrow"
+    shutil.copytree(initialised, folder)
+    file = folder / "experiment.toml"
+    lines = file.read_text(encoding="utf-8").splitlines()
+    k = next(k for k, line in enumerate(lines) if line.startswith("mesh = "))
+    lines[k] = "mesh = { outline_points_mm = 0.18, element_mm = 4 }"
+    file.write_text("\n".join(lines), encoding="utf-8")
+    sure = identify(*with_measured_start(load_experiment(folder))).result["parameters"]["ALL.E"]
+    dof = f'[[dof]]\nname = "geometry.thickness"\nvalue = {THICKNESS}\nprior = {{ mean = {THICKNESS}, std = 0.2 }}\n'
+    file.write_text("\n".join([*lines, dof]), encoding="utf-8")
+    open_ = identify(*with_measured_start(load_experiment(folder))).result["parameters"]["ALL.E"]
+    assert sure["value"] == pytest.approx(E_TRUE * WIDTH / 11.16, rel=0.01)
+    assert abs(sure["value"] - E_TRUE) > 5.0 * sure["std"]
+    assert open_["std"] == pytest.approx(0.1 * open_["value"], rel=0.1)  # a distance of 1.2 mm, of 11.2 mm
+    assert abs(open_["value"] - E_TRUE) < open_["std"]
 
 
 def test_a_round_hole_around_points_is_round_between_its_corners_too(initialised, tmp_path):

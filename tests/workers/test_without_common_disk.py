@@ -132,6 +132,27 @@ def test_an_object_storage_gives_the_same_bits_and_a_damaged_object_is_not_used(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("store", ["driver", "s3://idic-test/joint"])
+def test_a_joint_run_through_a_store_has_the_bits_of_one_on_this_machine(store, tmp_path, request):
+    if store != "driver":
+        request.getfixturevalue("s3")
+    folder = tmp_path / "mine"
+    tests = [folder / "first", folder / "second"]
+    for test in tests:
+        write_experiment(test)
+    alone = identify_plainly(tests, folder / "alone", workers=0, overrides=SHORT)
+    with blind_cluster(tmp_path / "worker", folder) as client:
+        result = identify_plainly(tests, folder / "stored", scheduler=client.scheduler.address, store=store,
+                                  overrides=SHORT)
+    assert not (tmp_path / "worker" / "tried").exists()
+    assert result["parameters"] == alone["parameters"]
+    runs = sorted(path.parent.relative_to(folder / "alone") for path in (folder / "alone").rglob("run.zarr"))
+    assert len(runs) >= len(tests)
+    for run in runs:
+        assert contents(folder / "stored" / run) == contents(folder / "alone" / run)
+
+
+@pytest.mark.slow
 def test_a_store_that_a_worker_cannot_reach_is_refused_with_the_worker_and_nothing_is_written(strip, s3, tmp_path):
     folder, _ = strip
     with blind_cluster(tmp_path / "worker", folder, AWS_ENDPOINT_URL="http://127.0.0.1:9") as client:

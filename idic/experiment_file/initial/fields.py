@@ -16,7 +16,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.images.quality.field_noise import MIN_POINTS, MIN_STAGES
 from idic.readers.fields.chosen_stages import StageRule, mean_strain, strain_path
-from idic.readers.fields.outline import outline_of
+from idic.readers.fields.outline import narrowest, outline_of
 from idic.readers.fields.series import SUFFIXES, FieldSeries, MeasuredPoints, detected, measured_points, open_fields
 from idic.readers.logs import Log, read_log
 from idic.readers.units import parse_unit
@@ -78,7 +78,7 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
              "",  # type: ignore[index]
              _camera(in_px, mesh is not None), _MATERIAL,
              _boundary("TOP" if upright else "RIGHT", "BOTTOM" if upright else "LEFT"),
-             _channel(column, "TOP" if upright else "RIGHT", loaded), _TAIL]
+             _channel(column, "TOP" if upright else "RIGHT", loaded), _section(points) if mesh is None else "", _TAIL]
     return "\n".join(parts)
 
 
@@ -176,6 +176,20 @@ def _mesh(points: MeasuredPoints, margin: float, size: float) -> list[str]:
             "# margin (half a subset), so that the mesh has the true width (a force is compared with its "
             "cross-section);",
             "# outline_mm draws it exactly: see docs/experiment-file.md, a mesh from a drawing"]
+
+
+def _section(points: MeasuredPoints) -> str:
+    """A degree of freedom for the section that an outline of points does not know; empty for a rectangle."""
+    found = outline_of(points.positions, points.pitch, 0.0)
+    if not found.holes and found.filled > _MIN_FILLED:
+        return ""
+    share = f"{points.pitch / (narrowest(found) + points.pitch):.2g}"
+    return "\n".join([f"# unless outline_mm is drawn, the section of a force is known to {share} of itself only;",
+                      "# error bars of moduli count that by this degree of freedom:",
+                      "# [[dof]]", '# name = "geometry.thickness"',
+                      _line("# value = 1.0", "FILL IN thickness_mm"),
+                      _line(f"# prior = {{ mean = 1.0, std = {share} }}", f"FILL IN thickness_mm, and {share} of it"),
+                      ""])
 
 
 def _stages(series: FieldSeries, points: MeasuredPoints) -> list[str]:
