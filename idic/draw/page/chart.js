@@ -11,6 +11,8 @@ function prepared(canvas) {
 
 const finite = (list) => list.filter((v) => v !== null && Number.isFinite(v));
 export const short = (v, digits = 3) => v === null || v === undefined ? "–" : Math.abs(v) >= 1e5 || (v !== 0 && Math.abs(v) < 1e-3) ? v.toExponential(digits - 1) : String(Number(v.toPrecision(Math.max(digits, Math.ceil(Math.log10(Math.abs(v) || 1))))));
+// significant digits of a value that show two digits of a step or a standard deviation
+export const digitsFor = (value, step) => Math.min(8, Math.max(3, step > 0 && value ? Math.floor(Math.log10(Math.abs(value))) - Math.floor(Math.log10(step)) + 2 : 3));
 
 export function sparkline(canvas, values) {
   const { context, w, h } = prepared(canvas), known = finite(values);
@@ -30,9 +32,10 @@ export function chart(canvas, series, xLabel) {
   const count = Math.max(...series.map((s) => s.values.length), 2), left = 58, right = 8, top = 18, bottom = 30;
   const px = (i) => left + i / (count - 1) * (w - left - right), py = (v) => top + (high - v) / (high - low) * (h - top - bottom);
   context.font = "11px system-ui, sans-serif"; context.fillStyle = "#5b6875"; context.strokeStyle = "#d5dce3"; context.lineWidth = 1;
+  const digits = digitsFor(Math.max(Math.abs(low), Math.abs(high)), (high - low) / 2);  // the three lines are told apart
   for (const v of [low, (low + high) / 2, high]) {
     context.beginPath(); context.moveTo(left, py(v)); context.lineTo(w - right, py(v)); context.stroke();
-    context.textAlign = "right"; context.textBaseline = "middle"; context.fillText(short(v), left - 5, py(v));
+    context.textAlign = "right"; context.textBaseline = "middle"; context.fillText(short(v, digits), left - 5, py(v));
   }
   context.textBaseline = "top"; context.textAlign = "left"; context.fillText("0", left, h - bottom + 4);
   context.textAlign = "right"; context.fillText(String(count - 1), w - right, h - bottom + 4);

@@ -1,7 +1,7 @@
 // Watches a run: asks for its state twice a second, for its point when a new one was accepted.
 
 import { bitmap, get } from "./api.js";
-import { chart, short } from "./chart.js";
+import { chart, digitsFor, short } from "./chart.js";
 
 const PERIOD = 500; // ms
 const $ = (id) => document.getElementById(id);
@@ -40,7 +40,7 @@ export class RunWatch {
     const rows = names.filter((n) => last || results[n]).map((n) => {
       const own = results[n], value = own ? own.value : last.values[n], start = own ? own.start : first.values[n];
       const std = own ? (own.std === null ? "not determined" : `±\u00a0${short(own.std, 2)}`) : "";
-      return [n.replace(/^SPECIMEN\./, ""), short(value, 5), std, own?.unit || "", short(start, 4)];
+      return [n.replace(/^SPECIMEN\./, ""), short(value, own?.std ? digitsFor(value, own.std) : 5), std, own?.unit || "", short(start, 4)];
     });
     $("run-parameters").tBodies[0].replaceChildren(...rows.map((row) => element("tr", row.map((text, k) => element("td", [text], [1, 2, 4].includes(k) ? "number" : "")))));
     this.facts = [`iteration ${state.iteration}, ${state.evaluations} evaluations`, last?.phi ? `χ² = ${short(last.phi, 6)}` : "", last?.rms_gv ? `residual ${short(last.rms_gv, 4)} grey values (rms)` : "",
