@@ -22,7 +22,7 @@ from idic.report.html import filled_in
 from idic.report.practice import practice_table
 from idic.report.record import RunRecord
 from idic.report.stress_scale import in_ratios
-from idic.report.figures.hardening import hardening_curve
+from idic.report.figures.hardening import hardening_curve, yield_surface
 from idic.report.figures.relaxation import relaxation_curve
 from idic.report.figures.rubber import rubber_energy
 from idic.report.figures.temperature_factor import temperature_dependence
@@ -59,6 +59,7 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
             *(hardening_curve(record, curve) for curve in record.hardening),
             *(rubber_energy(record, curve) for curve in record.rubber),
             *(relaxation_curve(record, curve) for curve in record.relaxation),
+            *(yield_surface(record, surface) for surface in record.surfaces),
             *(temperature_dependence(tuple(own))
               for _, own in groupby(record.temperature_factors, lambda one: one.name)))
     plan = (

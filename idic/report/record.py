@@ -237,6 +237,32 @@ class HardeningCurve:
     smoothness: Smoothness = field(default_factory=Smoothness)
 
 
+@dataclass(frozen=True, eq=False)
+class YieldSurface:
+    """An identified free yield surface, initial yield; stresses are 11, 22, 12 in material axes.
+
+    Attributes
+    ----------
+    name : element set
+    section, radius, std : (m, 3) directions without shear, (m,) MPa factors on them at yield, (m,) MPa
+    visited, visited_radius, visited_std : (k, 3), (k,) MPa, (k,) MPa
+        The same of the directions in which the test has flowed.
+    fits : tuple of ClassicalFit
+        The classical forms along the visited directions, the nearest first.
+    smoothness : std of the difference of neighbouring weights, as stated
+    """
+
+    name: str
+    section: np.ndarray
+    radius: np.ndarray
+    std: np.ndarray
+    visited: np.ndarray
+    visited_radius: np.ndarray
+    visited_std: np.ndarray
+    fits: tuple[ClassicalFit, ...]
+    smoothness: float
+
+
 @dataclass(frozen=True)
 class RubberMode:
     """Nominal stress over stretch of an incompressible body in one mode: stretch, stress, std (m,) -, MPa, MPa."""
@@ -460,6 +486,7 @@ class RunRecord:
     temperature_factors: tuple[TemperatureFactor, ...] = ()
     rubber: tuple[RubberCurve, ...] = ()
     relaxation: tuple[RelaxationCurve, ...] = ()
+    surfaces: tuple[YieldSurface, ...] = ()
     practice: Practice | None = None
     camera_floor_px: np.ndarray | None = None
     points: PointMaps | None = None

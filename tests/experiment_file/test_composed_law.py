@@ -67,6 +67,29 @@ def test_swifts_curve_takes_the_place_of_the_yield_stress():
         read(**own)
 
 
+def test_a_free_yield_surface_starts_as_misess_and_comes_back_from_its_law_file():
+    import tomllib
+
+    from idic.run.reporting.law_files import law_table
+
+    own = dict(hardening=None, backstress=None, rate=None, damage=None)
+    record, found = read(**own, yield_surface={"kind": "free_surface", "knots": 5, "angle": 20.0, "u3": 0.5})
+    weights = [p for name, p in found.items() if name.startswith("yield_surface_u")]
+    assert record.law == "elastoplastic(free_surface5)" and len(weights) == 15
+    assert [p.value for p in weights] == [1.0, 1.0, 0.5, *[1.0] * 12] and found["yield_surface_angle"].value == 20.0
+    assert [p.free for p in weights] == [True, True, False, *[True] * 12] and weights[0].prior_std == 1.0
+    text = law_table("SPECIMEN", record.law, "finite", {name: p.value for name, p in found.items()},
+                     {"parameters": {}})
+    raw = tables() | {"material": {"SPECIMEN": tomllib.loads(text)}}
+    again, values, _ = material("SPECIMEN", validated(with_overrides(raw, None), "f").material["SPECIMEN"], "f")
+    assert again.law == record.law
+    assert {p.name.removeprefix("SPECIMEN."): p.value for p in values} == {name: p.value for name, p in found.items()}
+    for bad, key in (({"knots": 4}, "knots"), ({"smoothness": 0}, "smoothness"), ({"v1": 1.0}, "v1")):
+        with pytest.raises(InputError) as error:
+            read(**own, yield_surface={"kind": "free_surface"} | bad)
+        assert error.value.key == f"material.SPECIMEN.yield_surface.{key}"
+
+
 def test_no_terms_are_perfect_plasticity():
     record, found = read(**dict.fromkeys(("yield_surface", "hardening", "backstress", "rate", "damage")))
     assert record.law == "elastoplastic" and list(found) == ["E", "nu", "yield_stress"]

@@ -20,6 +20,8 @@ def drawn_terms(rng):
     back = [str(k) for k in rng.permutation(kinds_of("backstress"))[:rng.integers(0, 3)]]
     rate = [str(k) for k in rng.permutation(kinds_of("rate"))[:rng.integers(0, 2)]]
     damage = ["lemaitre"][:rng.integers(0, 2)]
+    if surface == "free_surface":
+        elastic, nonlinear = [], []
     return composed_name([surface, *hardening,
                           *([] if surface == "drucker_prager" else elastic + nonlinear + back + damage),
                           *rate])
@@ -28,11 +30,12 @@ def drawn_terms(rng):
 ALL_TERMS = composed_name(["hill48", "voce", "linear", "armstrong_frederick", "armstrong_frederick", "norton",
                            "lemaitre"])
 ORTHOTROPIC = composed_name(["orthotropic", "fibre", "hahn_tsai", "hill48", "voce", "armstrong_frederick", "lemaitre"])
+FREE_SURFACE = composed_name(["free_surface5", "voce", "prager"])
 NONLINEAR = composed_name(["stiffening", "ramberg_osgood", "in_plane_shear", "power", "norton"])
 DRAWN = sorted({drawn_terms(np.random.default_rng(seed)) for seed in range(12)} - {ALL_TERMS})
 LAW_CASES = [(name, kinematics) for name, spec in all_laws().items() for kinematics in spec.kinematics]
 COMPOSED = [pytest.param((name, "finite"), marks=pytest.mark.slow)  # 5 to 20 s to compile
-            for name in (ALL_TERMS, ORTHOTROPIC, NONLINEAR, *DRAWN)]
+            for name in (ALL_TERMS, ORTHOTROPIC, NONLINEAR, FREE_SURFACE, *DRAWN)]
 MODES = {"3d": 0, "plane_strain": 1, "plane_stress": 2}
 
 

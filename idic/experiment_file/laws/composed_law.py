@@ -4,7 +4,7 @@
 
 becomes ``law = "elastoplastic(voce+linear)"`` with hardening_1_Q, hardening_1_b and hardening_2_H, which is a form that
 experiment.toml may have too. `idic.materials.composed` has the terms and their equations. Free curves:
-``free_curves.py``. A factor of the temperature,
+``free_curves.py``, free yield surfaces: ``free_surface.py``. A factor of the temperature,
 
     temperature = [{ of = "yield_stress", kind = "linear", slope = { value = -1e-3, unit = "1/K", identify = true } }]
 
@@ -20,6 +20,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.laws.free_curves import free_hardening, free_rubber
+from idic.experiment_file.laws.free_surface import KIND as FREE_SURFACE
+from idic.experiment_file.laws.free_surface import free_surface
 from idic.experiment_file.laws.spectrum import free_relaxation
 from idic.materials.composed.elastoplastic import NAME as COMPOSED
 from idic.materials.composed.elastoplastic import composed_name
@@ -69,6 +71,9 @@ def _flat(table: Mapping, file: str, key: str) -> dict:
             if kind == "free":
                 kind, entry, smoothness = free_hardening(entry, table.get("yield_stress"), file, place)
                 stated |= {f"hardening_{number}": smoothness} if smoothness else {}
+            elif kind == FREE_SURFACE:
+                kind, entry, smoothness = free_surface(entry, file, place)
+                stated |= {group: smoothness} if smoothness else {}
             elif group == "temperature":
                 kind, entry = _factor(kind, entry, file, place)
             kinds.append(kind)

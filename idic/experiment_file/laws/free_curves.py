@@ -27,14 +27,17 @@ from idic.experiment_file.schema_materials import MaterialTable, SmoothnessTable
 from idic.materials.composed.free_curve import knots, level_names
 from idic.materials.composed.free_rubber import INVARIANTS, NAME, knots_of_rubber
 from idic.materials.composed.free_rubber import level_names as rubber_levels
-from idic.materials.composed.smoothness import OVER, ROOT, Smoothness, bends, rise
-from idic.materials.composed.terms import DEFAULT_KNOTS, KNOTS
+from idic.materials.composed.smoothness import OVER, ROOT, STRAIN, Smoothness, bends, rise
+from idic.materials.composed.terms import DEFAULT_KNOTS, KNOTS, ring_knots_of, surface_weights
+from idic.materials.plasticity.free_locus import RINGS, neighbours
 from idic.materials.rate.free_relaxation import times_of, weight_names
 from idic.model.experiment import Material
 from idic.parameters import Parameter, SmoothnessPrior
 from idic.readers.units import factor_between
 
 BY_EVIDENCE = "evidence"  # in the place of a number of knots
+SURFACE = "yield_surface"  # key of the smoothness of a free yield surface
+NEIGHBOURS = 0.5  # std of the difference of neighbouring weights of a free yield surface, whose mean is about 1
 SMOOTHNESS_KEYS = ("smoothness", "smooth_over")
 START_SLOPE = 1000.0  # MPa, of a free hardening curve
 LAST_KNOT = 0.2  # plastic strain
@@ -183,6 +186,10 @@ def _curves(material: Material, table: MaterialTable, values: Mapping[str, float
             size = values[f"{material.element_set}.I1_g1"] * (SECOND_SHARE if invariant == INVARIANTS[1] else 1.0)
             yield stated(invariant, [f"{material.element_set}.{name}" for name in rubber_levels(invariant, n)],
                          f"{invariant}_range", size, (ROOT,))
+    n = ring_knots_of(material.law)
+    if n:
+        weights = [f"{material.element_set}.{name}" for name in surface_weights(n)]
+        yield stated(SURFACE, weights, "yield_surface_angle", NEIGHBOURS, (STRAIN,))
     n = times_of(material.law)
     if n:
         weights = [f"{material.element_set}.{name}" for name in weight_names(n)]
@@ -193,9 +200,14 @@ def _curves(material: Material, table: MaterialTable, values: Mapping[str, float
 def smoothness_priors(curves: Sequence[StatedCurve], parameters: Sequence[Parameter]) -> tuple[SmoothnessPrior, ...]:
     """The stated smoothness of every free curve."""
     values = {p.name: p.value for p in parameters}
-    return tuple(SmoothnessPrior(curve.names, tuple(map(tuple, bends(
-        knots(values[curve.last], len(curve.names)), curve.size, curve.smoothness).tolist())), curve.rising)
-        for curve in curves)
+    return tuple(SmoothnessPrior(curve.names, tuple(map(tuple, _bends(curve, values).tolist())), curve.rising)
+                 for curve in curves)
+
+
+def _bends(curve: StatedCurve, values: Mapping[str, float]) -> np.ndarray:
+    if curve.key == SURFACE:
+        return neighbours(len(curve.names) // RINGS) / (curve.size * curve.smoothness.strength)
+    return bends(knots(values[curve.last], len(curve.names)), curve.size, curve.smoothness)
 
 
 def knot_notes(tables: Mapping[str, MaterialTable]) -> list[str]:

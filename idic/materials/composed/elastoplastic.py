@@ -16,7 +16,7 @@ from idic.errors import InputError
 from idic.materials.composed import anisotropic_return, elasticity, general_return, isotropic_return
 from idic.materials.composed.flow_stress import NONE
 from idic.materials.composed.terms import (
-    FLOW_STRESS, FREE_NAME, GROUPS, KNOTS, LISTS, REFERENCE, TERMS, TIMES, Term, kinds_of, term_of)
+    FLOW_STRESS, FREE_NAME, GROUPS, KNOTS, LISTS, LOCUS_NAME, REFERENCE, TERMS, TIMES, Term, kinds_of, term_of)
 from idic.materials.core.crack_band import CrackBand
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.core.temperature import Factor, TemperatureDependence
@@ -83,6 +83,12 @@ def _refuse(terms: Sequence[Term]) -> None:
                          f"flow",
                          key="yield_surface", expected="mises, hill48 or in_plane_shear", found="drucker_prager",
                          remedy=f"remove {beside[0]}, or take another yield surface")
+    surface = next((kind for kind in kinds if LOCUS_NAME.fullmatch(kind)), None)
+    beside = [kind for kind in kinds if kind == "orthotropic" or kind in kinds_of("nonlinear_elasticity")]
+    if surface is not None and beside:
+        raise InputError(f"{NAME}: a free yield surface does not go with {beside[0]}", key="yield_surface",
+                         expected="isotropic elasticity, or hill48", found=surface,
+                         remedy=f"remove {beside[0]}, or take hill48")
     along = [kind for kind in kinds if kind in NEED_AXES]
     if along and "orthotropic" not in kinds:
         raise InputError(f"{NAME}: {along[0]} needs material axes", key="nonlinear_elasticity",
@@ -126,7 +132,8 @@ def law_of(name: str, terms: Sequence[Term]) -> LawSpec:
     return LawSpec(
         name=name, parameters=tuple(parameters), updates={"finite": updates},
         linearise={} if linearise is None else {"finite": linearise}, state_names=tuple(states),
-        isotropic=not orthotropic and not {"hill48", "in_plane_shear"} & {term.kind for term in terms},
+        isotropic=not orthotropic and all(term.kind in ("mises", "drucker_prager") for term in terms
+                                          if term.group == "yield_surface"),
         reference="; ".join(["q = yield_stress + hardening, p the plastic strain", *equations,
                              "return: Simo (1992), doi:10.1016/0045-7825(92)90123-2; Simo & Hughes (1998), "
                              "doi:10.1007/b98904"]),
@@ -170,7 +177,8 @@ def _functions(codes: dict[str, tuple[int, ...]], orthotropic: bool) -> tuple[Ca
     hardening, rate = (*codes["hardening"], NONE, 0), codes["rate"] or (NONE, 0)
     if orthotropic or codes["nonlinear_elasticity"] or surface[0] == isotropic_return.IN_PLANE_SHEAR:
         return _anisotropic(codes, orthotropic, surface[0], hardening, rate), None
-    if surface[0] != isotropic_return.HILL48 and not codes["backstress"] and not codes["damage"]:
+    round_ones = (isotropic_return.MISES, isotropic_return.DRUCKER_PRAGER)
+    if surface[0] in round_ones and not codes["backstress"] and not codes["damage"]:
         return _isotropic(surface, hardening, rate)
     back, damage = (*codes["backstress"], NONE, 0), codes["damage"][1] if codes["damage"] else 0
 

@@ -7,7 +7,8 @@ z). One unknown, the growth of p, for any number of terms (symbols of ``plastici
     xi = (1 + z h A)^-1 (s - sum 2/3 C_i w_i a_i),     q(xi) = sqrt(xi : A xi) = resistance(p + growth, growth / dt)
     strain = z A xi,  s+ = s - 2 G I strain,  a_i+ = w_i (a_i + strain)
 
-(A = 3/2 on deviators: Mises; ``plasticity/hill48.py`` has Hill's). gamma = 0 is Prager's back stress. Damage acts on
+(A = 3/2 on deviators: Mises; ``plasticity/hill48.py`` has Hill's, ``plasticity/free_locus.py`` a free surface, of which
+A xi stands for q dq/dxi). gamma = 0 is Prager's back stress. Damage acts on
 the stress of this effective material: tau = (1 - D) (s+ + kappa (J - 1) J 1), with Lemaitre's
 
     dD = (Y / S)^s dp,   Y = q^2 / (2 E) (2/3 (1 + nu) + 3 (1 - 2 nu) (mean stress / q)^2)   beyond p = threshold,
@@ -25,7 +26,7 @@ import math
 import numpy as np
 
 from idic.materials.composed.flow_stress import flow_stress, most_growth, resistance
-from idic.materials.composed.isotropic_return import HILL48, flows
+from idic.materials.composed.isotropic_return import HILL48, MISES, flows
 from idic.materials.core import tensors
 from idic.materials.core.inner import inner
 from idic.materials.core.rotation import real_parts, rotation, to_axes, transposed
@@ -37,6 +38,7 @@ from idic.materials.plasticity.elastoplastic import (
     shear_and_bulk,
     trial_state,
 )
+from idic.materials.plasticity import free_locus
 from idic.materials.plasticity.hill48 import coefficients, flow_direction, returned
 
 PRAGER, ARMSTRONG_FREDERICK = 1, 2
@@ -85,20 +87,36 @@ def relative(back, s, growth, state, params):
 
 @inner
 def yield_function(surface, hardening, back, rate, s, twice_shear, state, p, growth, dt, hill, params):
-    """(value, its slope over growth, strain): the equation at the top, of Hill as 1 / resistance - 1 / q."""
+    """(value, its slope over growth, strain): the equation at the top, beside Mises as 1 / resistance - 1 / q."""
     flow, dflow, _ = resistance(hardening, rate, p, growth, dt, 0.0 * p, params)
     A, dA, sum_C, dsum_C = relative(back, s, growth, state, params)
     h = twice_shear + sum_C
-    if surface[0] != HILL48:
+    if surface[0] == MISES:
         norm = np.sqrt(tensors.contract(A, A))
         slope = tensors.contract(A, dA) / norm / ROOT - 1.5 * (h + dsum_C * growth) - dflow
         return norm / ROOT - 1.5 * h * growth - flow, slope, tensors.scaled(growth / ROOT / norm, A, 0.0)
     z = growth / flow
     w, dw = z * h, (1.0 - z * dflow) / flow * h + z * dsum_C
-    direction = flow_direction(returned(A, w, hill), hill)
-    q = np.sqrt(tensors.contract(direction, returned(A, w, hill)))
-    dq = tensors.contract(direction, returned(tensors.combine(1.0, dA, -dw, direction, 0.0), w, hill)) / q
+    if surface[0] == HILL48:
+        xi = returned(A, w, hill)
+        direction = flow_direction(xi, hill)
+        dxi = returned(tensors.combine(1.0, dA, -dw, direction, 0.0), w, hill)
+    else:
+        n, first = surface[0] - free_locus.FREE_LOCUS, surface[1] + 1
+        xi = free_locus.returned(n, first, A, w, params, params.real)
+        direction = free_locus.direction(n, first, xi, params)
+        dxi = free_locus.moved(n, first, xi, w, tensors.combine(1.0, dA, -dw, direction, 0.0), params)
+    q = np.sqrt(tensors.contract(direction, xi))
+    dq = tensors.contract(direction, dxi) / q
     return 1.0 / flow - 1.0 / q, dq / (q * q) - dflow / (flow * flow), tensors.scaled(z, direction, 0.0)
+
+
+@inner
+def direction_of(surface, s, hill, params):
+    """q dq/ds of a deviator in material axes."""
+    if surface[0] >= free_locus.FREE_LOCUS:
+        return free_locus.direction(surface[0] - free_locus.FREE_LOCUS, surface[1] + 1, s, params)
+    return flow_direction(s, hill)
 
 
 @inner
@@ -111,7 +129,7 @@ def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, 
     largest = size / (1.5 * twice_shear)
     sigma = flow_stress(hardening, p, params)[0]
     limit = max(most_growth(rate, max(size, q), sigma, dt, params), ABSOLUTE_TOLERANCE * largest)
-    low, high = 0.0, limit if surface[0] == HILL48 else min(largest, limit)
+    low, high = 0.0, limit if surface[0] != MISES else min(largest, limit)
     x = 0.5 * min((q - sigma) / (1.5 * twice_shear), high)
     for _ in range(MAX_ITERATIONS):
         value, slope, _ = yield_function(surface, hardening, back, rate, s, twice_shear, state, p, x, dt,
@@ -126,7 +144,7 @@ def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, 
             new, converged = (2.0 * low + largest if high == math.inf else 0.5 * (low + high)), False
         if converged or abs(new - x) <= ABSOLUTE_TOLERANCE * largest:
             strong = flow_stress(hardening, p + new, params)[0] > 0.0  # else softened away
-            return new if strong and (surface[0] == HILL48 or new < (1.0 - 1e-10) * largest) else -1.0
+            return new if strong and (surface[0] != MISES or new < (1.0 - 1e-10) * largest) else -1.0
         x = new
     return -1.0
 
@@ -176,12 +194,14 @@ def update(surface, hardening, back, rate, damage, F, state, params, dt, P, stat
     for m in range(state.shape[0]):
         state_new[m] = state[m]
     R = rotation(tensors.load(F))
-    turn = to_axes(R, params[surface[1] + ANGLE]) if surface[0] == HILL48 else transposed(R)
+    turn = transposed(R)
+    if surface[0] != MISES:
+        turn = to_axes(R, params[surface[1] + (ANGLE if surface[0] == HILL48 else 0)])
     spherical = kappa * (J - 1.0) * J
     s = tensors.scaled(G, dev, 0.0)
     local, hill = tensors.congruence(turn, s), hill_coefficients(surface[0], surface[1], params)
     A = relative(back, local, 0.0 * p, state, params)[0]
-    q = np.sqrt(tensors.contract(A, flow_direction(A, hill)))
+    q = np.sqrt(tensors.contract(A, direction_of(surface, A, hill, params)))
     growth = 0.0 * p
     if flows(hardening, rate, q.real, p.real, dt, 0.0, known):
         twice_shear = 2.0 * G * mean

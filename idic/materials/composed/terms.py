@@ -18,6 +18,8 @@ from idic.materials.composed.isotropic_return import DRUCKER_PRAGER, HILL48, IN_
 from idic.materials.core import temperature
 from idic.materials.core.law import LawParameter
 from idic.materials.orthotropic import PARAMETERS as ORTHOTROPIC_PARAMETERS
+from idic.materials.plasticity.free_locus import FREE_LOCUS, RINGS
+from idic.materials.plasticity.free_locus import KNOTS as RING_KNOTS
 
 GROUPS = ("elasticity", "nonlinear_elasticity", "yield_surface", "hardening", "backstress", "rate", "damage",
           "temperature")
@@ -99,6 +101,10 @@ TERMS = {term.kind: term for term in (
                        positive=False, bounds=(-2.9, 2.9)),),
          "q = flow stress + friction pressure, flow without change of volume; Drucker & Prager (1952), "
          "doi:10.1090/qam/48291"),
+    Term("free_surface", "yield_surface", FREE_LOCUS, (),
+         "q^8 a sum of eighth powers of linear forms of the stress on three rings of knots, convex for weights u1 ... "
+         "of zero or more; free_surface or free_surface6 has 6 knots on a ring; Gotoh, Int. J. Mech. Sci. 19 "
+         "(1977) 505, doi:10.1016/0020-7403(77)90043-1"),
     Term("linear", "hardening", LINEAR,
          (LawParameter("H", "MPa", "slope of the flow stress over plastic strain", default=1000.0, positive=False,
                        bounds=_ANY_SIGN),), "H p"),
@@ -186,6 +192,8 @@ REFERENCE = LawParameter("reference_temperature", "C", "temperature at which the
                          default=20.0,
                          positive=False, bounds=(-temperature.KELVIN, np.inf))
 
+LOCUS_NAME = re.compile(r"free_surface(\d*)")
+DEFAULT_RING = 6  # knots on a ring of a free yield surface
 DEFAULT_KNOTS, KNOTS = 8, (3, 24)  # of a free curve; fewest and most
 FREE_NAME = re.compile(r"free(\d*)")
 
@@ -195,6 +203,9 @@ def term_of(kind: str) -> Term | None:
     stem, times, targets = kind.partition(TIMES)
     if times:
         return replace(TEMPERATURE_TERMS[stem], kind=kind) if stem in TEMPERATURE_TERMS and targets else None
+    locus = LOCUS_NAME.fullmatch(kind)
+    if locus is not None:
+        return _free_surface(int(locus[1] or DEFAULT_RING))
     found = FREE_NAME.fullmatch(kind)
     if found is None:
         return TERMS.get(kind)
@@ -205,6 +216,28 @@ def term_of(kind: str) -> Term | None:
                    for k in range(2, n + 1))
     last = LawParameter("range", "-", "plastic strain of the last knot; chosen, locked", default=0.2)
     return replace(TERMS["free"], kind=f"free{n}", code=FREE + n, parameters=(last, *levels))
+
+
+def _free_surface(n: int) -> Term | None:
+    """A free yield surface with n knots on a ring; None where it cannot have so many."""
+    if not RING_KNOTS[0] <= n <= RING_KNOTS[1]:
+        return None
+    weights = tuple(LawParameter(f"u{k}", "-", f"weight of knot {k} of {RINGS * n}; all alike are Mises's surface",
+                                 default=1.0 + 0.3 * (-1) ** k, positive=False, bounds=(0.0, np.inf))
+                    for k in range(1, RINGS * n + 1))
+    return replace(TERMS["free_surface"], kind=f"free_surface{n}", code=FREE_LOCUS + n,
+                   parameters=(_AXES_ANGLE, *weights))
+
+
+def ring_knots_of(law: str) -> int:
+    """The number of knots on a ring of the free yield surface in a law's name; 0 without one."""
+    found = LOCUS_NAME.search(law)
+    return int(found[1] or DEFAULT_RING) if found else 0
+
+
+def surface_weights(n: int) -> tuple[str, ...]:
+    """The parameters that are the weights of a free yield surface with n knots on a ring."""
+    return tuple(f"yield_surface_u{k}" for k in range(1, RINGS * n + 1))
 
 
 def kinds_of(group: str) -> tuple[str, ...]:

@@ -15,9 +15,10 @@ from idic.experiment_file.toml_file import to_toml
 from idic.materials.composed.material_card import PROGRAMS, material_card
 from idic.fe.external.solver import EXTERNAL
 from idic.materials.composed.elastoplastic import NAME
-from idic.materials.composed.terms import LISTS, TIMES
+from idic.materials.composed.terms import LISTS, LOCUS_NAME, TIMES
 from idic.materials.composed.written_terms import WrittenTerm, terms_of
 from idic.materials.core.law import EXPANSION, get_law
+from idic.materials.plasticity.free_locus import RINGS
 from idic.model.experiment import Experiment
 from idic.model.temperature import nodal_temperature
 from idic.run.context import open_run
@@ -116,7 +117,9 @@ def law_table(element_set: str, law: str, kinematics: str, values: Mapping[str, 
 
 def _term_table(written: WrittenTerm, units: Mapping[str, str]) -> dict:
     kind, made = written.kind, {}
-    if kind.startswith("free"):
+    if LOCUS_NAME.fullmatch(kind):
+        made["knots"], kind = sum(name.startswith("u") for name in written.values) // RINGS, "free_surface"
+    elif kind.startswith("free"):
         made["knots"], kind = sum(name.startswith("s") for name in written.values) + 1, "free"
     kind, *of = kind.split(TIMES)
     multiplied = {"of": of} if of else {}

@@ -24,6 +24,7 @@ from idic.report.evidence.matrices import shown_step, without_modes
 from idic.report.figures.profiles import EDGE
 from idic.report.page import all_pictures, draw_sections, render_page
 from idic.report.evidence.hardening import hardening_curves
+from idic.report.evidence.yield_surface import yield_surfaces
 from idic.report.evidence.temperature import temperature_factors
 from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
 from idic.report.tables import all_tables
@@ -131,6 +132,7 @@ def load_record(run: Path | str) -> RunRecord:
     series = series_of(run, context, result, there)
     record = RunRecord(**(common | main), channels=_channels(context, result), series=series,
                        hardening=hardening_curves(experiment, parameters, result, series),
+                       surfaces=yield_surfaces(experiment, parameters, result, series),
                        temperature_factors=temperature_factors(experiment, parameters, result),
                        gauges=gauges_of(context, there),
                        camera_floor_px=None if floor is None else floor.nodes_px,
