@@ -1,0 +1,71 @@
+"""The experiment of the bench: a plate with a hole before two cameras of 2 Mpx, E, yield stress and hardening free.
+
+``python stereo_job.py FOLDER FRAMES``. Images are traced at an eighth of the resolution, enlarged by cubic
+interpolation, and noise is added to every pixel: the cost of an identification does not depend on the size of a
+speckle.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import zoom
+
+from idic.images.pinhole import PinholeCamera
+from idic.virtual_tests.experiment_files import write_images
+from idic.virtual_tests.render import Sensor, record
+from idic.virtual_tests.stereo.plate import Size, plate_test, speckle_of, write_plate
+from idic.virtual_tests.stereo.ray_tracing import traced_image
+from idic.virtual_tests.stereo.rig import Rig, write_calibration
+
+ENLARGED, NOISE_GV = 8, 2.0
+SHAPE = (125, 250)  # traced; 1000 x 2000 px in the experiment
+
+
+def enlarged(camera: PinholeCamera) -> PinholeCamera:
+    """The same camera with pixels of an eighth: pixel centres at integers in both."""
+    shift = 0.5 * (ENLARGED - 1)
+    return replace(camera, fx=ENLARGED * camera.fx, fy=ENLARGED * camera.fy, cx=ENLARGED * camera.cx + shift,
+                   cy=ENLARGED * camera.cy + shift)
+
+
+def write(folder: Path, n_frames: int) -> None:
+    """The experiment folder."""
+    stages = round(0.3 * n_frames), round(0.2 * n_frames)
+    size = Size(0.125, SHAPE, (*stages, n_frames - sum(stages)), (3, 5, 3, 1), (3, 5, 3, 1))
+    test = plate_test(size)
+    file = write_plate(folder, test, 0.0)  # the small images are replaced
+    large = replace(test.rig, cameras=tuple(map(enlarged, test.rig.cameras)),
+                    shape=(ENLARGED * SHAPE[0], ENLARGED * SHAPE[1]))
+    for name in ("images", "right"):
+        for old in (folder / name).iterdir():
+            old.unlink()
+    rng, texture = np.random.default_rng(1), speckle_of(np.random.default_rng(0), size)
+    sensor = Sensor(large.shape, noise_std=NOISE_GV)
+    for name, camera in zip(("images", "right"), test.rig.cameras, strict=True):
+        small = (traced_image(test.scene, u, camera, texture.value, Sensor(SHAPE, background=25.6))
+                 for u in test.displacements)
+        write_images(folder, (record(zoom(one, ENLARGED, order=3, grid_mode=True, mode="nearest"), sensor, rng)
+                              for one in small), name)
+    _describe(file, large, sensor.total_noise_std)
+
+
+def _describe(file: Path, rig: Rig, noise_gv: float) -> None:
+    """The large cameras and their noise in the files of the experiment; nu known."""
+    write_calibration(rig.cameras, rig.shape, file.parent / "calibration.json")
+    lines = []
+    for line in file.read_text().splitlines():
+        if line.startswith("noise_std_gv"):
+            line = f"noise_std_gv = {noise_gv:.4f}"
+        elif line.startswith("nu ="):
+            line = "nu = 0.3"
+        lines.append(line)
+    file.write_text("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).mkdir(parents=True)
+    write(Path(sys.argv[1]), int(sys.argv[2]))
