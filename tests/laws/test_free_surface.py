@@ -9,6 +9,7 @@ from idic.materials import compile, point
 from idic.materials.composed.elastoplastic import composed_name
 from idic.materials.composed.free_curve import classical_fits
 from idic.materials.plasticity.free_locus import KNOTS, POWER, RINGS, neighbours
+from idic.report.evidence.yield_surface import surface_fits
 from idic.materials.plasticity.surface_forms import classical_surfaces, equivalent, hill48, hosford, powers
 
 HILL = (1.6, 1.2, 2.0)
@@ -65,6 +66,22 @@ def test_the_right_classical_surface_lies_inside_a_narrow_band_and_the_others_do
     assert [fit.form for fit in fits if fit.inside] == ["hill48"]
     found = fits[0].parameters
     np.testing.assert_allclose([found[name] for name in ("yield_stress", "r0", "r45", "r90")], [180.0, *HILL], rtol=0.1)
+
+
+def test_directions_that_the_weights_tie_together_do_not_decide_between_the_classical_surfaces():
+    """40 directions of 18 weights: combinations without variance are not held against a surface that they cannot be."""
+    stress = stresses(40, seed=7)
+    weights = fitted(hill48(stresses(), *HILL) / hill48(np.array([[1.0, 0.0, 0.0]]), *HILL), stresses())
+    fits = surface_fits(stress, *radius_of(weights, 200.0, stress))
+    assert fits[0].form == "hill48" and fits[0].inside and fits[0].chi2 < 10.0
+    assert not any(fit.inside for fit in fits if fit.form in ("mises", "tresca"))
+
+
+def radius_of(weights, start, stress):
+    """Radius and covariance of weights that are known to a fifth"""
+    q, dq = equivalent(weights, stress)
+    J = np.column_stack([1.0 / q, -start / (q * q)[:, None] * dq])
+    return start / q, J @ np.diag([1.0, *(0.2 * np.maximum(weights, 0.05)) ** 2]) @ J.T
 
 
 def test_what_does_not_go_with_a_free_surface_is_refused():

@@ -17,7 +17,7 @@ from idic.materials.composed.terms import DEFAULT_RING
 from idic.materials.plasticity.free_locus import KNOTS, RINGS
 
 KIND = "free_surface"
-SPREAD = 1.0  # of every weight: half the surfaces between Mises and a weight of zero
+SPREAD = 0.7  # of every weight; also of their common factor, which the surface does not know
 KEYS = ("knots", "smoothness")
 
 
