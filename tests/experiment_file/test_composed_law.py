@@ -52,6 +52,8 @@ def test_an_override_names_a_parameter_of_a_term_as_the_result_does():
 def test_what_is_written_from_the_tables_is_read_again_as_the_same_law():
     import tomllib
 
+    from idic.experiment_file.laws.free_surface import SPREAD
+
     again = tomllib.loads(to_toml(with_overrides(tables(), None)))
     assert validated(with_overrides(again, None), "experiment.toml") == validated(with_overrides(tables(), None),
                                                                                   "experiment.toml")
@@ -70,6 +72,7 @@ def test_swifts_curve_takes_the_place_of_the_yield_stress():
 def test_a_free_yield_surface_starts_as_misess_and_comes_back_from_its_law_file():
     import tomllib
 
+    from idic.experiment_file.laws.free_surface import SPREAD
     from idic.run.reporting.law_files import law_table
 
     own = dict(hardening=None, backstress=None, rate=None, damage=None)
@@ -77,7 +80,7 @@ def test_a_free_yield_surface_starts_as_misess_and_comes_back_from_its_law_file(
     weights = [p for name, p in found.items() if name.startswith("yield_surface_u")]
     assert record.law == "elastoplastic(free_surface5)" and len(weights) == 15
     assert [p.value for p in weights] == [1.0, 1.0, 0.5, *[1.0] * 12] and found["yield_surface_angle"].value == 20.0
-    assert [p.free for p in weights] == [True, True, False, *[True] * 12] and weights[0].prior_std == 1.0
+    assert [p.free for p in weights] == [True, True, False, *[True] * 12] and weights[0].prior_std == SPREAD
     text = law_table("SPECIMEN", record.law, "finite", {name: p.value for name, p in found.items()},
                      {"parameters": {}})
     raw = tables() | {"material": {"SPECIMEN": tomllib.loads(text)}}
@@ -168,6 +171,7 @@ def test_a_law_file_is_taken_in_and_keys_beside_it_win(tmp_path):
 def test_an_exported_composed_law_is_read_as_the_same_law_with_the_same_values():
     import tomllib
 
+    from idic.experiment_file.laws.free_surface import SPREAD
     from idic.run.reporting.law_files import law_table
 
     record, found = read(hardening=[{"kind": "free", "knots": 4, "range": 0.1}], reference_temperature=25.0,
@@ -184,6 +188,8 @@ def test_an_exported_composed_law_is_read_as_the_same_law_with_the_same_values()
 
 def test_an_exported_free_curve_keeps_its_stated_smoothness():
     import tomllib
+
+    from idic.experiment_file.laws.free_surface import SPREAD
 
     from idic.experiment_file.laws.free_curves import free_curves, smoothness_priors
     from idic.run.reporting.law_files import law_table
