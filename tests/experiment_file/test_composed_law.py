@@ -52,7 +52,6 @@ def test_an_override_names_a_parameter_of_a_term_as_the_result_does():
 def test_what_is_written_from_the_tables_is_read_again_as_the_same_law():
     import tomllib
 
-    from idic.experiment_file.laws.free_surface import SPREAD
 
     again = tomllib.loads(to_toml(with_overrides(tables(), None)))
     assert validated(with_overrides(again, None), "experiment.toml") == validated(with_overrides(tables(), None),
@@ -171,7 +170,6 @@ def test_a_law_file_is_taken_in_and_keys_beside_it_win(tmp_path):
 def test_an_exported_composed_law_is_read_as_the_same_law_with_the_same_values():
     import tomllib
 
-    from idic.experiment_file.laws.free_surface import SPREAD
     from idic.run.reporting.law_files import law_table
 
     record, found = read(hardening=[{"kind": "free", "knots": 4, "range": 0.1}], reference_temperature=25.0,
@@ -189,7 +187,6 @@ def test_an_exported_composed_law_is_read_as_the_same_law_with_the_same_values()
 def test_an_exported_free_curve_keeps_its_stated_smoothness():
     import tomllib
 
-    from idic.experiment_file.laws.free_surface import SPREAD
 
     from idic.experiment_file.laws.free_curves import free_curves, smoothness_priors
     from idic.run.reporting.law_files import law_table
