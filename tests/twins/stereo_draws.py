@@ -113,6 +113,16 @@ def draw(repeats: Repeats, rng: np.random.Generator) -> Draw:
     return Draw(noisy, GRIP_NOISE_MM * rng.standard_normal(n), mean)
 
 
+def without_noise(repeats: Repeats) -> Draw:
+    """The recording with nothing of it: what is off then is the interpolation of the traced images."""
+    experiment = repeats.experiment
+    stacks = [ArrayStack(list(images)) for images in repeats.clean]
+    channel, = experiment.channels
+    quiet = replace(experiment, stack=stacks[0], channels=(replace(channel, values=repeats.test.force),),
+                    cameras=(replace(experiment.cameras[0], stack=stacks[1]),))
+    return Draw(quiet, np.zeros(experiment.n_frames), np.array(repeats.prior.mean))
+
+
 def integrated(repeats: Repeats, one: Draw) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     """Names, errors and stated standard deviations of all free degrees of freedom, both scaled  # (n,), (n,)"""
     names = repeats.parameters.free
