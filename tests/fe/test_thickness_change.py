@@ -27,7 +27,7 @@ def model(law, kinematics=None, side=1):
 
 
 def last(made, values, directions=()):
-    *_, state = march(made, {"sheet": np.asarray(values, float)}, TIMES, directions, substeps=2)  # Newton is sure of these
+    *_, state = march(made, {"sheet": np.asarray(values, float)}, TIMES, directions, substeps=2)  # where Newton is sure
     return state
 
 
