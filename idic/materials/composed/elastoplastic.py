@@ -21,6 +21,7 @@ from idic.materials.core.crack_band import CrackBand
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.core.temperature import Factor, TemperatureDependence
 from idic.materials.plasticity import elastoplastic
+from idic.materials.plasticity.free_locus import FREE_LOCUS
 
 NAME = "elastoplastic"
 MOST_TERMS = 8  # in a list
@@ -181,6 +182,8 @@ def _functions(codes: dict[str, tuple[int, ...]], orthotropic: bool) -> tuple[Ca
     if surface[0] in round_ones and not codes["backstress"] and not codes["damage"]:
         return _isotropic(surface, hardening, rate)
     back, damage = (*codes["backstress"], NONE, 0), codes["damage"][1] if codes["damage"] else 0
+    if surface[0] >= FREE_LOCUS:
+        surface = (*surface, surface[0] - FREE_LOCUS)
 
     def update(F, state, params, dt, P, state_new):
         return general_return.update(surface, hardening, back, rate, damage, F, state, params, dt, P, state_new)

@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba.extending import overload
 
 from idic.materials.composed.flow_stress import flow_stress, most_growth, resistance
 from idic.materials.composed.isotropic_return import HILL48, MISES, flows
@@ -44,6 +45,7 @@ from idic.materials.plasticity.hill48 import coefficients, flow_direction, retur
 PRAGER, ARMSTRONG_FREDERICK = 1, 2
 ANGLE = 3  # place of the angle behind Hill's r0, r45, r90
 MOST_DAMAGE = 0.99
+FREE = 3  # numbers that tell a free surface: code, place, knots on a ring
 
 
 @inner
@@ -97,26 +99,47 @@ def yield_function(surface, hardening, back, rate, s, twice_shear, state, p, gro
         return norm / ROOT - 1.5 * h * growth - flow, slope, tensors.scaled(growth / ROOT / norm, A, 0.0)
     z = growth / flow
     w, dw = z * h, (1.0 - z * dflow) / flow * h + z * dsum_C
-    if surface[0] == HILL48:
-        xi = returned(A, w, hill)
-        direction = flow_direction(xi, hill)
-        dxi = returned(tensors.combine(1.0, dA, -dw, direction, 0.0), w, hill)
-    else:
-        n, first = surface[0] - free_locus.FREE_LOCUS, surface[1] + 1
-        xi = free_locus.returned(n, first, A, w, params, params.real)
-        direction = free_locus.direction(n, first, xi, params)
-        dxi = free_locus.moved(n, first, xi, w, tensors.combine(1.0, dA, -dw, direction, 0.0), params)
+    xi, direction, dxi = returned_to(surface, A, dA, w, dw, hill, params)
     q = np.sqrt(tensors.contract(direction, xi))
     dq = tensors.contract(direction, dxi) / q
     return 1.0 / flow - 1.0 / q, dq / (q * q) - dflow / (flow * flow), tensors.scaled(z, direction, 0.0)
 
 
-@inner
+def returned_to(surface, A, dA, w, dw, hill, params):
+    """(xi, q dq/dxi, slope of xi over growth) of (1 + w q dq/dxi) xi = A, where A and w have the slopes dA and dw.
+
+    A free surface is a tuple of three, any other one of two: laws without it do not compile it.
+    """
+    raise TypeError("returned_to is called by compiled functions only")
+
+
+@overload(returned_to, strict=False)
+def _returned_to(surface, A, dA, w, dw, hill, params):
+    if surface.count == FREE:
+        def implementation(surface, A, dA, w, dw, hill, params):
+            n, first = surface[2], surface[1] + 1
+            xi = free_locus.returned(n, first, A, w, params, params.real)
+            direction = free_locus.direction(n, first, xi, params)
+            change = tensors.combine(1.0, dA, -dw, direction, 0.0)
+            return xi, direction, free_locus.moved(n, first, xi, w, change, params)
+    else:
+        def implementation(surface, A, dA, w, dw, hill, params):
+            xi = returned(A, w, hill)
+            direction = flow_direction(xi, hill)
+            return xi, direction, returned(tensors.combine(1.0, dA, -dw, direction, 0.0), w, hill)
+    return implementation
+
+
 def direction_of(surface, s, hill, params):
     """q dq/ds of a deviator in material axes."""
-    if surface[0] >= free_locus.FREE_LOCUS:
-        return free_locus.direction(surface[0] - free_locus.FREE_LOCUS, surface[1] + 1, s, params)
-    return flow_direction(s, hill)
+    raise TypeError("direction_of is called by compiled functions only")
+
+
+@overload(direction_of, strict=False)
+def _direction_of(surface, s, hill, params):
+    if surface.count == FREE:
+        return lambda surface, s, hill, params: free_locus.direction(surface[2], surface[1] + 1, s, params)
+    return lambda surface, s, hill, params: flow_direction(s, hill)
 
 
 @inner
