@@ -71,6 +71,7 @@ def test_the_time_step_is_of_first_order():
     assert errors[1] == pytest.approx(0.035, rel=0.25)
 
 
+@pytest.mark.slow  # compiled anew, 8 s; differences of the history: test_law_contract.py
 @pytest.mark.parametrize("mode", [0, 1, 2])
 def test_hand_written_derivatives_equal_the_complex_step_after_softening(mode, rng):
     oracle = compile("egp", derivative="complex_step")

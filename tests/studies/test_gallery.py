@@ -34,6 +34,7 @@ def test_the_page_shows_the_numbers_and_leads_to_a_report_that_is_there(gallery)
     assert not re.search(r"https?://|@import|url\(", text)
 
 
+@pytest.mark.slow  # shares that report
 def test_the_ratios_of_the_ply_are_the_true_ones(gallery):
     out, _, _ = gallery
     import json
@@ -43,6 +44,7 @@ def test_the_ratios_of_the_ply_are_the_true_ones(gallery):
     assert all(abs(row["off"]) < 4.0 for row in rows)  # one draw of four correlated values
 
 
+@pytest.mark.slow  # shares that report
 def test_finished_examples_are_not_made_again(gallery):
     out, page, _ = gallery
     before, lines = (out / "composite" / "run" / "result.json").stat().st_mtime_ns, []
@@ -51,6 +53,7 @@ def test_finished_examples_are_not_made_again(gallery):
     assert (out / "composite" / "run" / "result.json").stat().st_mtime_ns == before
 
 
+@pytest.mark.slow  # shares that report
 def test_the_composite_report_has_the_free_measurement_and_no_stress_strain_curve(gallery):
     out, _, _ = gallery
     text = (out / "composite" / "run" / "report.html").read_text(encoding="utf-8")
@@ -59,6 +62,7 @@ def test_the_composite_report_has_the_free_measurement_and_no_stress_strain_curv
     assert "processor time" in text and "190 × 125 px" in text
 
 
+@pytest.mark.slow  # shares that report
 def test_a_folder_with_something_in_it_and_an_unknown_name_are_refused(gallery, tmp_path):
     out, _, _ = gallery
     with pytest.raises(InputError, match="not empty"):

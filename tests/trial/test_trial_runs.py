@@ -30,7 +30,7 @@ def ended(tmp_path_factory):
     return folder, numbers, {key: answered(folder)[number] for key, number in numbers.items()}
 
 
-@pytest.mark.slow  # 35 s of CPU time; diagnose/test_diagnosis_runs.py has a clean recording
+@pytest.mark.slow  # shares these trials
 def test_a_clean_recording_is_not_accused(ended):
     answer = ended[2]["clean/1"]
     assert answer["verdict"] == "none" and answer["named"] == []
@@ -38,6 +38,7 @@ def test_a_clean_recording_is_not_accused(ended):
     assert abs(drawn["mean"]) < 1.0 and drawn["std"] < 2.0 and drawn["largest"] < 5.0  # decoys resemble each other
 
 
+@pytest.mark.slow  # 35 s of CPU time for both trials; their parts: test_trial_parts.py
 def test_a_turning_grip_is_named_and_scored_as_right(ended):
     folder, numbers, answers = ended
     if len(numbers) == 1:
@@ -53,6 +54,7 @@ def test_a_turning_grip_is_named_and_scored_as_right(ended):
     assert alarms["got"] == "0 of 1 (0 %)" and first["got"] == "1 of 1 (100 %)"
 
 
+@pytest.mark.slow  # shares these trials
 def test_finished_trials_are_not_repeated(ended, tmp_path):
     folder, numbers, _ = ended
     folder = Folder(shutil.copytree(folder.out, tmp_path / "copy"))
