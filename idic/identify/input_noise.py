@@ -14,10 +14,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from idic.correlation.experiment_reference import build_reference
 from idic.correlation.reference import MAX_GRADIENT_NOISE
+from idic.images.camera import Camera
 from idic.images.interpolate import DEGREES, gradient_at_pixels, prefilter
 from idic.images.quality.gradient_noise import gradient_noise_share
 from idic.images.quality.noise_covariance import NoiseCovariance, noise_covariance, pixel_gain
-from idic.images.camera import Camera
 from idic.identify.noise.free_residual import free_residual_noise
 from idic.identify.noise.recordings import CONSECUTIVE, FREE_RESIDUAL, STILL, recordings
 from idic.model.experiment import Channel, CorrelatedNoise, Experiment, Noise

@@ -217,7 +217,9 @@ def evaluate(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, st
             args = (group.law, model.mode, g.Fbar, g.expansion, states[k], values, dt)
             linear = _linear(group, g, values)
             if linear is not None:
-                ok, (g.P, g.state), g.A, g.Ke = True, linear.stress(g.F), linear.A, linear.Ke
+                ok, (g.P, g.state) = True, linear.stress(g.F)
+                if stiffness:
+                    g.A, g.Ke = linear.tangent
             elif stiffness:
                 g.P, g.state, g.A, ok = expansion.tangent(*args, guess=guess)
             else:

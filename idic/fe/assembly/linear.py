@@ -9,6 +9,7 @@ no temperature, no mean dilatation (which changes the tangent of every point).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -23,14 +24,25 @@ STRAIN = 2.0**-10  # of the unit changes: 1 + STRAIN and its difference to 1 are
 class LinearResponse:
     """The response of the points of a group, all alike.
 
-    C : (d*d, d*d) MPa, dP/dF; thinning : (d*d,) dF33/dF of plane stress, else None; A : (n_points, d*d, d*d) C of every
-    point; Ke : (n_el, nn d, nn d) N/mm
+    C : (d*d, d*d) MPa, dP/dF; thinning : (d*d,) dF33/dF of plane stress, else None; grads, weights, n_elements : of the
+    group
     """
 
     C: np.ndarray
     thinning: np.ndarray | None
-    A: np.ndarray
-    Ke: np.ndarray
+    grads: np.ndarray
+    weights: np.ndarray
+    n_elements: int
+
+    @cached_property
+    def tangent(self) -> tuple[np.ndarray, np.ndarray]:
+        """C of every point (n_points, d*d, d*d) MPa, and the element matrices (n_el, nn d, nn d) N/mm."""
+        d, size = self.grads.shape[2], self.grads.shape[1] * self.grads.shape[2]
+        A = np.ascontiguousarray(np.broadcast_to(self.C, (len(self.weights), *self.C.shape)))
+        Ke = np.empty((self.n_elements, size, size))
+        stiffness = kernels_solid.element_stiffness if d == 3 else kernels.element_stiffness_plane
+        stiffness(self.grads, self.weights, A, Ke)
+        return A, Ke
 
     def stress(self, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """P (n, d, d) and the state, F33 in plane stress (n, 0|1), at F (n, d, d)."""
@@ -65,17 +77,13 @@ class KeptResponse:
         return np.ascontiguousarray(np.moveaxis(slopes @ _strain(F).T, 2, 0)).reshape(len(F), -1, d, d)
 
     def _computed(self, params: np.ndarray) -> LinearResponse | None:
-        d, mode, n = self._grads.shape[2], self._mode, len(self._weights)
+        d = self._grads.shape[2]
         dP, dstate = self._at_unit_strains(params, np.eye(d * d).reshape(1, d * d, d, d), None)
         if dP is None:
             return None
         C = np.ascontiguousarray(dP[0].reshape(d * d, d * d).T)
-        A = np.ascontiguousarray(np.broadcast_to(C, (n, *C.shape)))
-        size = self._grads.shape[1] * d
-        Ke = np.empty((self._n_elements, size, size))
-        (kernels_solid.element_stiffness if d == 3 else kernels.element_stiffness_plane)(
-            self._grads, self._weights, A, Ke)
-        return LinearResponse(C, dstate[0, :, -1].copy() if mode == 2 else None, A, Ke)
+        thinning = dstate[0, :, -1].copy() if self._mode == 2 else None
+        return LinearResponse(C, thinning, self._grads, self._weights, self._n_elements)
 
     def _at_unit_strains(self, params: np.ndarray, dF: np.ndarray | None, dparams: np.ndarray | None):
         """Derivatives at rest along dF (1, nd, d, d), or at small unit strains (d*d of them) along the parameters."""

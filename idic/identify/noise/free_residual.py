@@ -41,9 +41,9 @@ def free_residual_noise(view: Experiment, reference: ReferenceImage, region: np.
     region : (ny, nx) bool, the specimen in it
     """
     corners = tile_corners(binary_erosion(region, iterations=MARGIN_PX))
-    if len(corners) < MIN_GOOD_TILES:
-        return None
     chosen = [k for k in range(view.reference + 1, view.n_frames) if k not in view.excluded][:MAX_FRAMES]
+    if len(corners) < MIN_GOOD_TILES or not chosen:
+        return None
     others = set(range(view.n_frames)) - {view.reference, *chosen}
     motion = dic_stack(replace(view, excluded=tuple(sorted(others | set(view.excluded)))))
     followed = [k for k in chosen if motion.status[k] == "ok"]

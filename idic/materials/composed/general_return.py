@@ -45,7 +45,7 @@ from idic.materials.plasticity.hill48 import coefficients, flow_direction, retur
 PRAGER, ARMSTRONG_FREDERICK = 1, 2
 ANGLE = 3  # place of the angle behind Hill's r0, r45, r90
 MOST_DAMAGE = 0.99
-FREE = 3  # numbers that tell a free surface: code, place, knots on a ring
+LENGTH_OF_FREE = 3  # of the tuple of a free surface: code, place, knots on a ring
 
 
 @inner
@@ -115,7 +115,7 @@ def returned_to(surface, A, dA, w, dw, hill, params):
 
 @overload(returned_to, strict=False)
 def _returned_to(surface, A, dA, w, dw, hill, params):
-    if surface.count == FREE:
+    if surface.count == LENGTH_OF_FREE:
         def implementation(surface, A, dA, w, dw, hill, params):
             n, first = surface[2], surface[1] + 1
             xi = free_locus.returned(n, first, A, w, params, params.real)
@@ -137,7 +137,7 @@ def direction_of(surface, s, hill, params):
 
 @overload(direction_of, strict=False)
 def _direction_of(surface, s, hill, params):
-    if surface.count == FREE:
+    if surface.count == LENGTH_OF_FREE:
         return lambda surface, s, hill, params: free_locus.direction(surface[2], surface[1] + 1, s, params)
     return lambda surface, s, hill, params: flow_direction(s, hill)
 

@@ -10,7 +10,7 @@ from idic.experiment_file.laws.free_curves import NEIGHBOURS
 from idic.fields.series import FieldSeries
 from idic.materials.composed.free_curve import ClassicalFit, classical_fits
 from idic.materials.composed.terms import ring_knots_of, surface_weights
-from idic.materials.plasticity.surface_forms import classical_surfaces, equivalent
+from idic.materials.plasticity.surface_forms import FAMILY_ERROR, classical_surfaces, equivalent
 from idic.model.experiment import Experiment
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of, smoothness_of
@@ -19,7 +19,6 @@ from idic.report.record import YieldSurface
 SECTION_POINTS = 181  # of the drawn section, over a whole turn
 CELL = 15.0  # deg of biaxial angle and of latitude: stresses within one count as one direction
 MOST_DIRECTIONS = 40  # that are compared with classical forms, the most visited ones
-FAMILY_ERROR = 0.005  # of the radius: weights fitted to surfaces of Hill miss them by it (rms; up to 0.8 % at places)
 MIN_GROWTH = 1e-5  # of plastic strain from frame to frame: flows
 
 

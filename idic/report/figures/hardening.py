@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from idic.experiment_file.laws.free_surface import SPREAD
 from idic.materials.composed.free_curve import ClassicalFit
 from idic.materials.composed.smoothness import ROOT
+from idic.materials.plasticity.surface_forms import FAMILY_ERROR
 from idic.report.figures.style import BLUE, CYCLE, GREY, Picture, look, new_figure, to_picture
 from idic.report.record import HardeningCurve, RunRecord, YieldSurface
 from idic.report.stress_scale import stress_unit
@@ -108,11 +110,13 @@ def _surface_caption(surface: YieldSurface, unit: str, size: float) -> str:
     forms = "; ".join(_surface_form(fit, unit, size) for fit in surface.fits)
     shown = (f"Right: along the {len(surface.visited)} directions of stress in which the test has flowed (tension and "
              "compression as one; cells of 15 degrees), the band and classical forms minus the surface, fitted in "
-             f"its covariance, solid where their loss in chi2 is no more than noise explains (about the number in "
+             f"its covariance and the {FAMILY_ERROR:.1%} by which the weights miss such forms, solid where their loss "
+             "in chi2 is no more than noise explains (about the number in "
              f"brackets). {forms}. " if len(surface.visited) else "No stresses are known that the test has visited. ")
     return ("Left: initial yield without shear in material axes; dots are visited directions with little shear, the "
             f"rest of the section follows the prior. {shown}The band follows from the covariance of the parameters; "
-            f"the prior (weights 1 with std 1, neighbours differ by 0 with std {surface.smoothness:g}) is part of it.")
+            f"the prior (weights 1 with std {SPREAD:g}, neighbours differ by 0 with std {surface.smoothness:g}) is "
+            "part of it.")
 
 
 def _surface_form(fit: ClassicalFit, unit: str, size: float) -> str:
