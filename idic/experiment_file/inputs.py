@@ -9,7 +9,7 @@ from typing import Any
 
 from idic.errors import InputError
 from idic.experiment_file.load import ExperimentFolder
-from idic.experiment_file.recording import ends_of
+from idic.experiment_file.recording import ends_of, laws_of_user
 from idic.experiment_file.tables.further_cameras import camera_images
 from idic.experiment_file.tables.temperatures import temperature_images
 from idic.experiment_file.toml_file import law_files, locate, read_toml, validated, with_overrides
@@ -47,10 +47,10 @@ def inputs_of(path: str | Path, overrides: Mapping[str, Any]) -> Inputs:
     stack = frames.stack if frames.recorded is None else frames.recorded.stack
     recorded = [*(entry.path for entry in stack.entries), *camera_images(read.config, read.folder)]
     images = {one: _facts(one) for one in dict.fromkeys(recorded) if _is_image(one) and str(one) not in seen}
-    programs = [one for one in read.small_files() if one.suffix == ".py"]  # laws of the user: IDIC_LAWS names them
+    own_laws = laws_of_user(read.config.material)  # IDIC_LAWS names them on every worker
     whole = [read.folder / file.name,
              *(read.folder / one.relative_to(file.parent) for one in law_files(file) if _below(one, file)),
-             *(one for one in read.small_files() if one not in programs), *read.still_files(frames),
+             *(one for one in read.small_files() if one not in own_laws), *read.still_files(frames),
              *temperature_images(read.config, read.folder, file), *(one for one in recorded if one not in images)]
     return Inputs(read.folder, tuple(dict.fromkeys(whole)), images)
 

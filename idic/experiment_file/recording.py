@@ -15,6 +15,7 @@ from idic.experiment_file.tables.measured_fields import (
     depth_of, field_notes, grid_of, kept_stages, open_series, rigid_is_free, stack_of,
 )
 from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_materials import MaterialTable
 from idic.experiment_file.tables.further_cameras import camera_files, camera_images
 from idic.experiment_file.tables.solver import solver_files
 from idic.experiment_file.tables.temperatures import temperature_images
@@ -264,9 +265,8 @@ class RecordedFolder:
         table = self.config.experiment
         own = [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
                if name is not None]
-        laws = [source_of(table.law) for table in self.config.material.values()]
         return [*own, *camera_files(self.config, self.folder), *solver_files(self.config.solver, self.folder),
-                *dict.fromkeys(path for path in laws if path is not None)]
+                *laws_of_user(self.config.material)]
 
     def still_files(self, frames: Frames) -> list[Path]:
         """Separate images of the specimen at rest, of all cameras."""
@@ -281,6 +281,12 @@ class RecordedFolder:
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
         infrared = temperature_images(self.config, self.folder, self.file)
         return fingerprints(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared])
+
+
+def laws_of_user(materials: Mapping[str, MaterialTable]) -> list[Path]:
+    """The Python files that the laws of the materials come from; none for laws of this package."""
+    found = [source_of(table.law) for table in materials.values()]
+    return list(dict.fromkeys(path for path in found if path is not None))
 
 
 def stage_times(stack: FieldStack) -> np.ndarray | None:

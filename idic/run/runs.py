@@ -147,7 +147,9 @@ class SingleRun:
 
     @property
     def to_see(self) -> tuple[ExperimentToSee, ...]:
-        return (ExperimentToSee(self.path, self.overrides, self.experiment.identity),)
+        solver = self.experiment.solver
+        program = "" if solver is None else solver.arguments[0]
+        return (ExperimentToSee(self.path, self.overrides, self.experiment.identity, program),)
 
     @property
     def n_stages(self) -> int:

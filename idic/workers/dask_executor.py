@@ -124,7 +124,7 @@ def check_scheduler(scheduler: str | None, run: Path | str, experiments: Sequenc
             if store is None:
                 check_workers(client, experiments, run, say)
                 return
-            check_workers(client, (), None, say)
+            check_workers(client, experiments, None, say)
             check_store(client, store)
 
 

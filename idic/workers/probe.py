@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from idic.errors import InputError
+from idic.fe.external.process import find_program, require_permission
 
 PACKAGES = ("idic", "numpy", "scipy", "numba", "zarr", "dask", "distributed")
 ANSWER_SECONDS = 300  # a worker may be busy with a task of somebody else
@@ -28,11 +29,12 @@ _VALUES = 257  # of the reference kernel: no multiple of a vector register, so t
 
 @dataclass(frozen=True)
 class ExperimentToSee:
-    """An experiment as the driver read it. identity : of `Experiment.identity`"""
+    """An experiment as the driver read it. identity : of `Experiment.identity`; program : that simulates it, if any"""
 
     path: str
     overrides: Mapping[str, Any]
     identity: str
+    program: str = ""
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,13 @@ def probe(job: ProbeJob) -> ProbeAnswer:
 def _problem(job: ProbeJob) -> tuple[str, str, str] | tuple[()]:
     from idic.experiment_file.load import load_experiment
 
+    for one in job.experiments:
+        if one.program:
+            try:
+                require_permission([one.program], one.path)
+                find_program(one.program, one.path)
+            except InputError as problem:
+                return problem.expected, problem.found, problem.remedy
     if not job.token_file:
         return ()
     try:

@@ -1,8 +1,9 @@
 """One evaluation of a large solid with its sensitivities, in a process of its own: ``python solid_job.py SOLVER N
 FRAMES [THREADS]``.
 
-SOLVER : "fronts", or "superlu" for minimum degree with a new factorisation per Newton iteration. Prints equations, CPU
-seconds, peak memory in MB, the last force in N, and seconds of the wall clock.
+SOLVER : "fronts", or "superlu" for minimum degree with a new factorisation per Newton iteration. Standard error: a line
+per frame. Standard output: equations, CPU seconds, peak memory in MB, the last force in N, and seconds of the wall
+clock.
 """
 
 from __future__ import annotations
@@ -26,19 +27,28 @@ def minimum_degree(pattern: linear.Pattern, values: np.ndarray) -> linear.Factor
                                        options={"SymmetricMode": True}))
 
 
+def peak_mb() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
 def main(solver: str, n: int, n_frames: int, n_threads: int = 1) -> str:
     if solver == "superlu":
         linear._sparse_factor, linear.MIN_OPERATIONS_PER_ENTRY = minimum_degree, np.inf
     small, values, times = stretched(brick(2, 2, 2), "solid", 2.0, 3)
     list(march(small, values, times, directions(4)))  # compiled
     model, values, times = stretched(brick(n, n, n), "solid", float(n), n_frames)
+    equations = model.n_dof - len(model.constraints.dofs)
     began, wall = time.process_time(), time.perf_counter()
     with solver_threads(n_threads):
         for state in march(model, values, times, directions(4)):
-            last = state
-    seconds, peak = time.process_time() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    wall = time.perf_counter() - wall
-    return f"{model.n_dof - len(model.constraints.dofs)} {seconds:.1f} {peak:.0f} {last.channels[0]:.9e} {wall:.1f}"
+            spent = resource.getrusage(resource.RUSAGE_SELF)
+            sys.stderr.write(f"{equations} equations, frame {state.frame} of {n_frames - 1}: {state.n_newton} Newton "
+                             f"iterations, {time.perf_counter() - wall:.1f} s, CPU {time.process_time() - began:.1f} s "
+                             f"(process: user {spent.ru_utime:.0f}, system {spent.ru_stime:.0f} s), peak "
+                             f"{peak_mb():.0f} MB, force {state.channels[0]:.9e} N\n")
+            sys.stderr.flush()
+    seconds, wall = time.process_time() - began, time.perf_counter() - wall
+    return f"{equations} {seconds:.1f} {peak_mb():.0f} {state.channels[0]:.9e} {wall:.1f}"
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ from idic.cli.outcomes import BAD_INPUT, DONE, outcome
 SECONDS = 60  # s: a case takes 0.02 to 2 s on a quiet machine
 LONGEST_MESSAGE = 2500  # characters
 CASES = int(os.environ.get("IDIC_FUZZ_CASES", "1000"))  # of every property, on demand
+AS_FOUND = "IDIC_FUZZ_AS_FOUND" in os.environ  # a campaign against the clock: failing cases are not made small
 
 
 def campaign(number: int, prop: Callable, share: float = 1.0, **strategies) -> tuple[Callable, Callable]:
@@ -35,7 +36,8 @@ def campaign(number: int, prop: Callable, share: float = 1.0, **strategies) -> t
     of IDIC_FUZZ_CASES, each time others, with the failing case made small."""
     often = dict(deadline=None, database=None, suppress_health_check=list(HealthCheck))
     daily = settings(max_examples=number, derandomize=True, phases=(Phase.explicit, Phase.generate), **often)
-    at_length = settings(max_examples=max(1, int(CASES * share)), print_blob=True, **often)
+    phases = [phase for phase in Phase if not (AS_FOUND and phase is Phase.shrink)]
+    at_length = settings(max_examples=max(1, int(CASES * share)), print_blob=True, phases=phases, **often)
     return daily(given(**strategies)(prop)), pytest.mark.slow(at_length(given(**strategies)(prop)))
 
 

@@ -36,7 +36,7 @@ test_changed_tables, test_many_changed_tables = campaign(
     30, changed_tables, changed=changed_experiments(), picture=st.just(False)
 )
 test_a_drawn_one, test_many_drawn_ones = campaign(
-    4, changed_tables, share=0.2, changed=changed_experiments(), picture=st.just(True)
+    4, changed_tables, share=0.4, changed=changed_experiments(), picture=st.just(True)
 )
 test_spoilt_text, test_many_spoilt_texts = campaign(
     20, spoilt_text, base=st.sampled_from(sorted(BASES)), spoilt=st.lists(splices, min_size=1, max_size=2)

@@ -54,6 +54,23 @@ def test_the_law_of_the_page_is_listed_and_drawn(scratch):
     assert unknown.returncode == 2 and "unknown constitutive law" in unknown.stderr and "--laws FILE" in unknown.stderr
 
 
+@pytest.mark.slow  # compiles a law three times
+def test_a_file_that_a_program_has_imported_and_compiled_serves_as_a_file_of_laws_in_any_order(scratch, tmp_path):
+    """Numba keeps what it compiles under the file, with the name of the module in it."""
+    (tmp_path / "mine.py").write_text((scratch / "my_law.py").read_text())
+    (tmp_path / "other.py").write_text((scratch / "my_law.py").read_text().replace("yeoh_2", "yeoh_other"))
+    compiled = "from idic.materials.core.compilation import compile; compile('yeoh_2', 'finite')"
+    done = subprocess.run([sys.executable, "-c", f"import mine; {compiled}"], cwd=tmp_path, capture_output=True,
+                          text=True, env=os.environ | {"PYTHONPATH": str(tmp_path)}, check=False)
+    assert done.returncode == 0, done.stderr
+    for files in (["mine.py"], ["other.py", "mine.py"]):
+        laws = os.pathsep.join(str(tmp_path / file) for file in files)
+        done = subprocess.run([sys.executable, "-c", f"from idic.materials.core.user_laws import load_user_laws; "
+                               f"load_user_laws(); {compiled}"], capture_output=True, text=True,
+                              env=os.environ | {"IDIC_LAWS": laws}, check=False)
+        assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.slow  # compiles a law anew
 def test_the_law_of_the_page_fulfils_the_contract(scratch):
     done = subprocess.run([sys.executable, "-m", "pytest", str(Path(__file__).parent), "-k", "yeoh", "-p",

@@ -3,11 +3,13 @@ bits."""
 
 import json
 import os
+import sys
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
 from experiment_file.small_experiment import write_experiment
+from external.strip import write_strip
 from test_probe import foreign_cluster
 from typer.testing import CliRunner
 
@@ -153,6 +155,27 @@ def test_a_joint_run_through_a_store_has_the_bits_of_one_on_this_machine(store, 
 
 
 @pytest.mark.slow
+def test_the_files_of_an_external_solver_travel_and_its_program_is_asked_for_on_every_worker(tmp_path, monkeypatch):
+    """The program is Python and one of the files a Python file; the worker must have been given the permission."""
+    folder = tmp_path / "mine"
+    write_strip(folder / "test", "timeout_s = 30")
+    monkeypatch.delenv("IDIC_ALLOW_EXTERNAL", raising=False)
+    with blind_cluster(tmp_path / "forbidden", folder) as client:
+        monkeypatch.setenv("IDIC_ALLOW_EXTERNAL", sys.executable)
+        with pytest.raises(InputError) as refused:
+            identify_plainly([folder / "test"], folder / "never", scheduler=client.scheduler.address, store="driver",
+                             overrides=SHORT)
+        assert "permission to run" in str(refused.value) and "the worker tcp://" in str(refused.value)
+        assert "on the workers of a cluster" in str(refused.value) and not (folder / "never").exists()
+    alone = identify_plainly([folder / "test"], folder / "alone", workers=0, overrides=SHORT)
+    with blind_cluster(tmp_path / "worker", folder) as client:
+        result = identify_plainly([folder / "test"], folder / "served", scheduler=client.scheduler.address,
+                                  store="driver", overrides=SHORT)
+    assert not (tmp_path / "worker" / "tried").exists()
+    assert_same(result, folder / "served", alone, folder / "alone")
+
+
+@pytest.mark.slow
 def test_a_store_that_a_worker_cannot_reach_is_refused_with_the_worker_and_nothing_is_written(strip, s3, tmp_path):
     folder, _ = strip
     with blind_cluster(tmp_path / "worker", folder, AWS_ENDPOINT_URL="http://127.0.0.1:9") as client:
@@ -268,6 +291,12 @@ def test_images_that_the_run_holds_are_described_and_not_sent(tmp_path):
     assert [path.name for path in found.whole] == ["experiment.toml", "loads.csv", "mesh.inp", "frame_000.tif"]
     entry = {"a": Entry(7, image=next(iter(found.images.values())))}
     assert decoded(encoded(entry))["a"].image.ends_sha256 == entry["a"].image.ends_sha256
+
+
+def test_python_files_of_an_external_solver_are_sent(tmp_path):
+    found = inputs_of(write_strip(tmp_path / "strip"), {})
+    names = {path.name for path in found.whole}
+    assert {"strip.deck.template", "nodes.txt", "strange_solver.py"} < names
 
 
 def test_a_store_needs_a_scheduler_and_a_file_system_that_is_installed(tmp_path):

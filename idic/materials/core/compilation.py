@@ -45,9 +45,10 @@ def compile_cached(function: Callable, signature):
     dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
     try:
         dispatcher.enable_caching()
-        # numba notices only changes of the file that holds `function`, not of files it takes helpers from
+        # numba notices only changes of the file that holds `function`, not of files it takes helpers from; what it
+        # keeps names the module, and a file may be imported under another name the next time
         cache_file = dispatcher._cache._cache_file
-        cache_file._source_stamp = (cache_file._source_stamp, _sources_stamp())
+        cache_file._source_stamp = (cache_file._source_stamp, _sources_stamp(), function.__module__)
     except (RuntimeError, AttributeError):  # typed at a prompt, or nowhere to write: compile without cache
         pass
     dispatcher.compile(signature)

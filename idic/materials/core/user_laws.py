@@ -6,6 +6,7 @@ which workers inherit; an experiment can only ask for a law by its name. See ``d
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import os
 import sys
@@ -28,8 +29,11 @@ def load_user_laws() -> None:
     InputError
         A file that is not there, cannot be imported or registers nothing.
     """
-    for number, name in enumerate(name for name in os.environ.get(VARIABLE, "").split(os.pathsep) if name):
-        _load(Path(name), f"{_PACKAGE}{number}_{Path(name).stem}")
+    for name in os.environ.get(VARIABLE, "").split(os.pathsep):
+        if name:
+            # of the path alone: compiled laws are kept on the disk under the name of their module
+            place = hashlib.sha256(os.path.abspath(name).encode()).hexdigest()[:12]
+            _load(Path(name), f"{_PACKAGE}{place}_{Path(name).stem}")
 
 
 def source_of(law: str) -> Path | None:
