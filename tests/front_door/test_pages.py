@@ -3,14 +3,11 @@
 import re
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")),
          *sorted((ROOT / "deploy").glob("*.md"))]
 EXAMPLES = ("my_", "thickness_error")  # names of files that a recipe lets the reader write
 ELSEWHERE = ("deploy/secrets", "tests/dic_composite")  # made by the user; of another project
-every_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 
 
 def without_code(text):
@@ -23,23 +20,30 @@ def anchors(page):
     return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@every_page
-def test_links_and_anchors_lead_somewhere(page):
-    for target in re.findall(r"\]\(([^)\s]+)\)", without_code(page.read_text(encoding="utf-8"))):
-        if target.startswith("http"):
-            continue
-        file, _, anchor = target.partition("#")
-        aim = page.parent / file if file else page
-        assert aim.exists(), f"{target} does not exist"
-        assert not anchor or anchor in anchors(aim), f"{target}: no such heading"
+def test_links_and_anchors_lead_somewhere():
+    wrong = []
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)\s]+)\)", without_code(page.read_text(encoding="utf-8"))):
+            if target.startswith("http"):
+                continue
+            file, _, anchor = target.partition("#")
+            aim = page.parent / file if file else page
+            if not aim.exists():
+                wrong.append(f"{page.relative_to(ROOT)}: {target} does not exist")
+            elif anchor and anchor not in anchors(aim):
+                wrong.append(f"{page.relative_to(ROOT)}: {target}: no such heading")
+    assert not wrong, "\n".join(wrong)
 
 
-@every_page
-def test_paths_of_the_project_exist(page):
-    words = re.findall(r"(?<![\w/.~-])((?:idic|flows|tests|docs|deploy)/[\w./-]*\w)", page.read_text(encoding="utf-8"))
-    named = [word for word in words if not any(name in word for name in (*EXAMPLES, *ELSEWHERE))]
-    missing = [word for word in named if not (ROOT / word).exists() and not (ROOT / word.split("::")[0]).exists()]
-    assert not missing
+def test_paths_of_the_project_exist():
+    missing = []
+    for page in PAGES:
+        words = re.findall(r"(?<![\w/.~-])((?:idic|flows|tests|docs|deploy)/[\w./-]*\w)",
+                           page.read_text(encoding="utf-8"))
+        named = [word for word in words if not any(name in word for name in (*EXAMPLES, *ELSEWHERE))]
+        missing += [f"{page.relative_to(ROOT)}: {word}" for word in named
+                    if not (ROOT / word).exists() and not (ROOT / word.split("::")[0]).exists()]
+    assert not missing, "\n".join(missing)
 
 
 def test_every_page_of_the_docs_is_on_the_map():

@@ -44,8 +44,13 @@ class Trap:
 
 
 # the source -----------------------------------------------------------------------------------------
-@pytest.mark.parametrize("file", SOURCES, ids=lambda file: str(file.relative_to(ROOT)))
-def test_no_module_unpickles_evaluates_or_starts_untrusted_content(file):
+def test_no_module_unpickles_evaluates_or_starts_untrusted_content():
+    wrong = {file.relative_to(ROOT).as_posix(): _offences(file) for file in SOURCES}
+    assert {name: found for name, found in wrong.items() if found} == {}
+
+
+def _offences(file):
+    """What a source file holds that it must not."""
     name, wrong = file.relative_to(ROOT).as_posix(), []
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import | ast.ImportFrom):
@@ -55,7 +60,7 @@ def test_no_module_unpickles_evaluates_or_starts_untrusted_content(file):
             wrong += [n for n in names if n == "subprocess" and name not in STARTS_PROGRAMS]
         elif isinstance(node, ast.Call):
             wrong += _bad_call(node)
-    assert not wrong, f"{name}: {wrong}"
+    return wrong
 
 
 def _bad_call(node):
