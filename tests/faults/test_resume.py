@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from fault_runs import (command_line, descendants, evaluations, finish, kill, outcome, plain_run, still_alive,
                         stored_system, wait_for_evaluation)
+from typer.testing import CliRunner
 
 import idic
+from idic.cli.app import app
 from idic.errors import InputError
 from idic.run.context import open_run
 from idic.run.judgement.residual_maps import residuals_of
@@ -20,6 +22,12 @@ from idic.run.plain import identify_on
 from idic.store.arrays import FrameArrays, read_array
 from idic.workers.runner import SerialRunner
 from idic.virtual_tests.examples import write_example
+
+
+def here(*arguments):
+    """A command in this process that is to be refused: exit code and everything that was said."""
+    answer = CliRunner().invoke(app, [str(word) for word in arguments])
+    return answer.exit_code, answer.output
 
 
 def assert_same_end(run, small):
@@ -69,14 +77,14 @@ def test_the_command_survives_a_kill_and_leaves_no_process_behind(small, tmp_pat
     process = command_line(*arguments, "--workers", 2)
     wait_for_evaluation(run, process, 1)
     process.send_signal(signal.SIGSTOP)  # or a busy machine brings the run to its end before the second one is there
-    code, said = finish(command_line(*arguments, "--no-prefect", "--resume"))
+    code, said = here(*arguments, "--no-prefect", "--resume")
     assert code == 2 and "another idic process" in said, said
     family = descendants(process)
     assert len(family) >= 3, "two workers and a Prefect server"
     kill(process)
     assert not still_alive(family)
 
-    code, said = finish(command_line(*arguments, "--no-prefect"))
+    code, said = here(*arguments, "--no-prefect")
     assert code == 2 and "--resume" in said, said
     code, said = finish(command_line(*arguments, "--no-prefect", "--resume", "--no-report"))
     assert code == 0, said

@@ -27,9 +27,7 @@ WITHOUT = """
             print("code:", end.code)
         print("loaded:", sorted(name for name in ("prefect", "distributed", "fastapi") if name in sys.modules))
 
-    test, run = sys.argv[1:]
-    command("identify", test, "--out", run)
-    command("diagnose", run, "--workers", "0")
+    command(*sys.argv[1:])
 """
 
 
@@ -45,25 +43,36 @@ def strip(tmp_path_factory):
     return folder
 
 
+def without_prefect(*arguments):
+    """A command in another process: the end of what it printed, and what it said meanwhile."""
+    words = [textwrap.dedent(WITHOUT), *map(str, arguments)]
+    answer = subprocess.run([sys.executable, "-c", *words], capture_output=True, text=True, timeout=900)
+    assert answer.returncode == 0, answer.stderr
+    return answer.stdout.splitlines()[-2:], answer.stderr
+
+
 @pytest.fixture(scope="module")
 def plain(strip):
-    """Identification and diagnosis in one other process: the RUN, what they printed and what they said meanwhile."""
-    arguments = [textwrap.dedent(WITHOUT), str(strip / "test"), str(strip / "plain")]
-    answer = subprocess.run([sys.executable, "-c", *arguments], capture_output=True, text=True, timeout=900)
-    assert answer.returncode == 0, answer.stderr
-    return strip / "plain", answer.stdout.splitlines(), answer.stderr
+    """The RUN of an identification, the end of what it printed, and what it said meanwhile."""
+    return strip / "plain", *without_prefect("identify", strip / "test", "--out", strip / "plain")
 
 
 def here(*arguments):
     return CliRunner().invoke(app, list(map(str, arguments)))
 
 
-def test_a_small_identification_and_its_diagnosis_load_no_server_and_no_cluster(plain):
+def test_a_small_identification_loads_no_server_and_no_cluster(plain):
     run, printed, said = plain
-    assert [line for line in printed if line.startswith(("code: ", "loaded: "))] == ["code: 0", "loaded: []"] * 2, said
+    assert printed == ["code: 0", "loaded: []"], said
     assert (run / "report.html").exists()
     assert "dashboard" not in said
-    assert json.loads((run / "diagnosis.json").read_text())["verdict"] == "none"
+
+
+@pytest.mark.slow  # a whole diagnosis; the one of diagnose/test_diagnosis_runs.py has a server and a worker
+def test_a_small_diagnosis_loads_no_server_and_no_cluster(plain):
+    printed, said = without_prefect("diagnose", plain[0], "--workers", "0")
+    assert printed == ["code: 0", "loaded: []"], said
+    assert json.loads((plain[0] / "diagnosis.json").read_text())["verdict"] == "none"
 
 
 def test_it_gives_the_bits_of_the_flow(strip, plain):

@@ -56,6 +56,7 @@ def test_the_bias_is_the_change_of_an_identification_on_the_finer_mesh(coarse):
         assert bias == pytest.approx(difference, abs=0.1 * abs(difference) + 0.04 * entry["std"]), name
 
 
+@pytest.mark.slow  # 5 s of CPU time
 def test_quadratic_elements_find_nearly_all_of_the_bias_of_linear_ones(clean, tmp_path):
     """What is converged: quadratic elements of half the size, whose own bias is below a hundredth of this one."""
     path = write_folder(tmp_path / "test", Twin(), WHOLE + ORDINARY + 'element_order = "as_given"\n', clean)

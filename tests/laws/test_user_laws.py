@@ -80,6 +80,7 @@ def test_the_law_of_the_page_fulfils_the_contract(scratch):
     assert int(re.search(r"(\d+) passed", done.stdout).group(1)) > 30
 
 
+@pytest.mark.slow  # 16 s of CPU time; adding a law is seen in test_adding_a_law.py
 def test_a_test_is_identified_with_the_law_of_the_page(scratch, monkeypatch):
     """The truth is computed with the same law, on a finer mesh."""
     monkeypatch.setattr(law, "_laws", dict(law._laws))

@@ -83,6 +83,7 @@ def test_a_run_is_loaded_and_resumed_as_any_other(experiment, from_run, run):
         idic.identify(experiment, run)
 
 
+@pytest.mark.slow  # a further case of the bits in memory and on disk
 def test_the_same_numbers_with_a_measured_edge_and_noise_that_nobody_knows(tmp_path):
     """Both begin with a free FE-DIC."""
     tables = arrays.recorded().tables(

@@ -44,6 +44,7 @@ def together(pair, tmp_path_factory):
     return run, idic.identify_experiment(pair, run)
 
 
+@pytest.mark.slow  # 10 s of CPU time
 def test_two_experiments_have_the_standard_deviation_of_their_weighted_mean(pair, together):
     alone = [identify(load_experiment(path)).result["parameters"] for path in pair]
     _, both = together

@@ -34,6 +34,7 @@ def test_an_example_folder_is_a_valid_experiment_whose_start_is_off_the_truth(de
     assert experiment.noise.std_gv == pytest.approx(truth["noise_std_gv"], abs=1e-3)
 
 
+@pytest.mark.slow  # two more renderings
 def test_the_noise_of_an_example_is_the_requested_one(demo, tmp_path):
     clean = write_example("demo", tmp_path / "clean", reduced=True, noise=0.0, bits=16)
     loud = write_example("demo", tmp_path / "loud", reduced=True, noise=0.1, bits=16)
