@@ -104,7 +104,8 @@ class _Known:
 
 
 def dic_stack(experiment: Experiment, regularisation: Regularisation | str | None = "mechanical",
-              progress: Callable[[int, int], None] | None = None) -> DicStack:
+              progress: Callable[[int, int], None] | None = None,
+              keep: Callable[[np.ndarray], None] | None = None) -> DicStack:
     """Measure the displacement of all frames of an experiment on its mesh, from the images alone.
 
     Of measured fields it is the smooth nodal motion that follows the points (`idic.dic.field`).
@@ -121,6 +122,9 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
         A name takes its default length (twice the distance of the nodes, at least 24 px).
     progress : callable, optional
         Called with (frames done, frames in all).
+    keep : callable, optional
+        Takes the motion (n_nodes, 2) px of every frame, in their order; `u_px` of the result is then empty, and of
+        measured fields no two frames are held at once.
 
     Examples
     --------
@@ -132,7 +136,7 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
     ('ok', True)
     """
     if experiment.points is not None:
-        return DicStack(**field_motion(experiment, _named(regularisation), progress))
+        return DicStack(**field_motion(experiment, _named(regularisation), progress, keep))
     setting = _set_up(experiment, regularisation)
     n, nodes = experiment.n_frames, experiment.mesh.n_nodes
     u_px = np.full((n, nodes, 2), np.nan)
@@ -154,6 +158,10 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
     status = _status(experiment, recognised, unexplained(np.where(recognised, rms, np.nan), mismatched))
     good = np.array([s == "ok" for s in status])
     noise_gv = noise_of_frames(np.where(good, local, np.nan))
+    if keep is not None:
+        for motion in u_px:
+            keep(motion)
+        u_px = u_px[:0].copy()
     return DicStack(u_px, status, rms, variance / (experiment.noise.std_gv or noise_gv) ** 2, noise_gv, np.sqrt(local),
                     pixels, lost, mismatched, iterations, converged, attempts, setting.smoother.length_px)
 

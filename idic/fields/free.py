@@ -53,7 +53,7 @@ def free_frame(seen: Seen, frame: int, start: np.ndarray, known: Factorisation |
     start : (n_nodes, 2) px, simulated motion; known : factorisation of a neighbouring frame
     """
     if isinstance(seen.reference, FieldReference):
-        return field_frame(seen.reference, seen.reference.measured(seen.experiment, frame), seen.smoother, known)
+        return field_frame(seen.reference, seen.reference.measured(seen.experiment, frame), seen.smoother)
     found = dic_frame(seen.reference, frame_spline(seen.experiment, frame), start, seen.smoother,
                       seen.experiment.options.brightness, factorisation=known)
     return found if found.factorisation is not None and found.n_pixels else None
@@ -85,7 +85,7 @@ def still_frame(seen: Seen, rng: np.random.Generator, noise_gv: float,
     experiment, reference = seen.experiment, seen.reference
     if isinstance(reference, FieldReference):
         noise = noise_gv * np.sqrt(1.0 + 1.0 / reference.n_images) * rng.standard_normal(reference.pixel_map.n_pixels)
-        return field_frame(reference, noise, seen.smoother, known)
+        return field_frame(reference, noise, seen.smoother)
     taken = experiment.averaged or (experiment.reference,)
     still = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in taken], axis=0)
     still = still + noise_gv * np.sqrt(1.0 + 1.0 / len(taken)) * rng.standard_normal(still.shape)

@@ -42,19 +42,24 @@ def motion_in_space(experiment: Experiment) -> np.ndarray:
 
 
 def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int],
-                   u_mm: np.ndarray | None = None) -> np.ndarray:
+                   u_mm: np.ndarray | None = None, nodes: np.ndarray | None = None) -> np.ndarray:
     """Start of the frame-local unknowns from a free FE-DIC: nodal motion on the measured edges, zero elsewhere.
 
     u_px : (n_frames, n_nodes, 2) px, NaN where a node was not seen or a frame was lost; u_mm : the motion in space,
-    where `needs_motion_in_space`, in its place. Returns (n_frames, m) mm.
+    where `needs_motion_in_space`, in its place; nodes : whose motion both hold, `measured_nodes` among them, None: all.
+    Returns (n_frames, m) mm.
     """
     drives = build_drives(experiment)
     local = np.zeros((experiment.n_frames, drives.n_local))
     if not drives.measured.any():
         return local
-    u = u_mm
+    u, place = u_mm, np.arange(experiment.mesh.n_nodes)
+    if nodes is not None:
+        place = np.full(experiment.mesh.n_nodes, -1)
+        place[nodes] = np.arange(len(nodes))
     if u is None:
-        back = np.linalg.inv(experiment.camera.jacobian(experiment.mesh.nodes)[:, :, :2])  # (n_nodes, 2, 2) mm/px
+        here = experiment.mesh.nodes if nodes is None else experiment.mesh.nodes[nodes]
+        back = np.linalg.inv(experiment.camera.jacobian(here)[:, :, :2])  # (n_nodes, 2, 2) mm/px
         u = np.einsum("nij,tnj->tni", back, u_px)
     good = [k for k in range(experiment.n_frames) if k not in excluded and np.isfinite(u[k]).any()]
     for column, (drive, is_measured) in enumerate(zip(drives.local, drives.measured, strict=False)):
@@ -62,10 +67,19 @@ def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collectio
             node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], experiment.n_dim)
             if component[0] >= u.shape[2]:
                 continue  # measured out of the plane: from rest
-            of_nodes = u[good][:, node, component]  # those that move together; all but one of them are hidden
+            of_nodes = u[good][:, place[node], component]  # those that move together; all but one of them are hidden
             seen = np.isfinite(of_nodes).any(axis=1)
             series = np.array([row[np.isfinite(row)].mean() if row_seen else np.nan
                                for row, row_seen in zip(of_nodes, seen, strict=True)])
             if seen.any():
                 local[:, column] = np.interp(np.arange(experiment.n_frames), np.array(good)[seen], series[seen])
     return local
+
+
+def measured_nodes(experiment: Experiment) -> np.ndarray:
+    """The nodes whose motion is measured, of all edges together  # (n,)"""
+    drives = build_drives(experiment)
+    rows = [drives.basis[:, drive] != 0.0 for drive, is_measured in zip(drives.local, drives.measured, strict=False)
+            if is_measured]
+    return np.unique(np.concatenate([drives.dofs[row] for row in rows]) // experiment.n_dim if rows else
+                     np.zeros(0, int)).astype(int)

@@ -27,12 +27,14 @@ class Log:
 
     decimal : mark that the user states; None: as the cells show
     notes : how the file was read where that is not obvious
+    of_stages : whether these are the analog channels of measured fields
     """
 
     file: Path
     table: Table
     decimal: Decimal | None = None
     notes: tuple[str, ...] = ()
+    of_stages: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -110,6 +112,11 @@ class Log:
             return InputError("a row of the log holds no number", file=self.file, key=f"line {self.table.header_line}",
                               expected=f"rows of numbers below the header in line {above}",
                               found=", ".join(self.names), remedy="correct the row")
+        if self.of_stages:
+            return InputError(f'no analog channel "{name}" in the stages', file=file or self.file, key=key or name,
+                              expected=f'"{name}" in every stage', found=", ".join(self.names),
+                              remedy="export it with the stages, name a channel that they have, or give the log of the "
+                                     'machine: loads = "log.csv"')
         return InputError(f'no column "{name}" in {self.file.name}', file=file or self.file, key=key or name,
                           expected=f'a column "{name}"', found=", ".join(self.names),
                           remedy=f"add the column to {self.file.name}, or name one of its columns")

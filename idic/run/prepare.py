@@ -18,7 +18,9 @@ from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.tables.camera_noise import recorded
 from idic.identify.input_noise import measured_noise
-from idic.identify.measured_start import measured_start, motion_in_space, needs_free_dic, needs_motion_in_space
+from idic.identify.measured_start import (
+    measured_nodes, measured_start, motion_in_space, needs_free_dic, needs_motion_in_space,
+)
 from idic.identify.step.stages import resolve_stages
 from idic.identify.two_step import check_method, is_two_step, regularisation_of
 from idic.identify.weights import noise_weights
@@ -29,10 +31,10 @@ from idic.model.forward import build_forward
 from idic.readers.fields.series import FieldStack
 from idic.readers.fields.sound_stages import check_stages
 from idic.readers.images import FileStack
-from idic.store.arrays import read_array, write_array
+from idic.store.arrays import FrameArrays, read_array, write_array
 from idic.store.camera_groups import group_of, ingest_all, noise_entry, with_stored_images
 from idic.store.checkpoint import save_checkpoint, to_hex
-from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA
+from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, stored_frames
 from idic.store.path_names import path_name
 from idic.store.run_store import RunStore
 from idic.store.stack import Ingested, IngestJob
@@ -150,10 +152,12 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
         local = np.zeros((experiment.n_frames, build_drives(experiment).n_local))
         if needs_free_dic(experiment):
             found = read_free_dic(store)
+            nodes = None if virtual_boundaries(experiment) else measured_nodes(experiment)
+            u_px = read_free_motion(store, nodes=nodes)
             excluded += [int(k) for k in np.flatnonzero(found["unexplained"]) if int(k) not in excluded]
             in_space = read_array(store.group("motion"), "u_mm") if needs_motion_in_space(experiment) else None
-            local = measured_start(experiment, found["u_px"], excluded, in_space)
-            begin = boundary_start(experiment, found["u_px"], excluded, in_space)
+            local = measured_start(experiment, u_px, excluded, in_space, nodes if in_space is None else None)
+            begin = boundary_start(experiment, u_px, excluded, in_space)
             if std is None:
                 std, source = float(found["noise_gv"]), "residual_of_free_dic"
         write_array(folder, "local", local)
@@ -215,9 +219,12 @@ def run_free_dic(job: tuple[str, str, dict, int]) -> None:
     run, path, overrides, number = job
     store = RunStore(run)
     experiment = with_stored_images(store, load_experiment(path, overrides))
-    found = dic_stack(experiment.views[number], regularisation_of(experiment))
+    view, shape = experiment.views[number], (experiment.mesh.n_nodes, 2)
     with store.building(group_of(experiment, number, "dic")) as folder:
-        write_array(folder, "u_px", found.u_px)
+        array = FrameArrays.create(folder, "u_px", experiment.n_frames, shape,
+                                   stored_frames(experiment.n_frames, 16 * shape[0]), compressed=True)
+        with array.writer() as writer:
+            found = dic_stack(view, regularisation_of(experiment), keep=writer.append)
         write_array(folder, "rms_gv", found.rms_gv)
         write_array(folder, "chi2_dof", found.chi2_dof)
         write_array(folder, "unexplained", np.array([status == "unexplained" for status in found.status]))
@@ -237,7 +244,15 @@ def run_stereo_dic(job: tuple[str, str, dict]) -> None:
 
 
 def read_free_dic(store: RunStore, name: str = "dic") -> dict[str, Any]:
-    """What `run_free_dic` stored; noise_gv as a number."""
+    """What `run_free_dic` stored of the frames but their motion; noise_gv as a number."""
     folder = store.group(name)
-    found = {name: read_array(folder, name) for name in ("u_px", "rms_gv", "chi2_dof", "unexplained", "noise_gv")}
+    found = {name: read_array(folder, name) for name in ("rms_gv", "chi2_dof", "unexplained", "noise_gv")}
     return found | {"noise_gv": float(found["noise_gv"][0])}
+
+
+def read_free_motion(store: RunStore, name: str = "dic", nodes: np.ndarray | None = None) -> np.ndarray:
+    """The motion that `run_free_dic` stored; nodes : of these alone, None: of all  # (n_frames, n, 2) px"""
+    array = FrameArrays.open(store.group(name), "u_px")
+    if nodes is None:
+        return array.read()
+    return np.concatenate([array.read(*span)[:, nodes] for span in array.chunks()])

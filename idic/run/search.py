@@ -16,7 +16,7 @@ from idic.identify.search import Found, Trial, search
 from idic.identify.step.schedule import first_free, wants_search
 from idic.model.experiment import Experiment
 from idic.run.context import open_run
-from idic.run.prepare import read_free_dic, run_free_dic
+from idic.run.prepare import read_free_motion, run_free_dic
 from idic.run.session import Session
 from idic.store.arrays import Damaged, read_array, write_array
 from idic.store.checkpoint import to_hex
@@ -67,7 +67,7 @@ def fit_trial(job: TrialJob) -> CoarseFit:
     kept = _kept(context.store.finished(name, ident), names)
     if kept is not None:
         return kept
-    u_px = read_free_dic(context.store)["u_px"] if context.store.finished("dic") is not None else None
+    u_px = read_free_motion(context.store) if context.store.finished("dic") is not None else None
     fit = coarse_fit(replace(experiment, stack=None), u_px, trial.values, trial.evaluations, trial.simplified)
     with context.store.building(name, ident) as folder:
         write_array(folder, "values", np.array([fit.values[key] for key in names]))

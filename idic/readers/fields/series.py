@@ -121,7 +121,7 @@ class FieldSeries:
         rows = tuple(tuple(repr(values[k]) for _, values in columns.values()) for k in range(len(self.entries)))
         table = Table(";", 1, tuple(columns), tuple(unit for unit, _ in columns.values()), rows,
                       tuple(range(1, len(rows) + 1)), ())
-        return Log(self.entries[0].path.parent, table, ".")
+        return Log(self.entries[0].path.parent, table, ".", of_stages=True)
 
     def _complete(self, given: Sequence[bool], name: str) -> None:
         if not all(given):

@@ -15,7 +15,7 @@ from idic.dic.boundary import boundary_start, with_boundary_start
 from idic.identify.in_memory import Identification, identify
 from idic.model.experiment import Experiment
 from idic.run.diagnosis.source import Source
-from idic.run.prepare import read_free_dic, run_free_dic
+from idic.run.prepare import read_free_dic, read_free_motion, run_free_dic
 from idic.store.run_store import RunStore
 from idic.workers.runner import TaskRunner
 
@@ -29,12 +29,13 @@ class MotionSource(Source):
 
     def load(self, edits: Mapping[str, Any] | None = None) -> Experiment:
         """See `Source.load`."""
-        found = read_free_dic(RunStore(self.run))
-        return by_motion(super().load(edits), found["u_px"], np.flatnonzero(found["unexplained"]).tolist())
+        store = RunStore(self.run)
+        unexplained = np.flatnonzero(read_free_dic(store)["unexplained"]).tolist()
+        return by_motion(super().load(edits), read_free_motion(store), unexplained)
 
     def images(self) -> Experiment:
         """The experiment with its images, virtual edges as they begin."""
-        experiment, u_px = super().load(), read_free_dic(RunStore(self.run))["u_px"]
+        experiment, u_px = super().load(), read_free_motion(RunStore(self.run))
         return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.excluded))
 
 
@@ -79,4 +80,4 @@ def _measured(source: Source, runner: TaskRunner, stage: Callable[[str], None]) 
         settings = source.context.settings
         runner.map(run_free_dic, [(source.run, settings["experiment"], settings["overrides"], 0)], ["free-dic"],
                    retries=1)
-    return read_free_dic(store)["u_px"]
+    return read_free_motion(store)
