@@ -157,11 +157,11 @@ class RecordedFolder:
             stack = FieldStack(series.only(kept), stack.points, stack.n_components, stack.flattening)
             labels = tuple(labels[k] for k in kept)
             reference, averaged = kept.index(reference), tuple(kept.index(k) for k in averaged)
-            later, excluded = [len(kept) - 1], ()
+            later, excluded = list(range(reference + 1, len(kept))), ()
             notes.append(note)
         free = rigid_is_free(self.config, file)
         grid = grid_of(stack.points, table.fields_subset_mm or 0.0, free, depth_of(self.config, stack.points, free))
-        notes += field_notes(stack, grid, later[-1], table.thickness_mm)
+        notes += field_notes(stack, grid, later, table.thickness_mm)
         return Frames(stack, labels, frame_numbers(labels), reference, excluded, (), None, None, tuple(notes),
                       averaged if len(averaged) > 1 else (), grid, recorded)
 

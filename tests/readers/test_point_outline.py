@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers.fields.outline import narrowest, outline_of, sides
+from idic.readers.fields.outline import outline_of, sides
+from idic.readers.fields.outline_width import narrowest, width_error
 
 PITCH, MARGIN = 0.8, 0.5
 
@@ -100,3 +101,25 @@ def test_the_narrowest_width_is_that_between_a_hole_and_the_edges():
     found = outline_of(points[np.hypot(*(points - [12.0, 30.0]).T) > 5.0 + MARGIN], PITCH, MARGIN)
     assert narrowest(found) == pytest.approx(14.0, abs=PITCH)
     assert narrowest(outline_of(points, PITCH, MARGIN)) == pytest.approx(24.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.0])
+def test_the_width_between_round_notches_is_within_the_stated_error(turn):
+    """Iosipescu: 20 mm wide, 11.4 mm between notches of 90 degrees with a radius of 1.3 mm, whose lines meet deeper."""
+    pitch, radius, depth = 0.55, 1.3, 4.3
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    x, y = np.meshgrid(np.arange(-25, 25, pitch), np.arange(-25, 25, pitch))
+    points = np.column_stack([x.ravel(), y.ravel()]) @ [[c, s], [-s, c]]
+    tip = 10.0 - depth + radius  # centre of the round
+    within = np.abs(points[:, 1])
+    wedge = (within > tip + np.abs(points[:, 0]) - np.sqrt(2.0) * radius) & (within > tip - radius / np.sqrt(2.0))
+    notched = wedge | (np.hypot(points[:, 0], within - tip) < radius)
+    points = points[(np.abs(points[:, 0]) < 20.0) & (within < 10.0) & ~notched] @ [[c, -s], [s, c]]
+    found = outline_of(points, pitch, 0.5 * pitch)
+    off, error = abs(narrowest(found) - 11.4), width_error(found, pitch)
+    assert off < error < 5.0 * pitch
+    assert off > pitch  # more than along straight edges
+
+
+def test_the_error_of_a_rectangle_is_half_a_distance_on_every_side():
+    assert width_error(outline_of(grid(24.0, 60.0), PITCH, MARGIN), PITCH) == pytest.approx(PITCH)

@@ -16,7 +16,8 @@ import numpy as np
 from idic.errors import InputError
 from idic.images.quality.field_noise import MIN_POINTS, MIN_STAGES
 from idic.readers.fields.chosen_stages import StageRule, mean_strain, strain_path
-from idic.readers.fields.outline import narrowest, outline_of
+from idic.readers.fields.outline import outline_of
+from idic.readers.fields.outline_width import narrowest, width_error
 from idic.readers.fields.series import SUFFIXES, FieldSeries, MeasuredPoints, detected, measured_points, open_fields
 from idic.readers.logs import Log, read_log
 from idic.readers.units import parse_unit
@@ -183,7 +184,7 @@ def _section(points: MeasuredPoints) -> str:
     found = outline_of(points.positions, points.pitch, 0.0)
     if not found.holes and found.filled > _MIN_FILLED:
         return ""
-    share = f"{points.pitch / (narrowest(found) + points.pitch):.2g}"
+    share = f"{width_error(found, points.pitch) / (narrowest(found) + points.pitch):.2g}"
     return "\n".join([f"# unless outline_mm is drawn, the section of a force is known to {share} of itself only;",
                       "# error bars of moduli count that by this degree of freedom:",
                       "# [[dof]]", '# name = "geometry.thickness"',

@@ -20,6 +20,7 @@ from idic.fe.mesh.mesh import Mesh, surface_cells
 from idic.images.camera import Camera
 from idic.images.quality.field_noise import FieldNoise, field_noise
 from idic.model.experiment import CorrelatedNoise, Depth, FieldPoints, Noise
+from idic.readers.fields.bending import ALLOWED_SHARE, largest_bending
 from idic.readers.fields.chosen_stages import StageRule, chosen_stages
 from idic.readers.fields.flattened import Flattening
 from idic.readers.fields.outline import MIN_HOLE, loops_of
@@ -255,10 +256,10 @@ def _seen_noise(recording: _Recording) -> FieldNoise | None:
     return field_noise(stack, recording.positions_px, frames, reference, n_references)
 
 
-def field_notes(stack: FieldStack, grid: FieldPoints, last: int,
+def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int],
                 thickness: float | None) -> list[str]:
-    """What a user should know of the fields: format, points, and motion out of the plane at the last stage."""
-    series, points = stack.series, stack.points
+    """What a user should know of the fields: format, points, and motion out of the plane at the last of the stages."""
+    series, points, last = stack.series, stack.points, stages[-1]
     extent = np.ptp(points.positions, axis=0)
     notes = [f"fields: {len(series.entries)} stages in the format {series.format}; {len(points)} points over "
              f"{extent[0]:.3g} x {extent[1]:.3g} mm, {grid.pitch_mm:.3g} mm apart; positions are those of the plane of "
@@ -279,4 +280,11 @@ def field_notes(stack: FieldStack, grid: FieldPoints, last: int,
                 else " and bending" if thickness else "") + " are taken out of the motion in the plane")
     if not thickness and 0.5 * found.curvature > MIN_TOLD_CURVATURE_STRAIN:
         text += "; with thickness_mm the strain of bending at the surface would be, too"
-    return [*notes, text]
+    most = largest_bending(stack, stages, thickness) if thickness else None
+    if most is None:
+        return [*notes, text]
+    if most.share <= ALLOWED_SHARE:
+        return [*notes, f"{text}. Bending is at most {100 * most.share:.2g} % of the mean strain"]
+    return [*notes, f"{text}. At {series.labels[most.stage]} bending is {100 * most.share:.2g} % of the mean strain "
+                    f"({most.strain:.1e}; a tension test allows 10 %): the grips may not be in line, or the sheet was "
+                    "not flat"]

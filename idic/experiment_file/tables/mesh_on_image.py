@@ -14,7 +14,8 @@ from idic.experiment_file.tables.measured_fields import grid_of
 from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera
 from idic.images.stack import Stack
-from idic.readers.fields.outline import PointOutline, narrowest, outline_of, sides
+from idic.readers.fields.outline import PointOutline, outline_of, sides
+from idic.readers.fields.outline_width import narrowest, width_error
 from idic.readers.fields.series import FieldStack, MeasuredPoints
 from idic.readers.outline_mesh import Drawing, from_image
 from idic.readers.roi_mesh import roi_mesh
@@ -87,17 +88,19 @@ def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera,
 
 
 def _edge_notes(found: PointOutline, pitch: float) -> list[str]:
-    width = narrowest(found)
-    return [f"the outline of the points is known to half their distance, {0.5 * pitch:.2g} mm on every side: the "
-            f"narrowest width of {width:.3g} mm is off by up to {100.0 * pitch / width:.2g} %, and so are moduli by "
-            "the force, which no error bar counts; outline_mm draws it exactly"]
+    width, error = narrowest(found), width_error(found, pitch)
+    notch = f", that of a notch to {0.5 * error:.2g} mm" if error > pitch else ""
+    return [f"the outline of the points is known to half their distance, {0.5 * pitch:.2g} mm on every side{notch}: "
+            f"the narrowest width of {width:.3g} mm is off by up to {100.0 * error / width:.2g} %, and so are moduli "
+            "by the force, which no error bar counts; outline_mm draws it exactly"]
 
 
 def outline_share(config: ExperimentFile, stack: Stack, camera: Camera, file: Path) -> float | None:
     """By how much the narrowest width of a mesh from the outline of points may be off, of that width; None without."""
     if config.experiment.mesh.outline_points_mm is None or not isinstance(stack, FieldStack):
         return None
-    return stack.points.pitch / narrowest(_of_outline(config, stack.points, camera, file)[1])
+    found = _of_outline(config, stack.points, camera, file)[1]
+    return width_error(found, stack.points.pitch) / narrowest(found)
 
 
 def _gap_notes(found: PointOutline) -> list[str]:

@@ -23,7 +23,6 @@ MIN_CORNER_ANGLE = np.radians(4.0)  # between two lines; less is one line
 MIN_HOLE = 8  # points around a hole
 MAX_CHAMFER = 3.0  # distances of neighbours: length of a line that cuts a corner, and how far the corner is from it
 SWEEPS = 20  # of a line: weights are the inverse distances from the one before
-SLICES = 200  # across an outline, for its narrowest width
 MAX_MITRE = 4.0  # margins: a corner that would reach further out is a sliver
 
 
@@ -60,30 +59,6 @@ def outline_of(points: np.ndarray, pitch: float, margin: float) -> PointOutline:
     area = abs(_area(outer)) - sum(np.pi * h[2]**2 if h.ndim == 1 else abs(_area(h)) for h in holes)
     return PointOutline(outer, tuple(holes), float(area / np.prod(np.ptp(outer, axis=0))),
                         np.array(gaps, dtype=float).reshape(-1, 3))
-
-
-def narrowest(found: PointOutline) -> float:
-    """The smallest width across the longer side, holes left out, between a tenth of the length from both ends  # mm"""
-    low, extent = found.outline.min(axis=0), np.ptp(found.outline, axis=0)
-    along = int(np.argmax(extent))
-    loops = [found.outline, *(_circle(hole) if hole.ndim == 1 else hole for hole in found.holes)]
-    return float(min(sum(_width(loop, along, at) * (1.0 if k == 0 else -1.0) for k, loop in enumerate(loops))
-                     for at in low[along] + extent[along] * np.linspace(0.1, 0.9, SLICES)))
-
-
-def _circle(hole: np.ndarray) -> np.ndarray:
-    angle = np.linspace(0.0, 2.0 * np.pi, SLICES, endpoint=False)
-    return hole[:2] + hole[2] * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def _width(loop: np.ndarray, along: int, at: float) -> float:
-    """Length of the line at one coordinate inside a loop."""
-    a, b = loop, np.roll(loop, -1, axis=0)
-    over = (a[:, along] > at) != (b[:, along] > at)
-    a, b = a[over], b[over]
-    share = (at - a[:, along]) / (b[:, along] - a[:, along])
-    crossed = np.sort(a[:, 1 - along] + share * (b - a)[:, 1 - along])
-    return float(np.sum(crossed[1::2] - crossed[::2]))
 
 
 def sides(outline: np.ndarray) -> dict[str, list[int]]:

@@ -1,0 +1,59 @@
+"""The narrowest width of an outline of measured points, and by how much it may be off: a force is compared with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.readers.fields.outline import MAX_CIRCUMRADIUS, PointOutline
+
+SLICES, SLICED = 200, (0.1, 0.9)  # across an outline, for its narrowest width, and over which part of its length
+MIN_NOTCH = 0.7  # radii of a closed gap: how much wider it is a gap beside the narrowest place; less is no notch
+
+
+def width_error(found: PointOutline, pitch: float) -> float:
+    """By how much the narrowest width of an outline may be off  # mm
+
+    Each edge lies half a distance beyond the outermost points, give or take half a distance. The tip of a notch is
+    filled where it is narrower than the gaps that are closed, and the lines of its sides meet deeper than its round:
+    it is known to the radius of such a gap.
+    """
+    at, gap = int(np.argmin(_widths(found))), MAX_CIRCUMRADIUS * pitch
+    widths = _widths(replace(found, holes=()))  # a hole is a circle through many points
+    beside = np.clip(at + np.array([-1, 1]) * _slices_of(found, 2.0 * gap), 0, SLICES - 1)
+    return 2.0 * gap if (widths[beside] - widths[at]).min() > MIN_NOTCH * gap else pitch
+
+
+def narrowest(found: PointOutline) -> float:
+    """The smallest width across the longer side, holes left out, between a tenth of the length from both ends  # mm"""
+    return float(_widths(found).min())
+
+
+def _widths(found: PointOutline) -> np.ndarray:
+    """Widths across the longer side  # (SLICES,) mm"""
+    low, extent = found.outline.min(axis=0), np.ptp(found.outline, axis=0)
+    along = int(np.argmax(extent))
+    loops = [found.outline, *(_circle(hole) if hole.ndim == 1 else hole for hole in found.holes)]
+    return np.array([sum(_width(loop, along, at) * (1.0 if k == 0 else -1.0) for k, loop in enumerate(loops))
+                     for at in low[along] + extent[along] * np.linspace(*SLICED, SLICES)])
+
+
+def _slices_of(found: PointOutline, length: float) -> int:
+    """How many slices are a length apart."""
+    return int(np.ceil(length * (SLICES - 1) / (np.ptp(found.outline, axis=0).max() * (SLICED[1] - SLICED[0]))))
+
+
+def _circle(hole: np.ndarray) -> np.ndarray:
+    angle = np.linspace(0.0, 2.0 * np.pi, SLICES, endpoint=False)
+    return hole[:2] + hole[2] * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _width(loop: np.ndarray, along: int, at: float) -> float:
+    """Length of the line at one coordinate inside a loop."""
+    a, b = loop, np.roll(loop, -1, axis=0)
+    over = (a[:, along] > at) != (b[:, along] > at)
+    a, b = a[over], b[over]
+    share = (at - a[:, along]) / (b[:, along] - a[:, along])
+    crossed = np.sort(a[:, 1 - along] + share * (b - a)[:, 1 - along])
+    return float(np.sum(crossed[1::2] - crossed[::2]))
