@@ -21,7 +21,7 @@ from idic.identify.step.state import LoopState
 from idic.run.plain import Console, OpenRun, on_workers, plan_run
 from idic.run.runs import check_pause
 from idic.run.session import Timing
-from idic.run.warm_up import compile_image_kernels
+from idic.run.warm_up import compile_image_kernels, compile_stress_kernel
 from idic.workers.runner import TaskRunner
 from idic.workers.workplace import Workplace
 
@@ -63,6 +63,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
 
         def work(runner: TaskRunner) -> dict:
             compiled = runner.background(compile_image_kernels, planned.first_job, "compile")
+            runner.background(compile_stress_kernel, None, "compile-stress")
             console.stage("starting Prefect")
             with connected(server):
                 show_dashboards(console.dashboards, server, runner.dashboard)

@@ -75,7 +75,10 @@ def demo(
         refuse_store(store, "demo")
         _clear_earlier_demo(out)
         typer.echo(f"writing a virtual tensile test with known parameters to {user_path(out / 'experiment')}")
-        with _server(prefect):  # now: it starts while the images are rendered
+        from idic.workers.precompiling import compiling_meanwhile
+
+        # now: both work while the images are rendered, for which the law and the loop of its tangent are compiled
+        with _server(prefect), compiling_meanwhile("directional", "stress"):
             from idic.virtual_tests.examples import write_example
 
             write_example("demo", out / "experiment")

@@ -12,7 +12,7 @@ from idic.cli.app import FileStore, MemoryLimit, Run, Scheduler, Workers, app, w
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
-REPORT_STAGES = ("reading the RUN", "figures", "tables and ParaView files", "page")
+REPORT_STAGES = ("figures", "tables and ParaView files", "page")
 SYSTEMATIC_STAGES = ("discretisation, boundary and camera", "report")
 
 
@@ -24,9 +24,7 @@ def report(run: Run) -> None:
 
         from idic.cli.progress import progress_view
         from idic.run.reporting.write import write_report
-        from idic.store.result_file import read_result
 
-        read_result(run)  # before the first stage is told
         with progress_view(Console(stderr=True, soft_wrap=True), run, REPORT_STAGES) as view:
             page = write_report(run, view.stage)
         typer.echo(f"{user_path(page)} written")

@@ -1,4 +1,4 @@
-"""Compilation of the image kernels in one process while the workers start; these read them from numba's disk cache."""
+"""Compilation in one process while others work: they read the kernels from numba's disk cache."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from idic.correlation.equations import Weights
 from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.frame_equations import correlated_frames, frame_system
 from idic.experiment_file.load import load_experiment
+from idic.materials.core import points
 from idic.model.forward import build_forward
 from idic.store.camera_groups import with_stored_images
 from idic.store.run_store import RunStore
@@ -41,6 +42,11 @@ def compile_image_kernels(job: tuple[str, str, dict]) -> None:
         frames[0], at_rest, np.zeros(n_channels), np.zeros((*at_rest.shape, len(moving))),
         np.zeros((n_channels, len(moving))), np.zeros((*at_rest.shape, m)), np.zeros((n_channels, m)))
     frame_system(context, response, np.zeros(m))
+
+
+def compile_stress_kernel(_: None) -> None:
+    """Compile what only the result needs (a task): the last stage would wait for it, with one process at work."""
+    points.loop("stress")
 
 
 def import_meanwhile(module: str, after_s: float = 20.0) -> None:

@@ -14,7 +14,7 @@ import pytest
 from base_experiments import base_folder
 from commands import assert_fair, campaign, contents, copy_of, idic, within_outcome
 from hypothesis import strategies as st
-from spoil_run import forged, spoilt_runs
+from spoil_run import flip, forged, spoilt_runs
 
 from idic import identify_experiment
 from idic.cli.app import exit_code
@@ -126,6 +126,13 @@ def test_a_digit_that_somebody_changed_in_a_result_is_refused(reader):
         answer = within_outcome(lambda: open_source(run) and DONE) if reader == "diagnose" else idic(
             reader, run, *([run] if reader == "compare" else []))
         assert answer.code == BAD_INPUT and "was altered" in answer.said and "--resume" in answer.said
+
+
+def test_a_report_of_a_damaged_description_says_nothing_but_the_refusal():
+    """Found by the campaign: the name of a stage came first."""
+    with copy_of(whole_run("grips")) as run:
+        flip(run / "run.zarr" / "channels" / "zarr.json", 654)
+        assert_fair(idic("report", run), (BAD_INPUT,))
 
 
 test_a_spoilt_run, test_many_spoilt_runs = campaign(

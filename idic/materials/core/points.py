@@ -21,13 +21,13 @@ _EMPTY_GUESS = np.empty(0)
 
 
 @cache
-def _loop(name: str):
+def loop(name: str):
     """The compiled loop, to be called with arguments of exactly its types: `_inputs` sees to that.
 
     Numba's dispatcher would look at each of them again, which costs as much as a hundred points.
     """
-    loop = compile_cached(getattr(kernels, f"{name}_loop"), getattr(kernels, f"{name.upper()}_LOOP"))
-    return next(iter(loop.overloads.values())).entry_point
+    compiled = compile_cached(getattr(kernels, f"{name}_loop"), getattr(kernels, f"{name.upper()}_LOOP"))
+    return next(iter(compiled.overloads.values())).entry_point
 
 
 class _Pointer(WrapperAddressProtocol):
@@ -99,7 +99,7 @@ def stress(law: CompiledLaw, mode: int, F, state, params, dt: float, *, full: bo
     F, guess, state, params = _inputs(law, mode, F, state, params, guess)
     P, state_new = out if out is not None else (np.empty_like(F), np.empty_like(state))
     P33 = np.empty(len(F))
-    ok = _loop("stress")(_pointer(law.update), *_functions(law), mode, F, guess, state, params, float(dt), P, P33,
+    ok = loop("stress")(_pointer(law.update), *_functions(law), mode, F, guess, state, params, float(dt), P, P33,
                          state_new)
     return (P, state_new, P33, ok) if full else (P, state_new, ok)
 
@@ -115,7 +115,7 @@ def tangent(law: CompiledLaw, mode: int, F, state, params, dt: float, *, guess=N
     n, d = F.shape[:2]
     P, state_new, A = out if out is not None else (np.empty_like(F), np.empty_like(state),
                                                    np.empty((n, d * d, d * d)))
-    ok = _loop("tangent")(*_functions(law), mode, F, guess, state, params, float(dt), P, state_new, A)
+    ok = loop("tangent")(*_functions(law), mode, F, guess, state, params, float(dt), P, state_new, A)
     return P, state_new, A, ok
 
 
@@ -155,6 +155,6 @@ def directional(law: CompiledLaw, mode: int, F, state, params, dt: float, dF, ds
     dP, dstate_new = out if out is not None else (np.empty_like(dF), np.empty((n, nd, state.shape[1])))
     if nd == 0:
         return dP, dstate_new, True
-    ok = _loop("directional")(*_functions(law), mode, F, guess, close, state, params, float(dt), dF, dstate, dparams,
+    ok = loop("directional")(*_functions(law), mode, F, guess, close, state, params, float(dt), dF, dstate, dparams,
                               dP, dstate_new)
     return dP, dstate_new, ok

@@ -51,7 +51,7 @@ METHODS = {"direct": "direct differentiation of the simulation", "perturbed": "p
 def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: None) -> Path:
     """Write ``RUN/report.html``, ``RUN/figures``, ``RUN/tables`` and ``RUN/paraview``.
 
-    stage : called with the name of every step that begins
+    stage : called with the name of every step that begins, once the RUN has been read
 
     Returns
     -------
@@ -66,7 +66,6 @@ def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: No
     run = Path(run)
     if is_joint(run):
         return _write_joint_report(run, stage)
-    stage("reading the RUN")
     record = load_record(run)
     stage("figures")
     sections = draw_sections(record)
@@ -88,12 +87,13 @@ def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: No
 
 def _write_joint_report(run: Path, stage: Callable[[str], None]) -> Path:
     """The page of several experiments identified together, and the report of each."""
+    result = read_result(run)
     for name, folder in folders_of(run).items():
         if (folder / RESULT_FILE).exists():
             stage(f"report of {name}")
             write_report(folder)
     path = run / REPORT_FILE
-    path.write_text(joint_page(read_result(run)), encoding="utf-8")
+    path.write_text(joint_page(result), encoding="utf-8")
     return path
 
 

@@ -1,0 +1,25 @@
+"""Kernels compiled in a process of its own while this one does something else; both share numba's disk cache."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from idic.workers import parent_guard
+from idic.workers.working_folder import empty_folder
+
+
+@contextmanager
+def compiling_meanwhile(*loops: str) -> Iterator[None]:
+    """Compile loops over points (`idic.materials.core.points`) beside a ``with`` block; at its end that process ends,
+    too."""
+    process = subprocess.Popen([sys.executable, parent_guard.__file__, "idic.materials.core.precompile", *loops],
+                               stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                               cwd=empty_folder())
+    try:
+        yield
+    finally:
+        process.kill()
+        process.communicate()
