@@ -19,9 +19,9 @@ from idic.run.systematic import systematic  # noqa: E402
 from idic.virtual_tests.meshes import strip_with_hole, write_inp  # noqa: E402
 from idic.workers.runner import SerialRunner  # noqa: E402
 
-TRUE = {"around": 6, "radial": 8, "beside": 4, "grading": 1.5}  # nowhere the nodes of the user
+TRUE = {"around": 4, "radial": 4, "beside": 2, "grading": 1.5}  # nowhere the nodes of the user
 MOST_GROWTH = 2.0  # of an increment over the last
-USER = {"around": 4, "radial": 6, "beside": 3}
+USER = {"around": 3, "radial": 4, "beside": 2}
 DECK = """*INCLUDE, INPUT=mesh.inp
 *MATERIAL, NAME=SHEET
 {card}*SOLID SECTION, ELSET=sheet, MATERIAL=SHEET
