@@ -110,12 +110,14 @@ class JointPrior:
 class SmoothnessPrior:
     """A normal prior of combinations of parameters, each of mean zero and unit variance: the bends of a curve.
 
-    names : (n,); bends : (m, n) per internal unit; rising : whether a value below the one before it counts as that one
+    names : (n,); bends : (m, n) per internal unit; rising : whether a value below the one before it counts as that one;
+    centre : the value of all parameters at which every combination is zero
     """
 
     names: tuple[str, ...]
     bends: tuple[tuple[float, ...], ...]
     rising: bool = False
+    centre: float = 0.0
 
     def normal_equations(self, parameters: Mapping[str, Parameter], names: Sequence[str],
                          slopes: np.ndarray) -> tuple[list[int], np.ndarray, np.ndarray]:
@@ -123,7 +125,8 @@ class SmoothnessPrior:
         own = [i for i, name in enumerate(self.names) if name in names]
         at, bends = [names.index(self.names[i]) for i in own], np.array(self.bends)
         moving = bends[:, own] * slopes[at]
-        return at, moving.T @ moving, -moving.T @ (bends @ np.array([parameters[name].value for name in self.names]))
+        away = np.array([parameters[name].value for name in self.names]) - self.centre
+        return at, moving.T @ moving, -moving.T @ (bends @ away)
 
     def renamed(self, names: Mapping[str, str]) -> SmoothnessPrior:
         """The same under other names."""

@@ -102,7 +102,7 @@ def predicted(mesh, ends) -> np.ndarray:
     values, d = np.array([*TRUTH.values(), 0.0, 0.0]), []  # no threshold, no length
     place = law.spec.state_names.index("damage")
     for state in march(model, {"sheet": values}, ends):
-        d.append(state.values[0].state[:, place])
+        d.append(state.points[0].state[:, place])
     return np.maximum(to_nodes(interpolation(mesh, quadrature("quad8")[0]), np.array(d)), 0.0)
 
 

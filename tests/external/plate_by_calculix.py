@@ -84,7 +84,7 @@ def mesh_of(folder: Path):
     write_inp(mesh, folder / "mesh.inp", "plate")
     text = (folder / "mesh.inp").read_text()
     everything = f"*NSET, NSET=ALL, GENERATE\n1, {mesh.n_nodes}\n"
-    (folder / "mesh.inp").write_text(text.replace("CPS8,", "CPS8R,") + everything)
+    (folder / "mesh.inp").write_text(text.replace("TYPE=CPS8", "TYPE=CPS8R") + everything)
     return mesh
 
 

@@ -37,7 +37,8 @@ from idic.readers.units import factor_between
 
 BY_EVIDENCE = "evidence"  # in the place of a number of knots
 SURFACE = "yield_surface"  # key of the smoothness of a free yield surface
-NEIGHBOURS = 0.5  # std of the difference of neighbouring weights of a free yield surface, whose mean is about 1
+NEIGHBOURS = 1.0  # std of the difference of neighbouring weights of a free yield surface, whose mean is 1
+MEAN = 0.02  # std of that mean: the surface knows the ratios of its weights, their common factor is a convention
 SMOOTHNESS_KEYS = ("smoothness", "smooth_over")
 START_SLOPE = 1000.0  # MPa, of a free hardening curve
 LAST_KNOT = 0.2  # plastic strain
@@ -200,13 +201,14 @@ def _curves(material: Material, table: MaterialTable, values: Mapping[str, float
 def smoothness_priors(curves: Sequence[StatedCurve], parameters: Sequence[Parameter]) -> tuple[SmoothnessPrior, ...]:
     """The stated smoothness of every free curve."""
     values = {p.name: p.value for p in parameters}
-    return tuple(SmoothnessPrior(curve.names, tuple(map(tuple, _bends(curve, values).tolist())), curve.rising)
-                 for curve in curves)
+    return tuple(SmoothnessPrior(curve.names, tuple(map(tuple, _bends(curve, values).tolist())), curve.rising,
+                                 1.0 if curve.key == SURFACE else 0.0) for curve in curves)
 
 
 def _bends(curve: StatedCurve, values: Mapping[str, float]) -> np.ndarray:
     if curve.key == SURFACE:
-        return neighbours(len(curve.names) // RINGS) / (curve.size * curve.smoothness.strength)
+        n = len(curve.names)
+        return np.vstack([neighbours(n // RINGS) / (curve.size * curve.smoothness.strength), np.full(n, 1.0 / (n * MEAN))])
     return bends(knots(values[curve.last], len(curve.names)), curve.size, curve.smoothness)
 
 

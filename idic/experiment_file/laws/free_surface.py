@@ -17,7 +17,7 @@ from idic.materials.composed.terms import DEFAULT_RING
 from idic.materials.plasticity.free_locus import KNOTS, RINGS
 
 KIND = "free_surface"
-SPREAD = 0.7  # of every weight; also of their common factor, which the surface does not know
+SPREAD = 0.9  # of every weight
 KEYS = ("knots", "smoothness")
 
 

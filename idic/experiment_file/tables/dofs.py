@@ -164,7 +164,7 @@ def _parameter(name: str, declared: LawParameter, entry: ParameterTable, file, k
 def _scale(declared: LawParameter, value: float) -> float:
     if declared.unit == "deg":
         return 10.0
-    if declared.unit == "-" and not declared.positive and np.isfinite(declared.bounds).any():
+    if declared.unit == "-" and not declared.positive and np.isfinite(declared.bounds).all():
         return 0.3  # Poisson's ratio and similar; the longest step is a third of this
     if declared is EXPANSION:
         return max(abs(value), 1e-4)  # steps of up to 3e-5/K for any start value: a few reach metals and polymers

@@ -21,6 +21,7 @@ from idic.parameters import USUAL_MAX_STEP, ParameterSet
 STEP_CLIP = USUAL_MAX_STEP  # per component in ln(parameter)
 STEP_LIMIT_TOLERANCE = 1e-2  # how closely a step of limited size keeps to its limit
 MIN_RIDGE_SHARE, MAX_RIDGE_SHARE = 1e-16, 1e8  # of the largest diagonal entry of M
+RELEASE_TOLERANCE = 1e-9  # of the largest component of b, each over the root of its diagonal entry of M
 
 
 @dataclass(frozen=True)
@@ -96,16 +97,62 @@ def _limited(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, 
 
 def _bounded(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, low: np.ndarray,
              high: np.ndarray, ridge: float | np.ndarray = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """The damped step with components held at their bounds, and which ones are held  # (n,), (n,) bool"""
+    """The damped step with components held at their bounds, and which ones are held  # (n,), (n,) bool
+
+    All components that a step would carry over their bounds are held at once; then those that need not be are let go.
+    """
     active, fixed = np.zeros(len(here), dtype=bool), np.zeros(len(here))
     slack = 1e-12 * np.maximum(1.0, np.abs(here))
     while True:
         delta = _solve(scaled, found, damping, active, fixed, ridge)
         beyond = ~active & ((here + delta < low - slack) | (here + delta > high + slack))
         if not beyond.any():
-            return delta, active
+            break
         fixed[beyond] = (np.clip(here + delta, low, high) - here)[beyond]
         active |= beyond
+    if not active.any():
+        return delta, active
+    return _released(scaled, found, damping, here, (low, high), ridge, delta, active)
+
+
+def _released(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, limits: tuple[np.ndarray, np.ndarray],
+              ridge: float | np.ndarray, delta: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The minimum of the damped model within the bounds, from a step within them, and what is held  # (n,), (n,) bool
+
+    Where many components are near their bounds (weights of zero), some of those that were held need not be. The one
+    that the model pulls most strongly back inside is let go and the step goes on until the next bound, and so on: the
+    primal active-set method (Nocedal & Wright, Numerical Optimization, 2006, algorithm 16.3).
+    """
+    damped = scaled.M + np.diag(damping * np.diagonal(scaled.M) + ridge)
+    root = np.sqrt(np.where(np.diagonal(damped) > 0.0, np.diagonal(damped), 1.0))
+    low, high = limits[0] - here, limits[1] - here
+    inward = np.where(delta <= low, 1.0, -1.0)
+    stuck = low >= high  # never let go
+    least = RELEASE_TOLERANCE * np.abs(scaled.b / root).max(initial=0.0)
+    while True:
+        pull = np.where(active & ~stuck, inward * (scaled.b - damped @ delta) / root, 0.0)
+        freed = int(np.argmax(pull))
+        if not pull[freed] > least:
+            return delta, active
+        held, new = active.copy(), delta
+        held[freed] = False
+        while True:  # each turn holds one more
+            way = _solve(scaled, found, damping, held, np.where(held, new, 0.0), ridge) - new
+            with np.errstate(divide="ignore", invalid="ignore"):
+                room = np.where(way < 0.0, (low - new) / way, np.where(way > 0.0, (high - new) / way, np.inf))
+            room[held] = np.inf
+            first = int(np.argmin(room))
+            new = np.clip(new + min(max(room[first], 0.0), 1.0) * way, low, high)
+            if room[first] >= 1.0:
+                break
+            held[first] = True
+            new[first] = low[first] if way[first] < 0.0 else high[first]
+        gained = (2.0 * scaled.b - damped @ (new + delta)) @ (new - delta)  # of the damped model
+        if not gained > 0.0:
+            stuck[freed] = True  # its way leads along directions that no step takes
+            continue
+        delta, active = new, held
+        inward = np.where(delta <= low, 1.0, -1.0)
 
 
 def _solve(scaled: Scaled, found: Spectrum, damping: float, active: np.ndarray, fixed: np.ndarray,
