@@ -21,7 +21,7 @@ from idic.fe.march import march
 from idic.fe.mesh.element import quadrature
 from idic.materials import compile
 
-TRUTH = {"E": 70e3, "nu": 0.3, "yield_stress": 200.0, "hardening_1_H": 3000.0, "damage_S": 0.15, "damage_s": 1.0}
+TRUTH = {"E": 70e3, "nu": 0.3, "yield_stress": 200.0, "hardening_1_H": 3000.0, "damage_S": 0.35, "damage_s": 1.0}
 GRIP = np.array([0.0, 0.04, 0.08, 0.12, 0.09, 0.06, 0.13, 0.18, 0.23, 0.19, 0.15, 0.24, 0.30, 0.36, 0.29, 0.22, 0.15])
 TIMES = np.arange(len(GRIP), dtype=float)
 INCREMENTS, ROUNDS, MOST = 2, 8, 0.9
@@ -35,7 +35,7 @@ yield_stress = { value = 170, unit = "MPa", identify = true }
 hardening = [{ kind = "linear", H = { value = 2500, unit = "MPa", identify = true } }]
 [material.sheet.damage]
 kind = "lemaitre"
-S = { value = 0.25, unit = "MPa", identify = true }
+S = { value = 0.5, unit = "MPa", identify = true }
 s = { value = 1.3, identify = true }
 threshold = 0.0
 """

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.step.proposal import propose
@@ -52,3 +53,22 @@ def test_no_component_is_longer_than_the_limit_and_the_model_promises_progress(d
 def test_a_bound_within_the_limit_is_kept():
     step = proposed([1.0 * STRONG, 0.5 * WEAK], 0.35, upper=1.1)
     assert np.exp(step.delta).max() <= 1.1 * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_where_many_components_meet_their_bounds_the_step_is_the_minimum_within_them(seed):
+    """As of an independent solver: what was held at first and need not be is let go."""
+    rng, n = np.random.default_rng(seed), 18
+    names = [f"SET.u{k}" for k in range(n)]
+    root = rng.normal(size=(n, n)) * 10.0 ** rng.uniform(0.0, 2.0, (n, 1))
+    M, here = root.T @ root + np.eye(n), 0.1 * rng.integers(0, 2, n)
+    b = M @ (0.3 * rng.standard_normal(n))
+    parameters = ParameterSet(Parameter(name, value, free=True, bounds=(0.0, np.inf), max_step=10.0)
+                              for name, value in zip(names, here, strict=True))
+    scaled = Scaled(tuple(names), M, b, M, np.ones(n))
+    step = propose(scaled, spectrum(scaled), np.sqrt(1.0 / np.diagonal(M)), parameters, 0.0)
+    upper = np.linalg.cholesky(M).T
+    best = lsq_linear(upper, np.linalg.solve(upper.T, b), bounds=(-here - 1e-12, np.inf), method="bvls").x
+    assert (here + step.delta >= 0.0).all()
+    assert np.sum(here + best < 1e-9) >= 3  # are held
+    np.testing.assert_allclose(step.delta, best, atol=1e-7)

@@ -208,7 +208,8 @@ def smoothness_priors(curves: Sequence[StatedCurve], parameters: Sequence[Parame
 def _bends(curve: StatedCurve, values: Mapping[str, float]) -> np.ndarray:
     if curve.key == SURFACE:
         n = len(curve.names)
-        return np.vstack([neighbours(n // RINGS) / (curve.size * curve.smoothness.strength), np.full(n, 1.0 / (n * MEAN))])
+        return np.vstack([neighbours(n // RINGS) / (curve.size * curve.smoothness.strength),
+                          np.full(n, 1.0 / (n * MEAN))])
     return bends(knots(values[curve.last], len(curve.names)), curve.size, curve.smoothness)
 
 

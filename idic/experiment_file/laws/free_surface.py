@@ -3,8 +3,9 @@
     yield_surface = { kind = "free_surface", knots = 6, smoothness = 0.5, angle = 30.0 }
 
 becomes ``free_surface6`` with the weights yield_surface_u1 ... yield_surface_u18, identified, starting at Mises's
-surface (1) with the prior 1 ± `SPREAD`, which also gives their sum a size: the surface knows only their ratios.
-u3 = ... gives one its own value. ``smoothness`` scales the std of the difference of neighbouring weights, 0.5.
+surface (1) with the prior 1 ± `SPREAD`. The surface knows only their ratios: their mean is held at 1 by the prior of
+`idic.experiment_file.laws.free_curves`. u3 = ... gives one its own value. ``smoothness`` is the std of the difference
+of neighbouring weights, 1.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ def free_surface(entry: Mapping, file: str, key: str) -> tuple[str, dict, dict]:
     smoothness = entry.get("smoothness")
     if smoothness is not None and (not is_number(smoothness) or not smoothness > 0):
         raise InputError("a smoothness is a size of differences", file=file, key=f"{key}.smoothness",
-                         expected="a number above zero; 1: neighbouring weights differ by 0 with std 0.5",
+                         expected="a number above zero; 1: neighbouring weights differ by 0 with std 1",
                          found=repr(smoothness)[:80], remedy="smaller is smoother; leave it out for 1")
     weights = {f"u{k}": {"value": 1.0, "identify": True, "prior": {"mean": 1.0, "std": SPREAD}}
                for k in range(1, RINGS * n + 1)}

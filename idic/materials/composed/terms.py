@@ -192,6 +192,7 @@ REFERENCE = LawParameter("reference_temperature", "C", "temperature at which the
                          default=20.0,
                          positive=False, bounds=(-temperature.KELVIN, np.inf))
 
+WEIGHT_MAX_STEP = 1.0  # of a weight of a free yield surface, whose mean is 1: the surface changes little by one of them
 LOCUS_NAME = re.compile(r"free_surface(\d*)")
 DEFAULT_RING = 6  # knots on a ring of a free yield surface
 DEFAULT_KNOTS, KNOTS = 8, (3, 24)  # of a free curve; fewest and most
@@ -223,7 +224,8 @@ def _free_surface(n: int) -> Term | None:
     if not RING_KNOTS[0] <= n <= RING_KNOTS[1]:
         return None
     weights = tuple(LawParameter(f"u{k}", "-", f"weight of knot {k} of {RINGS * n}; all alike are Mises's surface",
-                                 default=1.0 + 0.3 * (-1) ** k, positive=False, bounds=(0.0, np.inf))
+                                 default=1.0 + 0.3 * (-1) ** k, positive=False, bounds=(0.0, np.inf),
+                                 max_step=WEIGHT_MAX_STEP)
                     for k in range(1, RINGS * n + 1))
     return replace(TERMS["free_surface"], kind=f"free_surface{n}", code=FREE_LOCUS + n,
                    parameters=(_AXES_ANGLE, *weights))
