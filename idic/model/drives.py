@@ -22,6 +22,7 @@ from idic.parameters import Parameter, ParameterSet
 
 COMPONENTS = "xyz"
 MEASURED_ROUGHNESS_PX = 0.1  # prior std of the second difference along a measured edge: a speckle edge is smoother
+PX_PER_POINT = 8.0  # of measured fields: pixels of the images behind them from point to point, usually 5 to 12
 
 
 @dataclass(frozen=True)
@@ -272,7 +273,8 @@ class _Builder:
             self._pattern(rows[moved], index, weight[moved])
             self.local.append(index)
             self.measured.append(True)
-        std = drive.smoothing * MEASURED_ROUGHNESS_PX * pixel_size(self.experiment)
+        pixel = pixel_size(self.experiment) / (1.0 if self.experiment.points is None else PX_PER_POINT)
+        std = drive.smoothing * MEASURED_ROUGHNESS_PX * pixel
         second = (second_differences(mesh, nodes) if mesh.n_dim == 2 else
                   rim_second_differences(mesh, surface, nodes[own]))
         self.precisions.append((second.T @ second + 1e-10 * np.eye(len(own))) / std**2)

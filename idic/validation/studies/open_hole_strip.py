@@ -30,11 +30,11 @@ def metal(size: Size) -> VirtualTest:
     return strip(size)
 
 
-def polymer(size: Size) -> VirtualTest:
-    """The strip of a polymer, elastic at finite strain, pulled in equal steps: E, nu (`POLYMER_TABLE`)."""
+def polymer(size: Size, grip_mm: float = HIDDEN_GRIP_MM) -> VirtualTest:
+    """The strip of a polymer, elastic at finite strain, pulled in equal steps by `grip_mm`: E, nu (`POLYMER_TABLE`)."""
     bare = strip(size)
     times = bare.times
-    grip = HIDDEN_GRIP_MM * times / times[-1]
+    grip = grip_mm * times / times[-1]
     mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.true)
     left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
     dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
