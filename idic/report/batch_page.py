@@ -51,7 +51,7 @@ def draw_batch(content: Mapping) -> Picture | None:
         for axis, name in zip(axes, names, strict=False):
             _panel(axis, content["runs"], name, experiments)
         return to_picture(figure, "scatter", "Parameters of all runs",
-                      "Bars are one standard deviation from the noise. Filled: converged; hollow: not. Dashed: the "
+                      "Bars are one standard deviation. Filled: converged; hollow: not. Dashed: the "
                       "mean of the converged runs; small grey crosses: the starts. Starts and runs that did not "
                       "converge are shown where they lie within the panel. One colour per experiment.")
 

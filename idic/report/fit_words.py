@@ -65,16 +65,18 @@ def in_words_of(result: Mapping, text: str) -> str:
 
 @dataclass(frozen=True)
 class AgainstFree:
-    """χ² per pixel of the model and of a free FE-DIC on the same frames and mesh; failed : the latter did not match."""
+    """χ² per pixel of the model and of a free FE-DIC on the same frames and mesh; failed : the latter did not match;
+    floor : below, a motion without a law follows noise (of fields, whose noise is correlated)."""
 
     model: float
     free: float
     failed: bool
+    floor: float = 0.0
 
     @property
     def follows(self) -> bool:
         """Whether the model leaves next to nothing that a free motion would explain."""
-        saved = self.model - self.free
+        saved = self.model - max(self.free, self.floor)
         return not self.failed and saved <= max(MAX_CHI2_OVER_FREE, MAX_SHARE_OVER_FREE * (self.model - 1.0))
 
 
@@ -86,7 +88,8 @@ def against_free(result: Mapping) -> AgainstFree | None:
         model, free = shown["model_chi2_dof"], shown["chi2_dof"]
     if model is None or free is None:
         return None
-    return AgainstFree(model, free, free > MAX_FREE_DIC_CHI2 * max(model, 1.0))
+    floor = min(model, 1.0) if result.get("quantity") == "displacement" else 0.0
+    return AgainstFree(model, free, free > MAX_FREE_DIC_CHI2 * max(model, 1.0), floor)
 
 
 def cluster(result: Mapping) -> str:

@@ -30,7 +30,7 @@ from idic.validation.subset_dic import subset_displacements, subset_grid
 from idic.virtual_tests.demo import LENGTH, RADIUS, THICKNESS, WIDTH, Size
 
 SIZE = Size(0.1, (200, 300), (3, 3, 3), (4, 6, 3), (7, 9, 5), 1)
-NOISE_GV, FORCE_NOISE_N, GRIP_MM = 2.0, 1.0, 0.25
+FORCE_NOISE_N, GRIP_MM = 1.0, 0.25
 HALF, STEP, MARGIN_PX = 8, 8, 2
 START = {"E": 1900.0, "nu": 0.38}
 QUANTILE_95 = 1.959964
@@ -90,14 +90,14 @@ def write_export(folder: Path, images: np.ndarray, force: np.ndarray, camera: Ca
         radius=RADIUS, element=element_mm, thickness=THICKNESS, start=start))
 
 
-def draw(clean: str, camera: Camera, element_mm: float, of_images: bool, seed: int) -> dict:
+def draw(clean: str, camera: Camera, element_mm: float, noise_gv: float, of_images: bool, seed: int) -> dict:
     """One draw: seed, name -> value and standard deviation by the fields, and by the images (`image_` before).
 
     clean : file of the images without noise, GV, and of the force, N
     """
     images, force = (np.load(clean)[name] for name in ("images", "force"))
     rng = np.random.default_rng((24, seed))
-    noisy = np.clip(np.rint(images + rng.normal(0.0, NOISE_GV, images.shape)), 0, 255)
+    noisy = np.clip(np.rint(images + rng.normal(0.0, noise_gv, images.shape)), 0, 255)
     read = force + rng.normal(0.0, FORCE_NOISE_N, len(force))
     began = time.process_time()
     with tempfile.TemporaryDirectory() as there:
@@ -170,6 +170,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--element", type=float, default=1.0, help="mm")
+    parser.add_argument("--noise", type=float, default=4.0, help="of the images, grey values of 256")
     parser.add_argument("--images", type=int, default=0, help="of so many draws the images, too")
     parser.add_argument("--minutes", type=float, default=1e9, help="no draw is begun after so many")
     parser.add_argument("--out", type=Path, default=Path("draws.csv"))
@@ -180,7 +181,8 @@ def main() -> None:
         rendered = write_clean(Path(folder), test)
         np.savez(clean, images=np.array([rendered.frame(k) for k in range(rendered.n_frames)]),
                  force=test.columns[0].values)
-        one = partial(_in_time, began + 60.0 * chosen.minutes, str(clean), test.camera, chosen.element)
+        one = partial(_in_time, began + 60.0 * chosen.minutes, str(clean), test.camera, chosen.element,
+                      chosen.noise)
         with ProcessPoolExecutor(chosen.processes) as pool:
             for task in as_completed([pool.submit(one, k < chosen.images, chosen.first + k)
                                       for k in range(chosen.draws)]):

@@ -60,6 +60,12 @@ def test_the_free_measurement_of_the_shown_frames_counts_where_there_is_no_other
     assert words.verdict(judged(1.02, shown=(1.01, 1.0)))[0] == "good"
 
 
+def test_a_free_fit_of_fields_that_follows_their_correlated_noise_says_nothing_against_the_model():
+    of_fields = {"quantity": "displacement"}
+    assert words.verdict(judged(0.95, free=0.24) | of_fields)[0] == "good"
+    assert words.verdict(judged(1.3, free=0.24) | of_fields)[0] == "look"
+
+
 @pytest.mark.parametrize("chi2", [0.95, 1.0, 1.09])
 def test_a_cluster_is_never_only_noise(chi2):
     result = judged(chi2, free=chi2, local=CLUSTER)

@@ -184,7 +184,8 @@ def _section(points: MeasuredPoints) -> str:
     found = outline_of(points.positions, points.pitch, 0.0)
     if not found.holes and found.filled > _MIN_FILLED:
         return ""
-    share = f"{width_error(found, points.pitch) / (narrowest(found) + points.pitch):.2g}"
+    open_mm = max(points.pitch, 0.5 * width_error(found, points.pitch))  # half of the most that a notch may be off
+    share = f"{open_mm / (narrowest(found) + points.pitch):.2g}"
     return "\n".join([f"# unless outline_mm is drawn, the section of a force is known to {share} of itself only;",
                       "# error bars of moduli count that by this degree of freedom:",
                       "# [[dof]]", '# name = "geometry.thickness"',

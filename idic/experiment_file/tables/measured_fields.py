@@ -66,7 +66,7 @@ def grid_of(points: MeasuredPoints, subset_mm: float = 0.0, free_rigid: bool = F
             depth: Depth | None = None) -> FieldPoints:
     """The points on their grid: the first column at the smallest x, the first row at the largest y."""
     px = (points.positions - _corner(points)) / points.pitch * [1.0, -1.0]
-    nx, ny = (np.ceil(px.max(axis=0)).astype(int) + 1).tolist()
+    nx, ny = (np.rint(px.max(axis=0)).astype(int) + 1).tolist()  # a point lies in the nearest place
     return FieldPoints(px, (ny, nx), points.pitch, subset_mm / points.pitch, free_rigid, depth)
 
 
