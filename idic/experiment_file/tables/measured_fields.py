@@ -29,6 +29,7 @@ from idic.readers.fields.plane import out_of_plane
 from idic.readers.fields.series import FieldSeries, FieldStack, MeasuredPoints, measured_points, open_fields
 from idic.readers.paths import matching_files
 
+MIN_TOLD_BENDING = 0.005  # of the mean strain
 MIN_TOLD_CURVATURE_STRAIN = 2e-5  # of a surface by bending, half a thickness away from the middle
 
 
@@ -281,7 +282,7 @@ def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int],
     if not thickness and 0.5 * found.curvature > MIN_TOLD_CURVATURE_STRAIN:
         text += "; with thickness_mm the strain of bending at the surface would be, too"
     most = largest_bending(stack, stages, thickness) if thickness else None
-    if most is None:
+    if most is None or most.share < MIN_TOLD_BENDING:
         return [*notes, text]
     if most.share <= ALLOWED_SHARE:
         return [*notes, f"{text}. Bending is at most {100 * most.share:.2g} % of the mean strain"]
