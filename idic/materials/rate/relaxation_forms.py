@@ -15,8 +15,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.optimize import nnls
 
 from idic.materials.composed.free_curve import Form
+from idic.materials.rate.free_relaxation import relaxing
 
 LARGEST_ORDER = 0.999  # of a fractional derivative; 1 is the standard linear solid
 STARTS = 5  # of a relaxation time
@@ -49,6 +51,21 @@ FORMS = {
     "logarithmic": Form(("G", "g", "tau"), lambda t, G, g, tau: G * (1.0 - g * np.log1p(t / tau)), _starts(0.1),
                         ("G",), 1e-12),
 }
+
+
+def grid_covariance(times: np.ndarray, taus: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Covariance of the share that has relaxed at times (m,) s by what may lie between the times of the grid  # (m, m)
+
+    A relaxation time in the middle of two is met by weights of the grid up to a small rest. Of every interval, half of
+    the weights at its ends may be there; the rests of all intervals are independent.
+
+    taus, weights : (n,) s, -
+    """
+    own = relaxing(times, taus)
+    between = relaxing(times, np.sqrt(taus[:-1] * taus[1:])).T
+    rests = np.array([share - own @ nnls(own, share)[0] for share in between])
+    rests *= 0.5 * (weights[:-1] + weights[1:])[:, None]
+    return rests.T @ rests
 
 
 def relaxation_card(branches: Sequence[tuple[float, float]], values: Mapping[str, float],

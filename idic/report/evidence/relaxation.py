@@ -8,7 +8,7 @@ import numpy as np
 
 from idic.materials.composed.free_curve import classical_fits
 from idic.materials.rate.free_relaxation import grid, relaxing, times_of, weight_names
-from idic.materials.rate.relaxation_forms import FORMS
+from idic.materials.rate.relaxation_forms import FORMS, grid_covariance
 from idic.model.experiment import Experiment
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of, smoothness_of
@@ -50,7 +50,7 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping) -
         modulus = G * (1.0 - loss @ weights)
         J = np.column_stack([modulus / E, -modulus / (1.0 + nu), -G * loss])[:, known]
         own = covariance_of(result, parameters, [names[i] for i in known])
-        covariance = J @ own @ J.T
+        covariance = J @ own @ J.T + G**2 * grid_covariance(t, taus, np.array(weights))
         std = np.full(len(names), np.nan)
         std[known] = np.sqrt(np.diag(own))
         yield RelaxationCurve(stem, t, modulus, np.sqrt(np.maximum(np.diag(covariance), 0.0)), taus, np.array(weights),

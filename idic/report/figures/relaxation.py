@@ -39,7 +39,8 @@ def relaxation_curve(record: RunRecord, curve: RelaxationCurve) -> Picture:
 def _caption(curve: RelaxationCurve, unit: str, size: float) -> str:
     forms = "; ".join(_form(fit, unit, size) for fit in curve.fits)
     return ("Shear modulus at small strain after a jump, from the interval between two frames to the length of the "
-            "test. Shaded and bars: 95 %, from the covariance of the parameters, with the smoothness prior (second "
+            "test. Shaded and bars: 95 %, from the covariance of the parameters, shaded with what may lie between the "
+            "times of the grid, and with the smoothness prior (second "
             f"differences of the weights: std {curve.strength:g} of their mean at the start). Weights are no less "
             "than zero; neighbours are anticorrelated, their sum is known better than each. Classical forms, fitted in "
             "that covariance, the nearest first; \"inside\": the loss in chi2 is no more than noise explains (about "
