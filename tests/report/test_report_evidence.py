@@ -182,7 +182,8 @@ def test_a_free_spectrum_is_drawn_with_its_band_and_the_form_that_it_came_from()
     np.testing.assert_allclose([curve.time[0], curve.time[-1]], [2.0, 60.0])
     np.testing.assert_allclose(curve.modulus, 400.0 * (1.0 - 0.4 * (1.0 - np.exp(-curve.time / 5.0))), rtol=1e-12)
     # half of the weight 0.4 may lie at 2.81 s or 8.89 s, in the middle of two times, which the grid meets up to a rest
-    rests = [share - loss @ nnls(loss, share)[0] for share in relaxing(curve.time, 5.0 * np.array([0.1, 10.0]) ** 0.25).T]
+    between = relaxing(curve.time, 5.0 * np.array([0.1, 10.0]) ** 0.25).T
+    rests = [share - loss @ nnls(loss, share)[0] for share in between]
     np.testing.assert_allclose(curve.std**2, (2.0 * curve.modulus / 1000.0) ** 2 + (
         400.0 * 0.01) ** 2 * (loss**2).sum(axis=1) + (400.0 * 0.2) ** 2 * (np.array(rests) ** 2).sum(axis=0))
     nearest = next(fit for fit in curve.fits if fit.form == "standard linear solid")
