@@ -51,8 +51,8 @@ def identify(
     with outcome(run=out, resume=True):
         if method is not None:
             overrides = [*(overrides or ()), f"options.method={method.value.replace('-', '_')}"]
-        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, prefect, memory_limit,
-                           pause_after, store, report)
+        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, prefect, began,
+                           memory_limit, pause_after, store, report)
         _show_result(result, out, began, report=report)
         if "paused_after_stage" in result:
             typer.echo(paused(result["paused_after_stage"]), err=True)
@@ -82,13 +82,14 @@ def demo(
             from idic.virtual_tests.examples import write_example
 
             write_example("demo", out / "experiment")
-            result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None, prefect)
+            result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None, prefect,
+                               began)
         _show_result(result, run, began, out / "experiment" / "truth.json")
         raise typer.Exit(exit_code(result["status"]))
 
 
 def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, overrides, prefect: bool,
-              memory_limit=None, pause_after: int | None = None, store: str | None = None,
+              began: float, memory_limit=None, pause_after: int | None = None, store: str | None = None,
               report: bool = True) -> dict:
     from rich.console import Console
 
@@ -96,7 +97,8 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
 
     settings = read_overrides(overrides)
     console, stages = Console(stderr=True, soft_wrap=True), STAGES if report else STAGES[:-1]
-    with _server(prefect), progress_view(console, out, stages) as view:  # it starts while we import
+    spent_s = time.monotonic() - began
+    with _server(prefect), progress_view(console, out, stages, spent_s) as view:  # it starts while we import
         if prefect:
             from idic_flows.identify import run_identification as run
             from idic.run.warm_up import import_meanwhile
