@@ -41,6 +41,8 @@ from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 
 SEED = 20260
+DRAW_FIRST = ("draw the outline of the specimen (outline_mm in mesh) and diagnose again; that of the points may be all "
+              "that was found")
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +166,8 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
                        unloads(found.experiment), _camera_chi2(margin, unit, rounds[0] if alone else None), channels)
     notes = Notes()
     blocks = () if after is None else judged_by_step(before, after, grid)
-    advice = _separating_test(groups, setting, notes)
+    of_points = found.experiment.extras.get("outline_share") is not None and verdict.word not in ("none", "blind")
+    advice = DRAW_FIRST if of_points else _separating_test(groups, setting, notes)
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, before, after, final, source, whole, effect(whole, unit),

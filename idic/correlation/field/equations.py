@@ -70,8 +70,9 @@ class FieldEquations(NodalEquations):
         k, m, nb = own.shape[1], own.shape[1] + alike.shape[1], self.n_brightness
         product, alike_gram = self.all_points @ own, self.kept.gram(self.all_points, alike)
         matrix = np.zeros((m + nb, m + nb))
+        with_alike = alike.T @ np.column_stack([product, self.q])  # in one pass: it is the largest array
         matrix[:k, :k] = own.T @ product
-        matrix[k:m, :k] = alike.T @ product
+        matrix[k:m, :k] = with_alike[:, :k]
         matrix[:k, k:m] = matrix[k:m, :k].T
         matrix[k:m, k:m] = alike_gram
         if self.missing.shape[0]:
@@ -81,4 +82,4 @@ class FieldEquations(NodalEquations):
             matrix[:m, m:] = np.hstack([self.hb.T @ own, self.hb.T @ alike]).T
             matrix[m:, :m] = matrix[:m, m:].T
             matrix[m:, m:] = self.bb
-        return FrameGram(matrix, np.concatenate([own.T @ self.q, alike.T @ self.q, self.rb]), m, None)
+        return FrameGram(matrix, np.concatenate([own.T @ self.q, with_alike[:, k], self.rb]), m, None)
