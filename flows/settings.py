@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
+from idic.store.run_lock import LOCK_NAME, is_held
 from idic.workers.prefect_server import PrefectServer, start_server
 
 
@@ -90,3 +92,27 @@ def server_is_gone(problem: BaseException | None) -> bool:
             return True
         problem = problem.__cause__ or problem.__context__
     return False
+
+
+def show_killed_as_crashed(flow: str) -> int:
+    """Give the runs of a flow that say "Running", while no process works on their RUN folder, the state "Crashed".
+
+    A process that was killed could not say so. Folders that this machine does not see are left alone. Returns how many
+    there were.
+    """
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import FlowFilter, FlowFilterName, FlowRunFilter, FlowRunFilterState
+    from prefect.client.schemas.filters import FlowRunFilterStateType
+    from prefect.states import Crashed, StateType
+
+    running = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=[StateType.RUNNING])))
+    with get_client(sync_client=True) as client:
+        found = client.read_flow_runs(flow_filter=FlowFilter(name=FlowFilterName(any_=[flow])), flow_run_filter=running)
+        killed = [one for one in found if _was_killed(one.parameters.get("out"))]
+        for one in killed:
+            client.set_flow_run_state(one.id, Crashed(message="the process was killed; --resume goes on"), force=True)
+    return len(killed)
+
+
+def _was_killed(out: object) -> bool:
+    return isinstance(out, str) and (Path(out) / LOCK_NAME).is_file() and not is_held(out)

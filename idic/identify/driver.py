@@ -81,6 +81,9 @@ def update(points: PointStore, state: LoopState, evaluated: Sequence[Evaluation]
 def next_local(state: LoopState, point: Evaluation, local: np.ndarray, names: Sequence[str]) -> np.ndarray:
     """Frame-local unknowns of a trial: their own step plus the response to the step of the global ones.
 
+    Their own step is damped as that of the global ones: where points yield, that of one frame changes the frames after
+    it, and at full length it may undo what a short step of the global ones gains.
+
     Parameters
     ----------
     point, local : the accepted point and its frame-local unknowns  # (n_frames, m) mm
@@ -95,7 +98,7 @@ def next_local(state: LoopState, point: Evaluation, local: np.ndarray, names: Se
         return predicted  # beside a known simulation
     change = np.array([state.trial.values[name] - state.accepted.values[name] for name in names])
     for record in point.system.frames:
-        predicted[record.frame] += record.local_step + record.local_slope @ change
+        predicted[record.frame] += record.local_step / (1.0 + state.trust.damping) + record.local_slope @ change
     return predicted
 
 

@@ -137,7 +137,9 @@ class RunStore:
         chunks."""
         folder = self._inside(name)
         attributes = _attributes(folder)
-        if not attributes.get("finished") or (ident is not None and attributes.get("ident") != _as_json(ident)):
+        own = attributes.get("ident", {})
+        if not attributes.get("finished") or not isinstance(own, Mapping) or (
+                ident is not None and own != _as_json(ident)):
             return None
         descriptions = _descriptions(folder)
         return folder if attributes.get(_SEAL, descriptions) == descriptions else None

@@ -34,8 +34,7 @@ def peak_mb() -> float:
 def main(solver: str, n: int, n_frames: int, n_threads: int = 1) -> str:
     if solver == "superlu":
         linear._sparse_factor, linear.MIN_OPERATIONS_PER_ENTRY = minimum_degree, np.inf
-    small, values, times = stretched(brick(2, 2, 2), "solid", 2.0, 3)
-    list(march(small, values, times, directions(4)))  # compiled
+    list(march(*stretched(brick(12, 12, 12), "solid", 12.0, 2), directions(4)))  # compiled
     model, values, times = stretched(brick(n, n, n), "solid", float(n), n_frames)
     equations = model.n_dof - len(model.constraints.dofs)
     began, wall = time.process_time(), time.perf_counter()

@@ -112,6 +112,7 @@ REFUSED: dict[str, Callable[[Path], None]] = {  # exit code 2, one message
     "pixels beyond all measure": in_file("experiment.toml", "pixel_size_mm = 0.1", "pixel_size_mm = 1e-300"),
     "a table whose name looks like a type": in_file("experiment.toml", "[experiment]", "['a(b)']"),
     "a table with the name of a type": in_file("experiment.toml", "[experiment]", "[str]"),
+    "a table as law": in_file("experiment.toml", 'law = "elastic"', 'law = { x = 1 }'),
     "a pipe as log": in_place_of("loads.csv", os.mkfifo),
     "a pipe as mesh": in_place_of("mesh.inp", os.mkfifo),
     "a pipe as experiment": in_place_of("experiment.toml", os.mkfifo),

@@ -60,7 +60,8 @@ def places(content, at=()) -> list[tuple]:
 def changed(content: dict, changes: list[tuple]) -> dict:
     """A copy with another value, without one, or with one twice, at shares of the list of places."""
     content = {"whole": copy.deepcopy(content)}
-    for share, how, value in changes:
+    for share, how, given in changes:
+        value = copy.deepcopy(given)  # or a list of the ways below would be put into itself
         there = [place for place in places(content) if place]
         *way, last = there[min(int(share * len(there)), len(there) - 1)]
         holder = content

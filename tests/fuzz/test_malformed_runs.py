@@ -135,6 +135,15 @@ def test_a_report_of_a_damaged_description_says_nothing_but_the_refusal():
         assert_fair(idic("report", run), (BAD_INPUT,))
 
 
+def test_a_point_that_describes_itself_as_a_number_is_refused():
+    with copy_of(whole_run("cameras")) as run:
+        for described in run.glob("run.zarr/evaluations/*/*/zarr.json"):
+            content = json.loads(described.read_text())
+            described.write_text(json.dumps(content | {"attributes": content["attributes"] | {"ident": 0}}))
+        answer = within_outcome(lambda: open_source(run) and DONE)
+        assert_fair(answer, (BAD_INPUT,))
+
+
 test_a_spoilt_run, test_many_spoilt_runs = campaign(
     8,
     a_spoilt_run,

@@ -48,8 +48,9 @@ def with_flat_terms(raw: Mapping, file: str) -> dict:
     if not isinstance(materials, Mapping):
         return dict(raw)
     written = {COMPOSED: _flat, RUBBER: free_rubber, RELAXATION: free_relaxation}
-    made = {name: written[table["law"]](table, file, f"material.{name}")
-            if isinstance(table, Mapping) and table.get("law") in written else table
+    laws = {name: table.get("law") for name, table in materials.items() if isinstance(table, Mapping)}
+    made = {name: written[laws[name]](table, file, f"material.{name}")
+            if isinstance(laws.get(name), str) and laws[name] in written else table
             for name, table in materials.items()}
     return {key: made if key == "material" else value for key, value in raw.items()}
 

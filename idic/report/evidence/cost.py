@@ -3,7 +3,8 @@
 The constants are rounded measurements: one core of a shared machine (two cores with other programs on them, one thread
 per BLAS, September 2026 versions of NumPy and SciPy): the LU by fronts and the band LU on stiffness patterns of 7 000
 to 92 000 equations, simulations of 10 000 to 22 000 equations in elastic, rubber-like and elastoplastic laws, image
-passes with ten parameters. Within these the estimates were between half and twice the measurement; beyond them they are
+passes with ten parameters. Kept factors of large solids: cubes of 9 000 to 101 000 equations on a quiet machine, memory
+up to 318 000. Within these the estimates were between half and twice the measurement; beyond them they are
 extrapolations.
 """
 
@@ -16,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.fe.solver.factorisation_cost import dissected
+from idic.fe.solver.factorisation_cost import Fill, dissected
 from idic.fe.solver.linear import MAX_HALF_BANDWIDTH_OF_BAND_LU, MIN_OPERATIONS_PER_ENTRY
 from idic.correlation.shared_noise import MAX_DENSE_UNKNOWNS
 from idic.fe.mesh import element
@@ -28,7 +29,7 @@ from idic.model.experiment import Column, Experiment, Measured
 # memory, bytes
 _PROCESS = 0.35e9  # libraries and compiled kernels
 _PER_ENTRY = 50.0  # of one triangular factor: two factors, one while the other is made, matrix and fronts at work
-_PER_ENTRY_KEPT = 32.0  # where Newton's method keeps a factor for an increment: one at a time
+_PER_ENTRY_KEPT = 16.0  # of a kept factor, of the symmetric part: itself, and fronts at work
 _PER_ELEMENT_ENTRY = 40.0  # places of the element matrices in the stiffness, and their values
 _PER_PIXEL = 120.0  # of one camera: spline, pixel map, gradients, residual
 _POINT_VALUES = 60  # numbers per integration point: strain, stress, tangent, state; the last again per parameter
@@ -37,8 +38,12 @@ _REPORT = 8e6  # bytes on disk: page, figures, maps, files for ParaView
 _START = 20.0  # servers, compiled kernels, first look at the data
 _PER_ENTRY_S, _PER_OPERATION_S, _PER_BAND_S = 2e-8, 6e-11, 1.6e-10
 _SOLVE_S, _SOLVE_BAND_S = 3.5e-9, 8e-9  # per entry of a factor and right-hand side
-_SOLUTIONS_PER_CORRECTION = 7  # where Newton's method keeps a factor for an increment
-_PER_POINT_S = 1.6e-6  # stress and tangent of an integration point
+_PER_ENTRY_KEPT_S, _PER_OPERATION_KEPT_S, _SOLVE_KEPT_S = 4e-8, 1e-11, 2.1e-9  # the same of kept factors
+_PER_ELEMENT_ENTRY_S = 7e-9  # element matrices and their sum
+_FACTORISATIONS, _ITERATIONS_KEPT = 1.3, 6.0  # per increment, where a factor is kept
+_SOLUTIONS_PER_CORRECTION, _SOLUTIONS_PER_DERIVATIVE = 4, 6  # each iteration and each parameter then needs several
+_DERIVATIVE_SHARE = 0.15  # of an evaluation of all points, per parameter
+_PER_POINT_S = {2: 1.6e-6, 3: 2.3e-6}  # stress and tangent of an integration point, by dimension
 _DIRECT_SHARE = 0.12  # of a simulation, per directly differentiated parameter
 _PER_PIXEL_S = 3e-8  # per frame and evaluation: spline, residual, its derivatives
 _PER_PIXEL_ONCE_S = 1.5e-6  # pixel map and spline of the reference, residual maps of the report
@@ -107,36 +112,61 @@ def expected_cost(experiment: Experiment) -> Cost:
     images = pixels * n_frames * _bytes_per_pixel(experiment)
     image_pass = _PER_PIXEL_S * pixels * n_frames
     evaluations = min(_EVALUATIONS, options.max_iterations)
-    factor = simulation = held = 0.0
+    body = SimulationCost(0.0, 0.0, 0.0)
     if experiment.solver is None:
-        factor, factorisation, solution = _factorisation(mesh)
-        points = sum(block.n_elements * len(element.quadrature(block.cell)[1]) for block in mesh.blocks)
-        held = (_PER_ELEMENT_ENTRY * sum(block.n_elements * (mesh.n_dim * block.connectivity.shape[1]) ** 2
-                                         for block in mesh.blocks)
-                + 8.0 * points * _POINT_VALUES * (1 + 0.1 * n_free))
-        step = factorisation + solution + _PER_POINT_S * points
-        steps = 1 if _is_linear(experiment) else frames * _increments(experiment) * _NEWTON_ITERATIONS
-        simulation = (steps * step + frames * solution) * (1.0 + _DIRECT_SHARE * n_free)
-    time_s = _START + _PER_PIXEL_ONCE_S * pixels + evaluations * (simulation + image_pass)
+        body = simulation_cost(mesh, frames, 0 if _is_linear(experiment) else frames * _increments(experiment), n_free)
+    time_s = _START + _PER_PIXEL_ONCE_S * pixels + evaluations * (body.time_s + image_pass)
     if experiment.noise.std_gv is None or _measured_unknowns(experiment):
         time_s += _FREE_DIC_PASSES * image_pass
-    memory = (_PROCESS + factor + held + _PER_PIXEL * pixels / max(len(experiment.views), 1) + max(nodal, 8e6)
+    memory = (_PROCESS + body.factor + body.held + _PER_PIXEL * pixels / max(len(experiment.views), 1) + max(nodal, 8e6)
               + _generalised(experiment, n_frames))
-    return Cost(memory, factor, images + 3.0 * nodal * n_frames + _REPORT, time_s, mesh.n_nodes * mesh.n_dim,
+    return Cost(memory, body.factor, images + 3.0 * nodal * n_frames + _REPORT, time_s, mesh.n_nodes * mesh.n_dim,
                 memory_here())
 
 
-def _factorisation(mesh: Mesh) -> tuple[float, float, float]:
-    """Bytes of a factorisation, its seconds per Newton iteration, and seconds of a solution with it."""
+@dataclass(frozen=True)
+class SimulationCost:
+    """factor : bytes of the factorised stiffness; held : of stiffness and points; time_s : of a simulation, s"""
+
+    factor: float
+    held: float
+    time_s: float
+
+
+def simulation_cost(mesh: Mesh, frames: int, increments: float, n_free: int) -> SimulationCost:
+    """One simulation with the derivatives of `n_free` parameters.
+
+    increments : of all frames together; 0: one factorisation serves all frames
+    """
+    points = sum(block.n_elements * len(element.quadrature(block.cell)[1]) for block in mesh.blocks)
+    entries = sum(block.n_elements * (mesh.n_dim * block.connectivity.shape[1]) ** 2 for block in mesh.blocks)
+    held = _PER_ELEMENT_ENTRY * entries + 8.0 * points * _POINT_VALUES * (1 + 0.1 * n_free)
+    evaluation = _PER_POINT_S[mesh.n_dim] * points
     n, width = mesh.n_nodes * mesh.n_dim, _half_bandwidth(mesh)
     if width <= MAX_HALF_BANDWIDTH_OF_BAND_LU[mesh.n_dim]:
-        return 16.0 * (3 * width + 1) * n, _PER_BAND_S * n * width**2, _SOLVE_BAND_S * n * width
-    fill = dissected(mesh)
-    factorisation, solution = _PER_ENTRY_S * fill.entries + _PER_OPERATION_S * fill.operations, _SOLVE_S * fill.entries
-    if fill.operations > MIN_OPERATIONS_PER_ENTRY * fill.entries:  # one factorisation per increment
-        return (_PER_ENTRY_KEPT * fill.entries,
-                factorisation / _NEWTON_ITERATIONS + _SOLUTIONS_PER_CORRECTION * solution, solution)
-    return _PER_ENTRY * fill.entries, factorisation, solution
+        factor = 16.0 * (3 * width + 1) * n
+        factorisation, solution = _PER_BAND_S * n * width**2, _SOLVE_BAND_S * n * width
+    else:
+        fill = dissected(mesh)
+        if fill.operations > MIN_OPERATIONS_PER_ENTRY * fill.entries:
+            evaluation += _PER_ELEMENT_ENTRY_S * entries
+            time_s = _by_kept_factors(fill, frames, increments, n_free, evaluation)
+            return SimulationCost(_PER_ENTRY_KEPT * fill.entries, held, time_s)
+        factor, solution = _PER_ENTRY * fill.entries, _SOLVE_S * fill.entries
+        factorisation = _PER_ENTRY_S * fill.entries + _PER_OPERATION_S * fill.operations
+    steps = max(1.0, increments * _NEWTON_ITERATIONS)
+    time_s = steps * (factorisation + solution + evaluation) + frames * solution
+    return SimulationCost(factor, held, time_s * (1.0 + _DIRECT_SHARE * n_free))
+
+
+def _by_kept_factors(fill: Fill, frames: int, increments: float, n_free: int, evaluation: float) -> float:
+    """Seconds of a simulation whose factors, of symmetric parts, serve several iterations (`idic.fe.solver.krylov`)."""
+    factorisation = _PER_ENTRY_KEPT_S * fill.entries + _PER_OPERATION_KEPT_S * fill.operations
+    solution = _SOLVE_KEPT_S * fill.entries
+    iteration = evaluation + _SOLUTIONS_PER_CORRECTION * solution
+    derivatives = n_free * (_SOLUTIONS_PER_DERIVATIVE * solution + _DERIVATIVE_SHARE * evaluation)
+    steps = max(1.0, increments)
+    return steps * (_FACTORISATIONS * factorisation + _ITERATIONS_KEPT * iteration + derivatives) + frames * solution
 
 
 def _half_bandwidth(mesh: Mesh) -> int:

@@ -39,12 +39,14 @@ class FieldJob:
     """A part of the fields of an evaluated point, to be written into the folder `target`.
 
     frames : to be measured, () for the noise; first : number of the first of them in the array
+    simulated : stress and state of the laws in these frames instead
     """
 
     point: PointJob
     target: str
     frames: tuple[int, ...] = ()
     first: int = 0
+    simulated: bool = False
 
 
 def field_frames(experiment: Experiment) -> tuple[int, ...]:
@@ -65,21 +67,29 @@ def write_fields(job: PointJob, runner: TaskRunner) -> None:
         write_array(folder, "frames", np.array(frames, dtype=np.int64))
         write_array(folder, "nodes", np.asarray(index, dtype=np.int64))
         shared = correlation_context(context, context.experiment.parameters.with_values(job.values))
-        runner.map(write_states, [FieldJob(job, str(folder), frames)], ["stress-and-state"], retries=1)
+        jobs, names = [FieldJob(job, str(folder), frames, simulated=True)], ["stress-and-state"]
         plain = shared.experiment.noise.std_gv and isinstance(shared.camera, Camera)  # a lens does not see a plane
         seen = seen_by(shared.experiment, shared.reference.image) if plain else None
-        if seen is None:
-            return
-        write_array(folder, "smoothed", np.array([smoothed_length(seen, shared.camera)]))
-        FrameArrays.create(folder, "measured", len(frames), (len(index), 2), 1, "f4", compressed=True)
-        parts = [FieldJob(job, str(folder), frames[i:i + FRAMES_PER_TASK], i)
-                 for i in range(0, len(frames), FRAMES_PER_TASK)]
-        names = [f"fields-frames{part.frames[0]}-{part.frames[-1]}" for part in parts]
-        runner.map(write_measured, [*parts, FieldJob(job, str(folder))], [*names, "fields-noise"], retries=1)
+        if seen is not None:
+            write_array(folder, "smoothed", np.array([smoothed_length(seen, shared.camera)]))
+            FrameArrays.create(folder, "measured", len(frames), (len(index), 2), 1, "f4", compressed=True)
+            parts = [FieldJob(job, str(folder), frames[i:i + FRAMES_PER_TASK], i)
+                     for i in range(0, len(frames), FRAMES_PER_TASK)]
+            jobs += [*parts, FieldJob(job, str(folder))]
+            names += [*(f"fields-frames{part.frames[0]}-{part.frames[-1]}" for part in parts), "fields-noise"]
+        runner.map(write_part, jobs, names, retries=1)
+
+
+def write_part(job: FieldJob) -> None:
+    """A part of the fields (a task)."""
+    if job.simulated:
+        write_states(job)
+    else:
+        write_measured(job)
 
 
 def write_measured(job: FieldJob) -> None:
-    """The free FE-DIC of some frames, or without frames of still images that show noise alone (a task)."""
+    """The free FE-DIC of some frames, or without frames of still images that show noise alone."""
     context = open_run(job.point.run)
     parameters = context.experiment.parameters.with_values(job.point.values)
     shared = correlation_context(context, parameters)
@@ -99,8 +109,7 @@ def write_measured(job: FieldJob) -> None:
 
 
 def write_states(job: FieldJob) -> None:
-    """Stress and state of the laws, by one more simulation along the stored one (a task); none of an external
-    solver."""
+    """Stress and state of the laws, by one more simulation along the stored one; none of an external solver."""
     context = open_run(job.point.run)
     forward, evaluation = context.forward, job.point.evaluation
     if not isinstance(forward, ForwardModel):

@@ -12,8 +12,10 @@ from idic.identify.judgement.local_residual import ElementSums, LocalResidual, l
 from idic.identify.judgement.remedies import Remedy, try_remedies
 from idic.report.fit_words import NOISE_CHI2
 from idic.run.context import RunContext, correlation_context, open_run
-from idic.run.judgement.floor import PointJob, floor_content, measured_floor, simulated_motion
-from idic.run.judgement.free import free_summary, measured_free
+from idic.run.judgement.floor import GROUP as FLOOR
+from idic.run.judgement.floor import PointJob, floor_content, measure_floor, measured_floor, simulated_motion
+from idic.run.judgement.free import GROUP as FREE
+from idic.run.judgement.free import free_summary, measure_free, measured_free
 from idic.run.judgement.shown_frames import shown_frames
 from idic.workers.runner import TaskRunner
 
@@ -30,6 +32,8 @@ class Judgement:
 def judged(job: PointJob, fits: Mapping[int, FrameFit], sums: Sequence[ElementSums], runner: TaskRunner) -> Judgement:
     """Judge an accepted point; fits : of the main camera by frame; sums : of its elements, over runs of frames."""
     context = open_run(job.run)
+    missing = [name for name in _MEASURED if context.store.finished(name, {"evaluation": job.evaluation}) is None]
+    runner.map(_measure, [(name, job) for name in missing], missing, retries=1)  # side by side
     floor, free = measured_floor(job, runner), measured_free(job, runner)
     local = _local(context, job, sums)
     chi2 = mean_chi2(used_fits(context.experiment, fits))
@@ -39,6 +43,14 @@ def judged(job: PointJob, fits: Mapping[int, FrameFit], sums: Sequence[ElementSu
         {"local": None if local is None else asdict(local),
          "free_dic_shown": free_summary(free, {k: fit.chi2_dof for k, fit in fits.items()})},
         {"camera_floor": floor_content(context, floor), "remedies": [asdict(one) for one in tried]}, floor)
+
+
+_MEASURED = {FLOOR: measure_floor, FREE: measure_free}  # group of the store -> task
+
+
+def _measure(job: tuple[str, PointJob]) -> None:
+    """Measure one of them (a task)."""
+    _MEASURED[job[0]](job[1])
 
 
 def tried_remedies(job: PointJob) -> tuple[Remedy, ...]:
