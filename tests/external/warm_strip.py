@@ -106,15 +106,13 @@ def solved(folder: Path, job: str, n_nodes: int) -> tuple[np.ndarray, np.ndarray
     """Motion (n_frames, n_nodes, 2) mm and force (n_frames,) N of RIGHT that CalculiX prints for `job`."""
     done = subprocess.run(["ccx", "-i", job], cwd=folder, capture_output=True, text=True, timeout=1200, check=False)
     assert done.returncode == 0, done.stdout[-2000:]
-    u, force, block = [np.zeros((n_nodes, 2))], [0.0], ""
+    u, force = [np.zeros((n_nodes, 2))], [0.0]
     for row in (line.split() for line in (folder / f"{job}.dat").read_text().splitlines()):
-        if row and row[0][0].isalpha():
-            block = row[0]
-            if block == "displacements":
-                u.append(np.zeros((n_nodes, 2)))
-        elif row and block == "displacements":
+        if row[:1] == ["displacements"]:
+            u.append(np.zeros((n_nodes, 2)))
+        elif len(row) == 4 and row[0].isdigit():
             u[-1][int(row[0]) - 1] = float(row[1]), float(row[2])
-        elif row and block == "total":
+        elif len(row) == 3 and row[0][0] in "-0123456789":
             force.append(THIN * float(row[0]))
     assert len(u) == len(force)
     return np.array(u), np.array(force)
