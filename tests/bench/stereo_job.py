@@ -1,8 +1,8 @@
 """The experiment of the bench: a plate with a hole before two cameras of 2 Mpx, E, yield stress and hardening free.
 
-``python stereo_job.py FOLDER FRAMES``. Images are traced at an eighth of the resolution, enlarged by cubic
-interpolation, and noise is added to every pixel: the cost of an identification does not depend on the size of a
-speckle.
+``python stereo_job.py FOLDER FRAMES [ENLARGED]``. Images are traced at an eighth of the resolution, enlarged by cubic
+interpolation (8 times: 2 Mpx), and noise is added to every pixel: the cost of an identification does not depend on the
+size of a speckle.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ ENLARGED, NOISE_GV = 8, 2.0
 SHAPE = (125, 250)  # traced; 1000 x 2000 px in the experiment
 
 
-def enlarged(camera: PinholeCamera) -> PinholeCamera:
-    """The same camera with pixels of an eighth: pixel centres at integers in both."""
-    shift = 0.5 * (ENLARGED - 1)
-    return replace(camera, fx=ENLARGED * camera.fx, fy=ENLARGED * camera.fy, cx=ENLARGED * camera.cx + shift,
-                   cy=ENLARGED * camera.cy + shift)
+def enlarged(camera: PinholeCamera, times: int) -> PinholeCamera:
+    """The same camera with smaller pixels: pixel centres at integers in both."""
+    shift = 0.5 * (times - 1)
+    return replace(camera, fx=times * camera.fx, fy=times * camera.fy, cx=times * camera.cx + shift,
+                   cy=times * camera.cy + shift)
 
 
-def write(folder: Path, n_frames: int) -> None:
+def write(folder: Path, n_frames: int, times: int = ENLARGED) -> None:
     """The experiment folder."""
     stages = round(0.3 * n_frames), round(0.2 * n_frames)
     size = Size(0.125, SHAPE, (*stages, n_frames - sum(stages)), (3, 5, 3, 1), (3, 5, 3, 1))
     test = plate_test(size)
-    file = write_plate(folder, test, 0.0)  # the small images are replaced
-    large = replace(test.rig, cameras=tuple(map(enlarged, test.rig.cameras)),
-                    shape=(ENLARGED * SHAPE[0], ENLARGED * SHAPE[1]))
+    file = write_plate(folder, replace(test, displacements=test.displacements[:1]), 0.0)  # its images are replaced
+    large = replace(test.rig, cameras=tuple(enlarged(one, times) for one in test.rig.cameras),
+                    shape=(times * SHAPE[0], times * SHAPE[1]))
     for name in ("images", "right"):
         for old in (folder / name).iterdir():
             old.unlink()
     rng, texture = np.random.default_rng(1), speckle_of(np.random.default_rng(0), size)
-    sensor = Sensor(large.shape, noise_std=NOISE_GV)
+    sensor, traced = Sensor(large.shape, noise_std=NOISE_GV), Sensor(SHAPE, background=25.6, supersampling=1)
     for name, camera in zip(("images", "right"), test.rig.cameras, strict=True):
-        small = (traced_image(test.scene, u, camera, texture.value, Sensor(SHAPE, background=25.6))
+        small = (traced_image(test.scene, u, camera, texture.value, traced)
                  for u in test.displacements)
-        write_images(folder, (record(zoom(one, ENLARGED, order=3, grid_mode=True, mode="nearest"), sensor, rng)
+        write_images(folder, (record(zoom(one, times, order=3, grid_mode=True, mode="nearest"), sensor, rng)
                               for one in small), name)
     _describe(file, large, sensor.total_noise_std)
 
@@ -68,4 +68,4 @@ def _describe(file: Path, rig: Rig, noise_gv: float) -> None:
 
 if __name__ == "__main__":
     Path(sys.argv[1]).mkdir(parents=True)
-    write(Path(sys.argv[1]), int(sys.argv[2]))
+    write(Path(sys.argv[1]), *map(int, sys.argv[2:]))
