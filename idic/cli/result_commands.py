@@ -18,7 +18,7 @@ SYSTEMATIC_STAGES = ("discretisation, boundary and camera", "report")
 
 @app.command()
 def report(run: Run) -> None:
-    """Write the HTML report and the tables of a run again."""
+    """Write the HTML report, the figures and the tables of a run again, and files for ParaView."""
     with outcome(run=run):
         from rich.console import Console
 
@@ -26,7 +26,7 @@ def report(run: Run) -> None:
         from idic.run.reporting.write import write_report
 
         with progress_view(Console(stderr=True, soft_wrap=True), run, REPORT_STAGES) as view:
-            page = write_report(run, view.stage)
+            page = write_report(run, view.stage, paraview=True)
         typer.echo(f"{user_path(page)} written")
 
 

@@ -13,6 +13,7 @@ from idic.experiment_file.load import ExperimentFolder
 from idic.experiment_file.toml_file import NAME, read_toml, validated
 from idic.materials.core.law import get_law
 from idic.model.experiment import Experiment
+from idic.store.replace import replace_file
 
 KEPT = "experiment.toml.before"  # the file that was replaced; later ones: .before-2, -3 …
 MATERIAL = "SPECIMEN"
@@ -184,8 +185,8 @@ def write(folder: Path, plan: Plan, replace: bool, own: str = "") -> str:
     with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "w", encoding="utf-8") as stream:
         stream.write(text)
     if target.is_symlink() or there not in (None, own):
-        os.replace(target, _free(folder))
-    os.replace(fresh, target)
+        replace_file(target, _free(folder))
+    replace_file(fresh, target)
     return text
 
 

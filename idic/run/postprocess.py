@@ -42,8 +42,11 @@ from idic.workers.dask_settings import cpu_seconds
 from idic.workers.peak_memory import peak_memory_mb
 
 MAPS = "final"
-KEPT_OF_THE_START = ("u", "channels", "steps")
-KEPT_OF_THE_END = (*KEPT_OF_THE_START, "du", "dchannels")  # not the influence of frame-local unknowns
+# binary digits; without the influence of frame-local unknowns
+KEPT_OF_THE_END = {"u": None, "channels": None, "steps": None, "du": 24, "dchannels": None}
+KEPT_OF_THE_START = {"u": 17, "channels": None, "steps": None}  # for a picture of the residual before
+KEPT_OF_THE_DIC = {"u_px": 24}  # to 1e-6 px; the noise is 1e-3 px
+MAP_STEPS = 4  # of a residual map in a standard deviation of the noise
 
 
 @dataclass(frozen=True)
@@ -73,11 +76,19 @@ def fit_frames(job: FitJob) -> tuple[list[FrameFit], ElementSums | None]:
         found = at.compare(frame)
         fits.append(FrameFit.of(frame, found, sigma, job.fitted.get(frame, 0.0)))
         if maps is not None and frame in job.shown:
-            maps.write(job.shown.index(frame), at.as_image(found)[None])
+            maps.write(job.shown.index(frame), _in_steps(at.as_image(found), sigma)[None])
         if kind in (GREY, SPACE) and frame in correlated and sigma and fits[-1].n_pixels:
             own = element_sums(at.reference.pixel_map, found, sigma)
             sums = own if sums is None else sums + own
     return fits, sums
+
+
+def _in_steps(residual: np.ndarray, sigma: float | None) -> np.ndarray:
+    """A residual map in steps of at most a quarter of the noise, a power of two: a third of the room."""
+    if not sigma:
+        return residual
+    step = 2.0 ** np.floor(np.log2(sigma / MAP_STEPS))
+    return (np.round(residual / step) * step).astype(residual.dtype)
 
 
 def postprocess(session: Session, state: LoopState, timing: Timing, began: float) -> dict:
@@ -121,6 +132,10 @@ def _thin(context: RunContext, state: LoopState) -> None:
     """
     number = state.accepted.number
     context.store.thin(group_name(number, BASE), KEPT_OF_THE_END)
+    for camera in range(len(context.experiment.views)):
+        name = group_of(context.experiment, camera, "dic")
+        if (folder := context.store.finished(name)) is not None:
+            context.store.thin(name, {array.name: KEPT_OF_THE_DIC.get(array.name) for array in folder.glob("*/")})
     if number == 0 or state.history[0]["phi"] is None:
         return
     for folder in sorted(context.store.path.joinpath(group_name(0, BASE)).parent.glob("*/")):

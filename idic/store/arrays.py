@@ -1,7 +1,8 @@
 """Arrays on disk with one record per frame: chunks with checksums; a reader refuses incomplete ones.
 
 Images, residual maps, small records and what a finished run keeps are compressed without loss, at 200 MB/s and read at
-500 MB/s or more: nodal values to two thirds. What every step of a run writes and reads is not.
+500 MB/s or more: nodal values to two thirds, and further where their last digits are not needed (`rounded`). What every
+step of a run writes and reads is not.
 
 Zarr returns the fill value for a missing chunk and reports nothing; every reader here checks for the chunks first.
 Damage inside a chunk is found by the crc32c codec.
@@ -10,6 +11,7 @@ Damage inside a chunk is found by the crc32c codec.
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
@@ -24,6 +26,9 @@ from idic.errors import InputError
 from idic.remote_files import fetch
 
 _CODECS, _KINDS = (BytesCodec, BloscCodec, Crc32cCodec), "biuf"
+_DIFFERENCES = "numcodecs.delta"  # every value less the one before, by numcodecs: any Zarr for Python reads it
+_DIGITS = "binary_digits"  # attribute of an array whose further digits were cut off
+warnings.filterwarnings("ignore", message="Numcodecs codecs are not in the Zarr version 3 specification")
 MIN_COMPRESSED_BYTES = 16_384  # of an array: less is a block of the disk or a few
 
 
@@ -53,6 +58,7 @@ def create_array(group: Path | str, name: str, shape, chunks, dtype, attributes=
     compressed : for grey values and maps of them: camera noise leaves a half to two thirds
     """
     dtype = np.dtype(dtype)
+    of_neighbours = compressed and dtype == np.uint8
     if PurePath(name).name != name:
         raise ValueError(f"an array of that name would lie outside its group: {name!r}")
     return zarr.create_array(
@@ -61,6 +67,7 @@ def create_array(group: Path | str, name: str, shape, chunks, dtype, attributes=
         chunks=tuple(chunks),
         dtype=dtype,
         fill_value=np.nan if dtype.kind == "f" else 0,
+        filters=[{"name": _DIFFERENCES, "configuration": {"dtype": dtype.str}}] if of_neighbours else None,
         compressors=[*([_smaller(dtype)] if compressed else []), Crc32cCodec()],
         attributes=attributes or {},
         config={"write_empty_chunks": True},  # otherwise frames of zeros look like missing ones
@@ -68,8 +75,16 @@ def create_array(group: Path | str, name: str, shape, chunks, dtype, attributes=
 
 
 def _smaller(dtype: np.dtype) -> BloscCodec:
-    return BloscCodec(cname="zstd", clevel=1, shuffle="shuffle" if dtype.kind == "f" else "bitshuffle",
-                      typesize=dtype.itemsize)
+    shuffle = {"|u1": "noshuffle", "<f2": "shuffle"}.get(dtype.str, "bitshuffle")  # <f2: maps of a few digits
+    return BloscCodec(cname="zstd", clevel=1, shuffle=shuffle, typesize=dtype.itemsize)
+
+
+def rounded(values: np.ndarray, digits: int | None) -> np.ndarray:
+    """Values with this many binary digits, in the same type: what is cut off compresses to nothing; None: all."""
+    if digits is None:
+        return values
+    scale, exponent = np.frexp(values)
+    return np.ldexp(np.round(np.ldexp(scale, digits)), exponent - digits).astype(values.dtype)
 
 
 def open_array(group: Path | str, name: str, mode: str = "r") -> zarr.Array:
@@ -101,7 +116,8 @@ def _opened(folder: str, mode: str, description: tuple) -> zarr.Array:
 def _refuse_foreign(array: zarr.Array, path: Path) -> None:
     """Refuse data types and codecs that idic does not write: a RUN may come from a foreign source, and a codec such as
     pickle executes code of its author."""
-    foreign = [type(codec).__name__ for codec in array.metadata.codecs if not isinstance(codec, _CODECS)]
+    foreign = [type(codec).__name__ for codec in array.metadata.codecs
+               if not isinstance(codec, _CODECS) and codec.to_dict()["name"] != _DIFFERENCES]
     if array.dtype.kind not in _KINDS or foreign:
         raise InputError("the stored data were not written by idic", file=path,
                          expected="an array of numbers with checksums",
@@ -157,19 +173,24 @@ def read_array(group: Path | str, name: str) -> np.ndarray:
     return array[...]
 
 
-def gets_smaller(group: Path | str, name: str) -> bool:
-    """Whether an array is large enough to be compressed, and is not."""
+def gets_smaller(group: Path | str, name: str, digits: int | None = None) -> bool:
+    """Whether an array is large enough to be compressed, and is not, or has more than these binary digits."""
     array = open_array(group, name)
-    return array.nbytes >= MIN_COMPRESSED_BYTES and not any(isinstance(codec, BloscCodec)
-                                                            for codec in array.metadata.codecs)
+    is_long = digits is not None and array.attrs.get(_DIGITS) is None
+    return array.nbytes >= MIN_COMPRESSED_BYTES and (is_long or not any(isinstance(codec, BloscCodec)
+                                                                        for codec in array.metadata.codecs))
 
 
-def write_compressed(source: Path | str, group: Path | str, name: str) -> None:
-    """The same array, chunk by chunk with the same bits, in another group; `Damaged` if it is incomplete or altered."""
+def write_compressed(source: Path | str, group: Path | str, name: str, digits: int | None = None) -> None:
+    """The same array, chunk by chunk, in another group; `Damaged` if it is incomplete or altered.
+
+    digits : binary ones that are kept; None: the same bits
+    """
     old = FrameArrays.open(source, name)
-    new = FrameArrays.create(group, name, old.n_frames, old.shape, old.frames_per_chunk, old.dtype, compressed=True)
+    new = FrameArrays.create(group, name, old.n_frames, old.shape, old.frames_per_chunk, old.dtype, compressed=True,
+                             attributes=None if digits is None else {_DIGITS: digits})
     for first, last in old.chunks():
-        new.write(first, old.read(first, last))
+        new.write(first, rounded(old.read(first, last), digits))
 
 
 class FrameArrays:
@@ -184,10 +205,10 @@ class FrameArrays:
 
     @classmethod
     def create(cls, group, name: str, n_frames: int, shape, frames_per_chunk: int = 1, dtype="f8",
-               compressed: bool = False) -> FrameArrays:
+               compressed: bool = False, attributes=None) -> FrameArrays:
         """A new empty array `name` in the folder `group`, shape ``(n_frames, *shape)``."""
         chunks = (max(1, min(frames_per_chunk, n_frames)), *(max(n, 1) for n in shape))
-        return cls(create_array(group, name, (n_frames, *shape), chunks, dtype, compressed=compressed),
+        return cls(create_array(group, name, (n_frames, *shape), chunks, dtype, attributes, compressed),
                    Path(group) / name)
 
     @classmethod

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import zarr
 
 from idic.identify.discrepancy.normal_equations import Component, DiscrepancySystem
@@ -10,6 +11,7 @@ from idic.store.layout import group_name
 from idic.store.run_store import RunStore
 
 LABEL = "discrepancy"
+SYMMETRIC = ("M", "noise")  # stored as their upper triangles, whole by earlier versions
 
 
 def save_discrepancy(store: RunStore, number: int, found: DiscrepancySystem | str) -> None:
@@ -20,7 +22,10 @@ def save_discrepancy(store: RunStore, number: int, found: DiscrepancySystem | st
              if made else {"reason": found})
     with store.building(group_name(number, LABEL), ident) as folder:
         if made:
-            for name in ("M", "b", "noise", "channel_rows"):
+            for name in SYMMETRIC:
+                matrix = getattr(found, name)
+                write_array(folder, name, np.triu(0.5 * (matrix + matrix.T)))
+            for name in ("b", "channel_rows"):
                 write_array(folder, name, getattr(found, name))
             if found.mesh_error is not None:
                 write_array(folder, "mesh_column", found.mesh_error)
@@ -38,7 +43,7 @@ def load_discrepancy(store: RunStore, number: int) -> DiscrepancySystem | str:
         return str(kind["reason"])
     mesh_error = read_array(folder, "mesh_column") if (folder / "mesh_column").exists() else None
     components = tuple(Component(name, read_array(folder, f"root_{name}")) for name in kind["components"])
-    return DiscrepancySystem(tuple(kind["names"]), read_array(folder, "M"), read_array(folder, "b"),
-                             read_array(folder, "noise"), components, dict(kind["motion_px"]),
-                             read_array(folder, "channel_rows"),
-                             mesh_error, bool(kind.get("may_be_rough", True)))
+    M, noise = (upper + np.triu(upper, 1).T for upper in (np.triu(read_array(folder, name)) for name in SYMMETRIC))
+    return DiscrepancySystem(tuple(kind["names"]), M, read_array(folder, "b"), noise, components,
+                             dict(kind["motion_px"]), read_array(folder, "channel_rows"), mesh_error,
+                             bool(kind.get("may_be_rough", True)))

@@ -15,7 +15,7 @@ import json
 import os
 import shutil
 import uuid
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePath
 
@@ -115,16 +115,19 @@ class RunStore:
                 shutil.copytree(source / array, folder / array)
         return self.path / name
 
-    def thin(self, name: str, kept: Sequence[str]) -> Path:
-        """Replace a finished group by one with some of its arrays, compressed; one that gets no smaller stays."""
+    def thin(self, name: str, kept: Mapping[str, int | None]) -> Path:
+        """Replace a finished group by one with some of its arrays, compressed; one that gets no smaller stays.
+
+        kept : array -> binary digits that stay, None: all
+        """
         source = self.group(name)
         arrays = _arrays_in(source)
-        large = [array for array in arrays if array in kept and gets_smaller(source, array)]
+        large = [array for array in arrays if array in kept and gets_smaller(source, array, kept[array])]
         if set(arrays) <= set(kept) and not large:
             return source
         with self.building(name, self.ident(source)) as folder:
             for array in (array for array in arrays if array in kept):
-                if array not in large or not _compressed(source, folder, array):
+                if array not in large or not _compressed(source, folder, array, kept[array]):
                     shutil.copytree(source / array, folder / array, copy_function=_link_or_copy)
         return self.path / name
 
@@ -336,11 +339,11 @@ def _descriptions(folder: Path) -> dict[str, str]:
     return {file.parent.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in files}
 
 
-def _compressed(source: Path, folder: Path, array: str) -> bool:
+def _compressed(source: Path, folder: Path, array: str, digits: int | None) -> bool:
     """Write an array of a group into another one, compressed; False, and nothing is left, where it is damaged or the
     disk is full."""
     try:
-        write_compressed(source, folder, array)
+        write_compressed(source, folder, array, digits)
     except (Damaged, OSError):
         shutil.rmtree(folder / array, ignore_errors=True)
         return False

@@ -213,8 +213,9 @@ def test_a_finished_run_keeps_only_what_resume_and_report_need(small):
     assert len(frames) == maps.n_frames == 4 and frames[-1] == len(small.result["frames"]) - 1
     context = open_run(str(small.run))
     entry = [entry for entry in small.result["history"] if entry["accepted"]][-1]
-    # float16
-    np.testing.assert_allclose(maps.read(3, 4)[0], residuals_of(context, entry)(int(frames[3])), rtol=1e-3, atol=1e-6)
+    half_a_step = small.result["noise"]["std_gv"] / 8.0
+    np.testing.assert_allclose(maps.read(3, 4)[0], residuals_of(context, entry)(int(frames[3])), rtol=1e-3,
+                               atol=half_a_step)
     accepted = [entry["evaluation"] for entry in small.result["history"] if entry["accepted"]][-1]
     assert accepted > 0
     kept = {number: {folder.name for folder in (stored / f"evaluations/{number:03d}/base").glob("*/")}

@@ -8,7 +8,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from PIL import Image
 
 from idic.report.figures.layout import MeasuredOnce
-from idic.report.figures.style import DPI, look, new_figure, to_picture
+from idic.report.figures.style import DIVERGING, DPI, look, new_figure, to_picture
 
 
 def test_a_file_holds_every_pixel_and_the_resolution():
@@ -17,8 +17,20 @@ def test_a_file_holds_every_pixel_and_the_resolution():
         figure.subplots().imshow(np.random.default_rng(0).random((7, 5)))
         picture = to_picture(figure, "name", "title", "caption")
     image = Image.open(io.BytesIO(picture.png))
-    assert np.array_equal(np.asarray(image), np.asarray(figure.canvas.buffer_rgba()))
+    assert np.array_equal(np.asarray(image), np.asarray(figure.canvas.buffer_rgba())[..., :3])
     assert image.info["dpi"] == pytest.approx((DPI, DPI), rel=1e-3)
+
+
+def test_the_colours_of_a_bar_do_not_depend_on_how_much_of_the_map_has_them():
+    with look():
+        figure = new_figure(4.0, 3.0)
+        axes = figure.subplots()
+        values = -1.0 + 0.1 * np.random.default_rng(0).random((200, 200))
+        figure.colorbar(axes.imshow(values, cmap=DIVERGING, vmin=-1.0, vmax=1.0))
+        picture = to_picture(figure, "name", "title", "caption", as_photo=True)
+    few = np.asarray(Image.open(io.BytesIO(picture.png)).convert("RGB")).astype(int)
+    true = np.asarray(figure.canvas.buffer_rgba())[..., :3].astype(int)
+    assert np.abs(few - true).max() < 20  # of 255: 15; 32 where the map chooses the colours
 
 
 @pytest.mark.parametrize("scale", [1e-4, 0.3, 1.0, 7e5])

@@ -24,7 +24,7 @@ from idic.model.forward import ForwardModel
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, simulated_motion
 from idic.run.tasks import read_motion
-from idic.store.arrays import FrameArrays, read_array, write_array
+from idic.store.arrays import FrameArrays, read_array, rounded, write_array
 from idic.store.layout import BASE, group_name
 from idic.workers.runner import TaskRunner
 
@@ -32,6 +32,7 @@ GROUP = "fields"
 MAX_FIELD_FRAMES = 60  # of a long test, evenly spread: each costs a free FE-DIC
 FRAMES_PER_TASK = 6
 _STATE = "state."
+DIGITS, MEASURED_DIGITS, NOISE_DIGITS = 20, 17, 12  # of stress and state, motion, noise
 
 
 @dataclass(frozen=True)
@@ -99,13 +100,13 @@ def write_measured(job: FieldJob) -> None:
         noise = noise_samples(seen)
         if noise is not None:
             found = np.array([in_mm(one, nodes, shared.camera)[index] for one in noise])
-            write_array(job.target, "noise", found.astype(np.float32))
+            write_array(job.target, "noise", rounded(found.astype(np.float32), NOISE_DIGITS))
         return
     motion = free_motion(seen, job.frames, simulated_motion(context, job.point.evaluation, parameters))
     target = FrameArrays.open(Path(job.target), "measured", "r+")
     for k, (frame, one) in enumerate(zip(job.frames, motion, strict=True)):
         found = in_mm(one, nodes, shared.camera, shared.camera.at(frame))[index]
-        target.write(job.first + k, found[None].astype(np.float32))
+        target.write(job.first + k, rounded(found[None].astype(np.float32), MEASURED_DIGITS))
 
 
 def write_states(job: FieldJob) -> None:
@@ -127,9 +128,9 @@ def write_states(job: FieldJob) -> None:
     except NotConverged as problem:
         write_array(job.target, "failure", np.frombuffer(str(problem).encode(), dtype=np.uint8))
         return
-    write_array(job.target, "stress", stress.astype(np.float32))
+    write_array(job.target, "stress", rounded(stress.astype(np.float32), DIGITS))
     for name, values in found.items():
-        write_array(job.target, f"{_STATE}{name}", values.astype(np.float32))
+        write_array(job.target, f"{_STATE}{name}", rounded(values.astype(np.float32), DIGITS))
 
 
 def read_fields(context: RunContext, evaluation: int, experiment: Experiment) -> FieldSeries | None:

@@ -14,11 +14,12 @@ from idic.report.record import FreeFields
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, simulated_motion
 from idic.run.judgement.shown_frames import shown_frames
-from idic.store.arrays import read_array, write_array
+from idic.store.arrays import read_array, rounded, write_array
 from idic.store.run_store import RunStore
 from idic.workers.runner import TaskRunner
 
 GROUP = "free"
+DIGITS = 17  # binary ones of a measured motion: 1e-4 px of ten; its noise is 1e-3 px and more
 
 
 def measured_free(job: PointJob, runner: TaskRunner) -> FreeMotions | FreeFields | None:
@@ -36,7 +37,9 @@ def measure_free(job: PointJob) -> None:
     with context.store.building(GROUP, {"evaluation": job.evaluation}) as folder:
         write_array(folder, "frames", np.array(() if found is None else found.frames, dtype=np.int64))
         if found is not None:
-            for name in ("difference_px", "u_full_px", "brightness", "chi2_dof"):
+            for name in ("difference_px", "u_full_px"):
+                write_array(folder, name, rounded(getattr(found, name), DIGITS))
+            for name in ("brightness", "chi2_dof"):
                 write_array(folder, name, getattr(found, name))
             write_array(folder, "length_px", np.array([found.length_px]))
 

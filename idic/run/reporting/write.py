@@ -48,10 +48,11 @@ CHANNEL_NOISE = {"given": "as given in the experiment file"}
 METHODS = {"direct": "direct differentiation of the simulation", "perturbed": "perturbed simulations"}
 
 
-def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: None) -> Path:
-    """Write ``RUN/report.html``, ``RUN/figures``, ``RUN/tables`` and ``RUN/paraview``.
+def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: None, paraview: bool = False) -> Path:
+    """Write ``RUN/report.html``, ``RUN/figures`` and ``RUN/tables``.
 
     stage : called with the name of every step that begins, once the RUN has been read
+    paraview : also ``RUN/paraview``, as `idic report` does
 
     Returns
     -------
@@ -65,33 +66,34 @@ def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: No
     """
     run = Path(run)
     if is_joint(run):
-        return _write_joint_report(run, stage)
+        return _write_joint_report(run, stage, paraview)
     record = load_record(run)
     stage("figures")
     sections = draw_sections(record)
     (run / "figures").mkdir(exist_ok=True)
     for picture in all_pictures(sections):
         (run / "figures" / f"{picture.name}.{picture.format}").write_bytes(picture.png)
-    stage("tables and ParaView files")
+    stage("tables and ParaView files" if paraview else "tables")
     (run / "tables").mkdir(exist_ok=True)
     for name, text in all_tables(record).items():
         (run / "tables" / name).write_text(text, encoding="utf-8")
-    context = open_run(str(run))
-    there = context.experiment.at_geometry(accepted_parameters(record.result, context.experiment.parameters))
-    write_paraview(context, there, record, run / "paraview")
+    if paraview:
+        context = open_run(str(run))
+        there = context.experiment.at_geometry(accepted_parameters(record.result, context.experiment.parameters))
+        write_paraview(context, there, record, run / "paraview")
     stage("page")
     path = run / REPORT_FILE
     path.write_text(render_page(record, sections), encoding="utf-8")
     return path
 
 
-def _write_joint_report(run: Path, stage: Callable[[str], None]) -> Path:
+def _write_joint_report(run: Path, stage: Callable[[str], None], paraview: bool) -> Path:
     """The page of several experiments identified together, and the report of each."""
     result = read_result(run)
     for name, folder in folders_of(run).items():
         if (folder / RESULT_FILE).exists():
             stage(f"report of {name}")
-            write_report(folder)
+            write_report(folder, paraview=paraview)
     path = run / REPORT_FILE
     path.write_text(joint_page(result), encoding="utf-8")
     return path
