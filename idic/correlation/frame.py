@@ -230,7 +230,7 @@ def _motion(reference, spline, u_px):
         raise ValueError(f"a nodal displacement must be ({reference.pixel_map.n_nodes}, 2), got {np.shape(u_px)}")
     if not np.isfinite(u_px).all():
         raise ValueError("the nodal displacement is not finite")
-    return element_coefficients(reference.pixel_map, u_px)  # (n_elements, 2, 8)
+    return reference.seen_motion(element_coefficients(reference.pixel_map, u_px))  # (n_elements, 2, 8)
 
 
 def _initially_valid(n_pixels, exclude):

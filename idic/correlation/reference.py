@@ -11,10 +11,10 @@ import numpy as np
 from idic.correlation.pixels.blocks import (
     ElementBlocks, Pattern, block_pattern, element_blocks, element_nodes, sparsity,
 )
-from idic.correlation.pixels.pixel_map import PixelMap
+from idic.correlation.pixels.pixel_map import PixelMap, element_curvature
 from idic.errors import InputError
 from idic.images.interpolate import gradient_at_pixels, prefilter
-from idic.images.matched_blur import PIXEL_BLUR_PX, derivative_maps, matching_weights
+from idic.images.matched_blur import PIXEL_BLUR_PX, derivative_maps, fineness_of, matching_weights, mean_shift
 from idic.images.quality.gradient_noise import gradient_noise_share, without_noise
 from idic.images.quality.lowpass import blur_column, lowpass
 
@@ -112,6 +112,25 @@ class ReferenceImage:
             if weights.any():
                 return self.derivatives, weights
         return np.empty((8, 0), dtype=np.float32), np.empty((0, 8), dtype=np.float32)
+
+    def seen_motion(self, motion: np.ndarray) -> np.ndarray:
+        """Where a low-passed frame shows the pattern of the reference, under this motion  # (n_elements, 2, 8) px
+
+        docs/method.md, equation 1.12; without a low-pass the motion itself.
+        """
+        if self.image_gv is None:
+            return motion
+        seen = motion.copy()
+        seen[:, :, 0] += mean_shift(element_curvature(self.pixel_map, motion), self.fineness, self.lowpass_px,
+                                    self.camera_blur_px)
+        return seen
+
+    @cached_property
+    def fineness(self) -> float:
+        """Of the low-passed pattern on the mesh, px^-2 (`idic.images.matched_blur.fineness_of`)."""
+        if self.image_gv is None:
+            return 0.0
+        return fineness_of(self.image_gv, self.pixel_map.ix, self.pixel_map.iy)
 
     @cached_property
     def derivatives(self) -> np.ndarray:

@@ -8,6 +8,9 @@ a blur of covariance v I of the frame is one of covariance v F^-1 F^-T on the ma
 f_R is what the frame shows. The eight derivatives of f of second and fourth order are maps of the reference, made once;
 R is one per element. The weights of a low-pass are not quite a Gaussian and a pixel is a square: their fourth cumulant
 joins the fourth derivatives.
+
+Where the strain has a gradient, what a blurred pixel shows is also displaced, by about v/2 times the second derivative
+of the motion (equation 1.12): the mean of a motion over the blur is not the motion of its middle.
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ PIXEL_BLUR_PX = 12**-0.5  # standard deviation of the area of a pixel
 ORDERS = ((2, 0), (1, 1), (0, 2), (4, 0), (3, 1), (2, 2), (1, 3), (0, 4))  # of the maps, by column and by row
 MIN_DIFFERENCE_PX2 = 0.002  # of R, in its norm: less changes a pixel by 0.001 |grad grad f|, about 0.02 GV of 255
 MIN_STRETCH = 0.65  # more compression is matched like this: the series ends at waves that the pixels hardly show
+LEAST_SHIFT_PX, LARGEST_SHIFT_PX = 1e-6, 0.1  # rounding; and a flattened element on the way of a search
 _ANY = 1e3  # of a component of F^-1: a flattened element on the way of a search has no end
 _DEGREE = 5  # of the spline that is differentiated, whatever the images are interpolated with
 
@@ -48,6 +52,39 @@ def matching_weights(inverse: np.ndarray, lowpass_px: float, camera_blur_px: flo
     _fill_weights(np.ascontiguousarray(inverse, dtype=np.float64), *_blur_cumulants(lowpass_px, camera_blur_px),
                   weights)
     return weights
+
+
+def mean_shift(curvature: np.ndarray, fineness: float, lowpass_px: float,
+               camera_blur_px: float = PIXEL_BLUR_PX) -> np.ndarray:
+    """By how much the pattern of a blurred frame is displaced where the strain has a gradient (equation 1.12).
+
+    Parameters
+    ----------
+    curvature : array (n_elements, 2, 2, 2), px/px²
+        Second derivatives of the motion along the axes of the frame.
+    fineness : float, px^-2
+        Of the blurred pattern, see `fineness_of`.
+    lowpass_px, camera_blur_px : as in `matching_weights`
+
+    Returns
+    -------
+    array (n_elements, 2), px
+    """
+    variance, _ = _blur_cumulants(lowpass_px, camera_blur_px)
+    part = variance * fineness
+    along, divergence = np.trace(curvature, axis1=2, axis2=3), np.trace(curvature, axis1=1, axis2=2)
+    shift = np.nan_to_num(0.5 * variance * ((1.0 - part) * along - 2.0 * part * divergence))
+    shift = np.clip(shift, -LARGEST_SHIFT_PX, LARGEST_SHIFT_PX)
+    return np.where(np.abs(shift) < LEAST_SHIFT_PX, 0.0, shift)
+
+
+def fineness_of(image: np.ndarray, ix: np.ndarray, iy: np.ndarray) -> float:
+    """Mean square of f,xy over that of f,x and f,y at these pixels, px^-2: 1/(2 s²) of a speckle exp(-d²/(4 s²))."""
+    taps = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
+    by_x, by_y = (correlate1d(image, taps, axis=axis, mode="mirror") for axis in (1, 0))
+    both = correlate1d(by_x, taps, axis=0, mode="mirror")
+    slopes, mixed = (float(np.mean(np.square(part[iy, ix], dtype=np.float64))) for part in (np.hypot(by_x, by_y), both))
+    return 2.0 * mixed / slopes if slopes > 0.0 else 0.0
 
 
 def derivative_maps(image: np.ndarray, ix: np.ndarray, iy: np.ndarray) -> np.ndarray:

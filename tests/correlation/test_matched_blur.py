@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pictures import Texture, make_map
+from pictures import Texture, make_map, with_middles
 
 from idic.correlation.frame import nodal_equations, residual_map, solve_brightness
 from idic.correlation.normal_equations import normal_equations
-from idic.correlation.pixels.pixel_map import build_pixel_map
+from idic.correlation.pixels.cells import monomial_slopes, monomials
+from idic.correlation.pixels.pixel_map import build_pixel_map, element_coefficients, element_curvature
 from idic.correlation.reference import build_reference
 from idic.fe.mesh.mesh import Block
 from idic.images.camera import Camera
@@ -163,3 +164,63 @@ def test_the_weights_change_smoothly_where_they_begin_and_where_they_end():
 def test_an_element_that_a_search_flattens_has_finite_weights():
     inverse = np.array([np.zeros((2, 2)), np.diag([1e300, 1e-300]), np.diag([-1e9, 3.0])])
     assert np.isfinite(matching_weights(inverse, LOWPASS)).all()
+
+
+def bent(points):
+    """A motion whose strain goes from -10 to 10 % across the mesh  # (n, 2) px"""
+    return 1e-3 * (points - MIDDLE) ** 2
+
+
+def test_where_the_strain_has_a_gradient_the_blur_displaces_the_pattern(monkeypatch):
+    """Of low-passed images without noise, at the true motion: the translation that they still seem to have."""
+    side, corners = np.linspace(RIM, SIDE - 1 - RIM, 9), np.arange(81).reshape(9, 9)
+    quads = np.stack([corners[:-1, :-1], corners[:-1, 1:], corners[1:, 1:], corners[1:, :-1]], axis=-1).reshape(-1, 4)
+    nodes, cells = with_middles(np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2), quads)
+    pm = build_pixel_map(nodes, [Block("quad8", cells, 0)], Camera.from_table(1.0, axes=("+col", "+row")), (SIDE, SIDE))
+    offset = (np.arange(3) + 0.5) / 3 - 0.5
+    fine = (np.arange(SIDE)[:, None] + offset).ravel()
+    points = np.stack(np.meshgrid(fine, fine), axis=-1).reshape(-1, 2)
+    material = points.copy()
+    for _ in range(40):
+        material = points - bent(material)
+    left = {}
+    for seed in range(4):
+        pattern = dense_speckle(np.random.default_rng(seed), 1.6, 30.0, 225.0, extent_px=600.0)
+        f, g = (pattern.value(at).reshape(SIDE, 3, SIDE, 3).mean(axis=(1, 3)) for at in (points, material))
+        reference, u = build_reference(pm, f, 5, lowpass_px=LOWPASS), bent(pm.nodes_px)
+        gradient = np.column_stack([reference.fx, reference.fy]).astype(float)
+        monkeypatch.undo()
+        for name in ("with", "without"):
+            if name == "without":
+                monkeypatch.setattr(type(reference), "seen_motion", lambda self, motion: motion)
+            r = residual_map(reference, prefilter(g, 5, LOWPASS), u).r
+            left.setdefault(name, []).append(np.linalg.solve(gradient.T @ gradient, gradient.T @ r))
+    found = {name: np.mean(values, axis=0) for name, values in left.items()}
+    assert np.all(found["without"] > 2.5e-4)  # px; half of v times the second derivative is 4.4e-4
+    assert np.all(np.abs(found["with"]) < 0.2 * found["without"])
+
+
+@pytest.mark.parametrize("kind", ["tri3", "quad4", "tri6", "quad8"])
+def test_the_curvature_of_a_motion_is_that_of_difference_quotients(kind):
+    pm, rng, h = make_map(kind), np.random.default_rng(0), 1e-3
+    u = 0.5 * rng.normal(size=pm.nodes_px.shape)
+    place, motion = (element_coefficients(pm, values) for values in (pm.nodes_px, u))
+    inverse = np.linalg.inv(pm.deformation_gradient(u))
+    at = np.einsum("eck,ek->ec", place, monomials(*pm.centre.T))
+
+    def moved(offset):
+        """The motion at the centres and some px beside, (n_elements, 2)."""
+        a, b = pm.centre.T.copy()
+        for _ in range(20):
+            gap = at + offset - np.einsum("eck,ek->ec", place, monomials(a, b))
+            slopes = np.einsum("eck,ekd->ecd", place, monomial_slopes(a, b))
+            a, b = (np.column_stack([a, b]) + np.linalg.solve(slopes, gap[:, :, None])[:, :, 0]).T
+        return np.einsum("eck,ek->ec", motion, monomials(a, b))
+
+    quotient, along = np.empty((pm.n_elements, 2, 2, 2)), h * inverse  # its columns are the axes of the frame
+    for i, j in np.ndindex(2, 2):
+        one, two = along[:, :, i], along[:, :, j]
+        both = moved(one + two) - moved(one - two) - moved(two - one) + moved(-one - two)
+        quotient[:, :, i, j] = both / (4.0 * h**2)
+    assert np.abs(element_curvature(pm, motion) - quotient).max() < 1e-5 + 1e-4 * np.abs(quotient).max()
+    assert (np.abs(quotient).max() > 1e-3) == (kind != "tri3")

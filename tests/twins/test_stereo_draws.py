@@ -13,11 +13,21 @@ from idic.virtual_tests.stereo.plate import REDUCED, plate_test, write_plate
 
 pytestmark = pytest.mark.slow  # some minutes of processor time each
 N, N_TWO_STEPS = 200, 20
-BIAS = {"plate": 0.25, "tube": 0.6}  # of a standard deviation; three patterns on the tube: up to 0.55, all of one sign
+BIAS = 0.25  # of a standard deviation: it takes a 95 % interval to 94.3 %, where the goal is 93 %
 BODIES = {
     "plate": (lambda: plate_test(replace(REDUCED, true=REDUCED.user)), write_plate),
     "tube": (lambda: still_tube(replace(TUBE, pixel=0.15, shape=(134, 220))), write_tube),
 }
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_images_without_noise_leave_hardly_a_bias(tmp_path, body):
+    """The tube's hardening modulus was 0.4 off before the blur on a strain gradient counted (docs/method.md, 1.12)."""
+    make, write = BODIES[body]
+    repeats = build_repeats(tmp_path, make(), write)
+    names, error, std = integrated(repeats, without_noise(repeats))
+    print(dict(zip(names, (error / std).round(2), strict=True)))
+    assert np.all(np.abs(error / std) < BIAS)
 
 
 @pytest.mark.parametrize("body", BODIES)
@@ -46,7 +56,6 @@ def test_errors_over_standard_deviations_are_unit_normal_and_two_steps_scatter_m
     assert np.all(rms < 1.0 + 3.5 / np.sqrt(2 * N))  # right.fx measured 0.83: its stated deviation is a sixth too wide
     # noise and calibration move no mean: what it is off, the images without noise are off, too
     assert np.all(np.abs(scores.mean(axis=0) - bias) < 3.5 / np.sqrt(N))
-    assert np.all(np.abs(bias) < BIAS[body])
     # E, nu, yield stress, hardening modulus: goal 0.6; a ratio of 20 draws is known to 23 % of itself
     assert np.all(ratio < 0.6 * 1.5)
     assert np.all(one_camera < 1.0)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.pixels.cells import (CELLS, EDGES, N_MONOMIALS, N_NODES, TRANSFORMS, find_owners, monomial_slopes,
-                                    monomials, sort_by_owner, to_monomials)
+from idic.correlation.pixels.cells import (CELLS, EDGES, N_MONOMIALS, N_NODES, TRANSFORMS, curvatures, find_owners,
+                                           inverse_gradients, monomial_slopes, monomials, sort_by_owner, to_monomials)
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Block
 from idic.images.camera import Camera
@@ -122,6 +122,19 @@ class PixelMap:
         coefficients = element_coefficients(self, u_px)
         slopes = monomial_slopes(self.centre[:, 0], self.centre[:, 1])
         return np.eye(2) + np.einsum("eck,ekd,edj->ecj", coefficients, slopes, self.inverse_jacobian, optimize=True)
+
+
+def element_curvature(pixel_map: PixelMap, coefficients: np.ndarray) -> np.ndarray:
+    """Second derivatives of the motion along the axes of the frame, one per element; 0 where an element is flattened
+
+    coefficients : (n_elements, 2, 8) px -> (n_elements, 2, 2, 2) px/px², by component and both directions
+    """
+    n = pixel_map.n_elements
+    inverse, found = np.empty((n, 2, 2)), np.empty((n, 2, 2, 2))
+    inverse_gradients(coefficients, pixel_map.centre, pixel_map.inverse_jacobian, inverse, np.empty(n))
+    curvatures(coefficients, element_coefficients(pixel_map, pixel_map.nodes_px), pixel_map.centre,
+               pixel_map.inverse_jacobian, inverse, found)
+    return found
 
 
 def element_coefficients(pixel_map: PixelMap, nodal: np.ndarray) -> np.ndarray:
