@@ -1,8 +1,7 @@
 """The equation of integrated digital image correlation, to read: residual, M and b of one frame, pixel by pixel.
 
     r(x) = f(x) - g(x + u(x))                   equation 10 of the paper    docs/method.md, equation 1.2
-           f + sum_m w_m f_m in place of f      of low-passed images        docs/method.md, equation 1.10
-           u + its shift by the low-pass in place of u                      docs/method.md, equation 1.12
+           f + sum_m w_m f_m, u + its shift     of low-passed images        docs/method.md, equations 1.10, 1.12
     L_i  = (F^-T grad f) . phi_i                F = I + grad u              docs/method.md, equation 4.2
     M_ij = sum_x L_i L_j                        equation 6                  docs/method.md, equation 2.2
     b_i  = sum_x L_i r                          equation 7                  docs/method.md, equation 2.3
@@ -21,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.pixels.pixel_map import PixelMap, element_coefficients, element_curvature
-from idic.images.matched_blur import PIXEL_BLUR_PX, derivative_maps, fineness_of, matching_weights, mean_shift
+from idic.correlation.pixels.pixel_map import PixelMap, lowpass_shift
+from idic.images.matched_blur import PIXEL_BLUR_PX, derivative_maps, matching_weights
 from idic.images.spline_reference import inside, spline_slopes, spline_values
 
 
@@ -48,17 +47,13 @@ def normal_equations(pixel_map: PixelMap, f: np.ndarray, g: np.ndarray, U: np.nd
     x = pixel_map.points()  # (n_pixels, 2): column, row
     u = pixel_map.interpolate(U)  # (n_pixels, 2)
     phi = pixel_map.interpolate(dU.reshape(len(dU), -1)).reshape(len(x), 2, -1)  # (n_pixels, 2, n)
-    if lowpass_px > 0:
-        curvature = element_curvature(pixel_map, element_coefficients(pixel_map, U))
-        shift = mean_shift(curvature, fineness_of(f, pixel_map.ix, pixel_map.iy), lowpass_px, camera_blur_px)
-        u = u + np.repeat(shift, pixel_map.pixels_per_element, axis=0)
-    valid = inside(x + u, pixel_map.shape)
-
     F = np.repeat(pixel_map.deformation_gradient(U), pixel_map.pixels_per_element, axis=0)  # (n_pixels, 2, 2)
     still = spline_values(f, x, degree)
     if lowpass_px > 0:
+        u = u + lowpass_shift(pixel_map, U, f, lowpass_px, camera_blur_px)  # (n_pixels, 2)
         weights = matching_weights(np.linalg.inv(F), lowpass_px, camera_blur_px)  # (n_pixels, 8)
         still = still + np.einsum("xm,mx->x", weights, derivative_maps(f, pixel_map.ix, pixel_map.iy))
+    valid = inside(x + u, pixel_map.shape)
     r = np.where(valid, still - spline_values(g, x + u, degree), 0.0)
     grad_g = np.linalg.solve(np.swapaxes(F, 1, 2), spline_slopes(f, x, degree)[:, :, None])[:, :, 0]  # F^-T grad f
     L = np.where(valid[:, None], np.einsum("xc,xci->xi", grad_g, phi), 0.0)

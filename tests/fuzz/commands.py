@@ -73,6 +73,7 @@ def _answer(program: typer.Typer, arguments: list[str]) -> Answer:
         warnings.simplefilter("always")
         for kind in (DeprecationWarning, ResourceWarning, PendingDeprecationWarning):  # Python does not show these
             warnings.simplefilter("ignore", kind)
+        warnings.filterwarnings("ignore", message="Numcodecs codecs are not in")  # as idic.store.arrays, for users
         done = CliRunner().invoke(program, arguments)
     return Answer(
         done.exit_code, done.stderr, done.stdout, tuple(f"{w.category.__name__}: {w.message}" for w in caught)

@@ -23,6 +23,7 @@ ROOT = Path(__file__).parents[2]
 SOURCES = [file for folder in ("idic", "flows", "deploy") for file in sorted((ROOT / folder).rglob("*.py"))]
 STARTS_PROGRAMS = {  # each knows what it starts; the external solver: only with the user's leave, see docs/safety.md
     "idic/workers/prefect_server.py", "idic/fe/external/process.py", "idic/fe/external/guard.py",
+    "idic/workers/precompiling.py",  # idic's own compiler
     "idic/draw/watch.py", "idic/draw/viewer.py",  # idic itself, on a folder that the user has opened
     "deploy/slurm_cluster.py", "idic/validation/trial/scenes/calculix.py",  # ccx on decks of our own
     "idic/validation/trial/seal.py"}  # git, for the commit that the tool is sealed at

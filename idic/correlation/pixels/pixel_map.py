@@ -17,6 +17,7 @@ from idic.correlation.pixels.cells import (CELLS, EDGES, N_MONOMIALS, N_NODES, T
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Block
 from idic.images.camera import Camera
+from idic.images.matched_blur import fineness_of, mean_shift
 
 EDGE_TOLERANCE = 1e-6  # of a cell's size: a pixel on the edge between two elements belongs to one of them
 
@@ -135,6 +136,17 @@ def element_curvature(pixel_map: PixelMap, coefficients: np.ndarray) -> np.ndarr
     curvatures(coefficients, element_coefficients(pixel_map, pixel_map.nodes_px), pixel_map.centre,
                pixel_map.inverse_jacobian, inverse, found)
     return found
+
+
+def lowpass_shift(pixel_map: PixelMap, U: np.ndarray, f: np.ndarray, lowpass_px: float,
+                  camera_blur_px: float) -> np.ndarray:
+    """By how much a low-pass displaces the pattern at every pixel, docs/method.md, equation 1.12  # (n_pixels, 2) px
+
+    U : (n_nodes, 2) displacement of the nodes, px; f : the low-passed reference, GV
+    """
+    curvature = element_curvature(pixel_map, element_coefficients(pixel_map, U))
+    shift = mean_shift(curvature, fineness_of(f, pixel_map.ix, pixel_map.iy), lowpass_px, camera_blur_px)
+    return np.repeat(shift, pixel_map.pixels_per_element, axis=0)
 
 
 def element_coefficients(pixel_map: PixelMap, nodal: np.ndarray) -> np.ndarray:

@@ -130,10 +130,16 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
     system, gram = closed_system(wide, reduce_systems(systems()))
     noise, rows = system.spread + context.weights.image_noise**2 * gram, [r.channel_columns for r in system.frames]
     size = len(context.names) + fields.n_unknowns  # the mesh error is a column beyond
-    return DiscrepancySystem(context.names, system.M[:size, :size], system.b[:size], noise[:size, :size],
+    M, noise = _symmetric(system.M[:size, :size]), _symmetric(noise[:size, :size])
+    return DiscrepancySystem(context.names, M, system.b[:size], noise,
                              fields.components, {MOTION: last[0] / experiment.camera.pixel_size},
                              np.array(rows)[..., :size], system.M[:size, size] if fields.mesh else None,
                              experiment.n_dim == 2 or fields.mesh is not None)
+
+
+def _symmetric(matrix: np.ndarray) -> np.ndarray:
+    """Without what rounding has left beside the symmetry: a RUN keeps one triangle."""
+    return 0.5 * (matrix + matrix.T)
 
 
 def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
