@@ -73,7 +73,7 @@ def truth_by_calculix(folder: Path):
     write_inp(mesh, folder / "mesh.inp", "plate")
     text = (folder / "mesh.inp").read_text()
     everything = f"*NSET, NSET=ALL, GENERATE\n1, {mesh.n_nodes}\n"
-    (folder / "mesh.inp").write_text(text.replace("CPS8,", "CPS8R,") + everything)
+    (folder / "mesh.inp").write_text(text.replace("TYPE=CPS8", "TYPE=CPS8R") + everything)
     table = lambda slope: "\n".join(f"{YIELD + slope * p}, {p}" for p in (0.0, 0.5))  # noqa: E731
     (folder / "plate.inp").write_text(DECK.format(
         E=E, nu=NU, kinematic=table(C), isotropic=table(H), thickness=plate.THICKNESS / THIN, end=len(GRIP) - 1,

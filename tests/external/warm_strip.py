@@ -84,7 +84,7 @@ def truth_by_calculix(folder: Path) -> strip.Truth:
     mesh = strip.waisted(*strip.TRUE)
     write_inp(mesh, folder / "mesh.inp", "strip")
     text = (folder / "mesh.inp").read_text()
-    (folder / "mesh.inp").write_text(text.replace("CPS8,", "CPS8R,")
+    (folder / "mesh.inp").write_text(text.replace("TYPE=CPS8", "TYPE=CPS8R")
                                      + f"*NSET, NSET=ALL, GENERATE\n1, {mesh.n_nodes}\n")
     rows = {T: (1.0 + E_SLOPE * (T - ROOM), 1.0 + FLOW_SLOPE * (T - ROOM)) for T in (ROOM, WARM)}
     elastic = "\n".join(f"{E * e:.9g}, {NU}, {T}" for T, (e, _) in rows.items())
