@@ -1,6 +1,6 @@
 """Compiles loops over points that serve all laws and ends: ``python -m idic.materials.core.precompile NAME...``.
 
-For a process beside the one that needs them later and finds them in numba's disk cache.
+A command starts this process before it needs the loops; it reads them from numba's disk cache afterwards.
 """
 
 from __future__ import annotations
