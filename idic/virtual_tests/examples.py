@@ -23,9 +23,10 @@ from idic.virtual_tests.meshes import write_inp
 from idic.virtual_tests.polycarbonate import polycarbonate
 from idic.virtual_tests.polycarbonate_plans import write_polycarbonate_plans
 from idic.virtual_tests.stereo.plate import write_stereo
-from idic.virtual_tests.render import Sensor, clean_image, noisy_channel, record
+from idic.virtual_tests.render import Sensor, clean_image, clean_images, noisy_channel, record
 from idic.virtual_tests.virtual_test import VirtualTest
 
+IMAGES_AT_A_TIME = 2  # rendered by threads; each takes some 50 MB
 EXAMPLES: dict[str, Callable[[bool, bool], VirtualTest]] = {
     "demo": lambda reduced, foreign: demo(reduced),
     "polycarbonate": polycarbonate,
@@ -125,8 +126,9 @@ def write_example(
 
 
 def _images(test: VirtualTest, texture, sensor: Sensor, rng: np.random.Generator):
-    for u in test.displacements:
-        yield record(clean_image(u, test.nodes, test.cells, test.camera, texture, sensor), sensor, rng)
+    for image in clean_images(test.displacements, test.nodes, test.cells, test.camera, texture, sensor,
+                              threads=IMAGES_AT_A_TIME):
+        yield record(image, sensor, rng)
 
 
 def _contrast(test: VirtualTest, texture, sensor: Sensor) -> float:

@@ -8,7 +8,9 @@ analytic grey value painted there. No image is ever interpolated and nothing of 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -140,6 +142,21 @@ def clean_image(
             value[inside] += material[:, -1]
         image[first:last] = value.reshape(last - first, n, nx, n).mean(axis=(1, 3))
     return image
+
+
+def clean_images(displacements: Sequence[np.ndarray], *scene, threads: int = 1) -> Iterator[np.ndarray]:
+    """Images of :func:`clean_image` in the order of the displacements, `threads` of them at a time  # (ny, nx) float64
+
+    scene : nodes, cells, camera, texture, sensor
+    """
+    with ThreadPoolExecutor(threads) as pool:
+        waiting = deque()
+        for u in displacements:
+            waiting.append(pool.submit(clean_image, u, *scene))
+            if len(waiting) > threads:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
 
 
 def record(image: np.ndarray, sensor: Sensor, rng: np.random.Generator) -> np.ndarray:
