@@ -11,11 +11,13 @@ from idic.validation.trial.evaluation import TrialRecord
 from idic.validation.trial.kinds import BEYOND, LIBRARY, is_unseen
 from idic.validation.trial.plan import KNOWN_WORLDS, WORLDS, Campaign, Truth, scene_of
 from idic.validation.trial.pool import target_table
+from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS
-from idic.validation.trial.scenes.solve import DIVISIONS, solve
+from idic.validation.trial.scenes.solve import DIVISIONS, Motion, solve, true_mesh
 from idic.validation.trial.scenes.specimens import SPECIMENS, bricks, specimen_mesh
 from idic.validation.trial.scenes.worlds import drawn_world, view_of, world_geometry, world_scene
 from idic.validation.trial.seal import Folder, seal
+from idic.validation.trial.tool_run import FolderSource
 from idic.validation.trial.world_scores import world_goals
 
 WORLD = {"specimen": "hole", "columns": 132, "frames": 16, "programme": "monotonic", "thickness": 1.5, "solid": False,
@@ -88,6 +90,16 @@ def test_a_truth_in_a_world_survives_its_file():
     scene = scene_of(truth)
     assert scene.solid and scene.law == "orthotropic" and len(scene.times) == 16
     assert not scene_of(replace(truth, world=WORLD)).solid
+
+
+@pytest.mark.parametrize(("noise", "ratio"), [("white", 1.0), ("photons", np.sqrt(1.0 + 127.5 / 255.0))])
+def test_the_tool_counts_the_noise_that_the_images_show(noise, ratio, tmp_path):
+    scene = world_scene(WORLD | {"frames": 4, "noise": noise}, "elastic", 1.0, NULLS["elastic"].truth)
+    mesh = true_mesh(scene.geometry)
+    still = Motion(mesh, np.zeros((4, mesh.n_nodes, 2)), np.linspace(0.0, 9.0, 4))
+    source = FolderSource(str(tmp_path), write_public(tmp_path, scene, still, Paint(1, 2)))
+    stated, found = source.load().noise, source.with_measured_noise().with_edits({"camera.k1": 1e-7}).load().noise
+    assert (found == stated) if noise == "white" else found.std_gv == pytest.approx(ratio * stated.std_gv, rel=0.05)
 
 
 def test_damage_is_never_drawn_without_unloading():

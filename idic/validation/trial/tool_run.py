@@ -1,6 +1,7 @@
 """The tool on a folder without truth: identification of the user's model and its diagnosis.
 
-The functions are those of `idic identify` and `idic diagnose`; images stay in memory, one process does everything.
+The functions are those of `idic identify` and `idic diagnose`; images stay in memory, one process does everything. The
+noise is what a RUN would count: the stated one, unless the images show more.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from idic.diagnose.screen.candidate import Candidate
 from idic.experiment_file.recording import Frames
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.identify.in_memory import Identification, identify
+from idic.identify.input_noise import measured_noise
 from idic.images.stack import ArrayStack, Stack
-from idic.model.experiment import Experiment
+from idic.model.experiment import Experiment, Noise
 from idic.run.diagnosis.files import diagnosis_content, free_parameters
 from idic.run.diagnosis.refits import run_refits
 from idic.run.diagnosis.source import EditedFolder
@@ -34,11 +36,15 @@ READ_FOLDERS: dict[str, dict] = {}  # frames and meshes of a folder that this pr
 
 @dataclass(frozen=True)
 class FolderSource:
-    """A folder of a trial with edits: the counterpart of `idic.run.diagnosis.source.Source` for a RUN."""
+    """A folder of a trial with edits: the counterpart of `idic.run.diagnosis.source.Source` for a RUN.
+
+    noise : of the images, in the place of the stated one; None: the stated one
+    """
 
     folder: str
     stack: Stack = field(repr=False)
     edits: Mapping[str, Any] = field(default_factory=dict)
+    noise: Noise | None = None
 
     def document(self) -> dict:
         """Tables of experiment.toml with the present edits."""
@@ -49,7 +55,12 @@ class FolderSource:
         file = locate(self.folder)
         raw = with_overrides(read_toml(file), {**self.edits, **(edits or {})})
         kept = READ_FOLDERS.setdefault(self.folder, {})
-        return _Folder(file, file.parent.resolve(), validated(raw, file), raw, kept, self.stack).experiment()
+        stated = _Folder(file, file.parent.resolve(), validated(raw, file), raw, kept, self.stack).experiment()
+        return stated if self.noise is None else replace(stated, noise=self.noise)
+
+    def with_measured_noise(self) -> FolderSource:
+        """With the noise that a RUN of this folder would count (`idic.identify.input_noise`)."""
+        return replace(self, noise=measured_noise(self.load()))
 
     def with_edits(self, edits: Mapping[str, Any]) -> FolderSource:
         return replace(self, edits={**self.edits, **edits})
@@ -79,7 +90,7 @@ class ToolRun:
 def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_ablations: bool = False) -> ToolRun:
     """Identify and diagnose a folder; with_ablations : ablations and decoys of the first screening, too."""
     began = time.process_time()
-    source = FolderSource(str(folder), ArrayStack(np.load(folder / IMAGES, allow_pickle=False)))
+    source = FolderSource(str(folder), ArrayStack(np.load(folder / IMAGES, allow_pickle=False))).with_measured_noise()
     found = identify(source.load())
     identified = time.process_time() - began
     ablated: list[dict] = []
