@@ -19,6 +19,7 @@ from idic.fe.extrapolation import increments_to_try, is_extrapolated, march_extr
 from idic.fe.half_rate import Motion, at_frames, every_second, without_time_error
 from idic.fe.march import FrameState, StepList, march
 from idic.fe.model import Constraints, Direction, Loads, Model, PathControl, Reaction, Section, validate
+from idic.fe.superposition import superposed
 from idic.materials.core.compilation import compile as compile_law
 from idic.materials.core.law import EXPANSION
 from idic.model.black_box import ExternalForward, build_external
@@ -299,7 +300,9 @@ class ForwardModel:
         if is_extrapolated(frozen) if frozen is not None else increments is not None:
             states = march_extrapolated(*arguments, increments=increments or 2, **ways)
         else:
-            states = march(*arguments, substeps=self.experiment.options.substeps or 1, **ways)
+            substeps = self.experiment.options.substeps or 1
+            states = (superposed(*arguments, substeps=substeps, control=self.control)
+                      or march(*arguments, substeps=substeps, **ways))
         if frames is not None:
             states = (replace(state, frame=int(frames[state.frame])) for state in states)
         if self.readings is None:
