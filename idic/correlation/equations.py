@@ -6,6 +6,7 @@ priors of its frame-local unknowns.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,11 +55,51 @@ class SeenColumns:
     alike: np.ndarray
     visible: np.ndarray
 
-    def __matmul__(self, project: np.ndarray) -> np.ndarray:
-        """Sums of the columns  # project (m + nb, n) -> (c n_nodes + nb, n)"""
-        k, m = self.own.shape[1], self.own.shape[1] + self.alike.shape[1]
-        fields = self.own @ project[:k] + self.alike @ project[k:m]
-        return self.visible[:, None] * np.vstack([fields, project[m:]])
+    def projected(self, slope: np.ndarray) -> np.ndarray | ColumnSum:
+        """The own columns less `slope` times all others  # slope (m - k + nb, k) -> (c n_nodes + nb, k)"""
+        m = self.alike.shape[1]
+        if (self.visible == 1.0).all():
+            return ColumnSum(np.vstack([self.own, -slope[m:]]), self.alike, -slope[:m])
+        return self.visible[:, None] * np.vstack([self.own - self.alike @ slope[:m], -slope[m:]])
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnSum:
+    """A sum of columns over frames, own + alike @ coefficients: what frames share is multiplied once, after the sum.
+
+    own : (n_shared, n); alike : (c n_nodes, q); coefficients : (q, n)
+    """
+
+    own: np.ndarray
+    alike: np.ndarray
+    coefficients: np.ndarray
+
+    def mapped(self, change: Callable[[np.ndarray], np.ndarray]) -> ColumnSum:
+        """The sum in other unknowns; change : (rows, n) -> (rows, n_new), linear"""
+        return ColumnSum(change(self.own), self.alike, change(self.coefficients))
+
+
+def dense(columns: np.ndarray | ColumnSum) -> np.ndarray:
+    """The sum itself  # (n_shared, n)"""
+    if not isinstance(columns, ColumnSum):
+        return columns
+    found = columns.own.copy()
+    found[:len(columns.alike)] += columns.alike @ columns.coefficients
+    return found
+
+
+def added(one: np.ndarray | ColumnSum, other: np.ndarray | ColumnSum) -> np.ndarray | ColumnSum:
+    """The sum of two sums of columns; an array may be changed in place."""
+    if isinstance(one, ColumnSum) and isinstance(other, ColumnSum):
+        if one.alike is not other.alike:
+            return added(dense(one), other)
+        return ColumnSum(one.own + other.own, one.alike, one.coefficients + other.coefficients)
+    if isinstance(other, ColumnSum):
+        one, other = other, one
+    if isinstance(one, ColumnSum):
+        return replace(one, own=one.own + other)
+    one += other
+    return one
 
 
 @dataclass(frozen=True)

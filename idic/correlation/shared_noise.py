@@ -30,7 +30,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.correlation.context import CorrelationContext
-from idic.correlation.equations import Weights
+from idic.correlation.equations import Weights, dense
 from idic.correlation.system import CorrelationSystem, FrameRecord, LocalEquations, OpenSums, solve_positive
 
 # frame-local ones, in one matrix (0.3 GB): beyond, frame by frame, with the same values within rounding
@@ -66,18 +66,18 @@ def closed_system(context: CorrelationContext, system: CorrelationSystem) -> tup
 def close(system: CorrelationSystem, weights: Weights, n_images: int,
           gram: Callable[[np.ndarray], np.ndarray]) -> tuple[CorrelationSystem, np.ndarray]:
     """The same, given the Gram matrix of columns in the basis of the reference, `reference_gram`."""
-    sums, variance = system.sums, weights.image_noise**2
-    bare = replace(system, shared=system.shared[:0], sums=None)
+    sums, variance, shared = system.sums, weights.image_noise**2, dense(system.shared)
+    bare = replace(system, shared=shared[:0], sums=None)
     if sums is None or not sums.visible.any():
-        return bare, gram(system.shared) / n_images
+        return bare, gram(shared) / n_images
     kappa = sums.kappa / np.maximum(sums.visible, 1e-12)  # mean over the frames that show the node
     c = 1.0 / (sums.visible + n_images * np.maximum(kappa, 1e-3))
     if not weights.generalised:
-        pattern = c[:, None] * system.shared  # w c S, in the basis
+        pattern = c[:, None] * shared  # w c S, in the basis
         taken = variance * pattern.T @ sums.product
         ratio = ordinary_variance(n_images)  # of the two weights of an image
         predicted = system.M + (ratio - 1.0) * sums.image - 0.5 * ratio**2 * (taken + taken.T)
-        return replace(bare, predicted=predicted), gram(system.shared) / n_images
+        return replace(bare, predicted=predicted), gram(shared) / n_images
     return _without_pattern(system, sums, c, variance, n_images, gram)
 
 
@@ -107,7 +107,7 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, v
     spread = project.T @ own @ project - crossed - crossed.T + variance * gram(np.sqrt(sums.kappa)[:, None] * pattern)
     plain = system.phi_image / ordinary_variance(n_images)  # phi stays the sum that ordinary least squares make small
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
-                     shared=system.shared[:0], M=A[:n, :n] - A[:n, n:] @ slope, b=b[:n] - slope.T @ b[n:],
+                     shared=dense(system.shared)[:0], M=A[:n, :n] - A[:n, n:] @ slope, b=b[:n] - slope.T @ b[n:],
                      spread=spread, frames=_with_steps(system.frames, step, slope))
     return closed, gram(columns - sums.visible[:, None] * pattern) / n_images
 
@@ -156,7 +156,7 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, va
     spread = own - crossed - crossed.T + variance * gram(np.sqrt(sums.kappa)[:, None] * pattern)
     plain = system.phi_image / ordinary_variance(n_images)
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
-                     shared=system.shared[:0], M=M, b=b, spread=spread,
+                     shared=dense(system.shared)[:0], M=M, b=b, spread=spread,
                      frames=_with_steps(system.frames, np.concatenate(steps), np.vstack(slopes)))
     return closed, gram(columns - sums.visible[:, None] * pattern) / n_images
 

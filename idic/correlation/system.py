@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from idic.correlation.equations import FrameEquations, Weights
+from idic.correlation.equations import ColumnSum, FrameEquations, SeenColumns, Weights, added, dense
 
 
 @dataclass(frozen=True)
@@ -110,9 +110,10 @@ class CorrelationSystem:
 
     M : (n, n); b : (n,); phi : weighted functional at the minimum over the local unknowns; spread : (n, n) the part
     of Cov(b) that is independent from frame to frame; shared : (n_shared, n) summed columns that multiply the
-    reference image's noise; frames : one record per frame, in frame order; sums : what generalised least squares need
-    of all frames before the system is closed (`idic.correlation.shared_noise.closed_system`); generalised : whether
-    this is their system; predicted : (n, n) otherwise the M that they would have, None where it is not known.
+    reference image's noise, of one frame perhaps a `ColumnSum`; frames : one record per frame, in frame order; sums :
+    what generalised least squares need of all frames before the system is closed
+    (`idic.correlation.shared_noise.closed_system`); generalised : whether this is their system; predicted : (n, n)
+    otherwise the M that they would have, None where it is not known.
     """
 
     names: tuple[str, ...]
@@ -121,7 +122,7 @@ class CorrelationSystem:
     phi: float
     phi_image: float
     spread: np.ndarray
-    shared: np.ndarray
+    shared: np.ndarray | ColumnSum
     frames: tuple[FrameRecord, ...]
     sums: SharedSums | OpenSums | None = None
     generalised: bool = False
@@ -132,7 +133,7 @@ class CorrelationSystem:
         pick = [self.names.index(name) for name in names]
         grid = np.ix_(pick, pick)
         return replace(self, names=tuple(names), M=self.M[grid], b=self.b[pick], spread=self.spread[grid],
-                       shared=self.shared[:, pick], sums=None,
+                       shared=dense(self.shared)[:, pick], sums=None,
                        predicted=None if self.predicted is None else self.predicted[grid])
 
     @property
@@ -209,7 +210,16 @@ def eliminate(frame: int, names: Sequence[str], equations: FrameEquations, weigh
     return CorrelationSystem(
         names=tuple(names), M=project.T @ whole @ project, b=rhs[:n] - slope.T @ rhs[n:], phi=float(phi),
         phi_image=weights.image * rr, spread=project.T @ noise @ project,
-        shared=weights.image * (equations.shared @ project), frames=(record,), sums=sums)
+        shared=_shared_columns(equations, weights.image, slope), frames=(record,), sums=sums)
+
+
+def _shared_columns(equations: FrameEquations, weight: float, slope: np.ndarray) -> np.ndarray | ColumnSum:
+    """Weighted sum of the columns, the local unknowns eliminated  # slope (m + nb, n) -> (n_shared, n)"""
+    columns, n = equations.shared, slope.shape[1]
+    if isinstance(columns, SeenColumns):
+        found = columns.projected(slope)
+        return found.mapped(lambda part: weight * part) if isinstance(found, ColumnSum) else weight * found
+    return weight * (columns @ np.vstack([np.eye(n), -slope]))
 
 
 def _shared_sums(equations: FrameEquations, weights: Weights, image: np.ndarray, project: np.ndarray,
@@ -240,15 +250,16 @@ def reduce_systems(systems: Iterable[CorrelationSystem]) -> CorrelationSystem:
     """Sum in the order given: the same bits however the parts were computed. Of an iterator no two are held at once."""
     rest = iter(systems)
     first = next(rest)
-    M, b, spread, shared = first.M.copy(), first.b.copy(), first.spread.copy(), first.shared.copy()
+    M, b, spread = first.M.copy(), first.b.copy(), first.spread.copy()
+    shared = first.shared.copy() if isinstance(first.shared, np.ndarray) else first.shared
     phi, phi_image, frames, sums = first.phi, first.phi_image, list(first.frames), first.sums
     for system in rest:
         M += system.M
         b += system.b
         spread += system.spread
-        shared += system.shared
+        shared = added(shared, system.shared)
         phi += system.phi
         phi_image += system.phi_image
         frames.extend(system.frames)
         sums = None if sums is None or system.sums is None else sums + system.sums
-    return CorrelationSystem(first.names, M, b, phi, phi_image, spread, shared, tuple(frames), sums)
+    return CorrelationSystem(first.names, M, b, phi, phi_image, spread, dense(shared), tuple(frames), sums)

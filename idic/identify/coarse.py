@@ -25,7 +25,7 @@ import numpy as np
 
 from idic.correlation.channels import channel_equations
 from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.equations import FrameEquations, Weights
+from idic.correlation.equations import FrameEquations, Weights, dense
 from idic.correlation.experiment_reference import camera_at
 from idic.correlation.frame_equations import global_columns
 from idic.correlation.system import CorrelationSystem, eliminate, reduce_systems
@@ -178,7 +178,7 @@ def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
     system = reduce_systems([_frame(context, response, setup.u_px[response.frame]) for response in (*farthest, *still)])
     nothing = np.zeros((len(system.names),) * 2)
     increments = 0 if still else len(taken)
-    evaluation = Evaluation(state.evaluations, replace(system, shared=system.shared[:0]), nothing,
+    evaluation = Evaluation(state.evaluations, replace(system, shared=dense(system.shared)[:0]), nothing,
                             increments=increments)
     return _Point(evaluation, None if still else np.array(taken), (len(farthest) - 1) / max(len(times) - 1, 1))
 

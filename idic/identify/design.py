@@ -278,5 +278,5 @@ class _Walk:
 
 
 def _added(total: CorrelationSystem | None, system: CorrelationSystem) -> CorrelationSystem:
-    return system if total is None else reduce_systems([total, system])
+    return reduce_systems([system] if total is None else [total, system])
 

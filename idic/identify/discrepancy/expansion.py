@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
+from idic.correlation.equations import ColumnSum
 from idic.correlation.system import CorrelationSystem, OpenSums
 
 
@@ -41,5 +42,6 @@ def expanded(system: CorrelationSystem, names: Sequence[str], into: sparse.csc_a
     frames = tuple(replace(record, channel_columns=columns(record.channel_columns),
                            local_slope=record.local_slope[:, :0].copy())
                    for record in system.frames)
+    shared = system.shared.mapped(columns) if isinstance(system.shared, ColumnSum) else columns(system.shared)
     return replace(system, names=tuple(names), M=both(system.M), b=back @ system.b, spread=both(system.spread),
-                   shared=columns(system.shared), frames=frames, sums=sums)
+                   shared=shared, frames=frames, sums=sums)
