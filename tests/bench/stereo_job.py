@@ -1,27 +1,29 @@
 """The experiment of the bench: a plate with a hole before two cameras of 2 Mpx, E, yield stress and hardening free.
 
-``python stereo_job.py FOLDER FRAMES [ENLARGED]``. Images are traced at an eighth of the resolution, enlarged by cubic
-interpolation (8 times: 2 Mpx), and noise is added to every pixel: the cost of an identification does not depend on the
-size of a speckle.
+``python stereo_job.py FOLDER FRAMES [ENLARGED [PROCESSES]]``. Images are traced at an eighth of the resolution,
+enlarged by cubic interpolation (8 times: 2 Mpx), and noise is added to every pixel: the cost of an identification does
+not depend on the size of a speckle. Of many frames the truth takes one increment each.
 """
 
 from __future__ import annotations
 
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+import tifffile
 from scipy.ndimage import zoom
 
 from idic.images.pinhole import PinholeCamera
-from idic.virtual_tests.experiment_files import write_images
 from idic.virtual_tests.render import Sensor, record
-from idic.virtual_tests.stereo.plate import Size, plate_test, speckle_of, write_plate
-from idic.virtual_tests.stereo.ray_tracing import traced_image
+from idic.virtual_tests.stereo.plate import INCREMENTS, Size, plate_test, speckle_of, write_plate
+from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
 from idic.virtual_tests.stereo.rig import Rig, write_calibration
 
-ENLARGED, NOISE_GV = 8, 2.0
+ENLARGED, NOISE_GV, MANY_FRAMES = 8, 2.0, 20
 SHAPE = (125, 250)  # traced; 1000 x 2000 px in the experiment
 
 
@@ -32,25 +34,36 @@ def enlarged(camera: PinholeCamera, times: int) -> PinholeCamera:
                    cy=times * camera.cy + shift)
 
 
-def write(folder: Path, n_frames: int, times: int = ENLARGED) -> None:
+def write_image(file: Path, scene: Scene, u: np.ndarray, camera: PinholeCamera, size: Size, times: int,
+                seed: tuple[int, ...]) -> None:
+    """One image of the displacements `u` (n_nodes, 3) mm."""
+    texture, rng = speckle_of(np.random.default_rng(0), size), np.random.default_rng(seed)
+    traced = traced_image(scene, u, camera, texture.value, Sensor(SHAPE, background=25.6, supersampling=1))
+    large = zoom(traced, times, order=3, grid_mode=True, mode="nearest")
+    tifffile.imwrite(file, record(large, sensor(times), rng))
+
+
+def sensor(times: int) -> Sensor:
+    """Of the large images."""
+    return Sensor((times * SHAPE[0], times * SHAPE[1]), noise_std=NOISE_GV)
+
+
+def write(folder: Path, n_frames: int, times: int = ENLARGED, processes: int = 1) -> None:
     """The experiment folder."""
     stages = round(0.3 * n_frames), round(0.2 * n_frames)
     size = Size(0.125, SHAPE, (*stages, n_frames - sum(stages)), (3, 5, 3, 1), (3, 5, 3, 1))
-    test = plate_test(size)
+    test = plate_test(size, INCREMENTS if n_frames <= MANY_FRAMES else 1)
     file = write_plate(folder, replace(test, displacements=test.displacements[:1]), 0.0)  # its images are replaced
     large = replace(test.rig, cameras=tuple(enlarged(one, times) for one in test.rig.cameras),
                     shape=(times * SHAPE[0], times * SHAPE[1]))
-    for name in ("images", "right"):
-        for old in (folder / name).iterdir():
-            old.unlink()
-    rng, texture = np.random.default_rng(1), speckle_of(np.random.default_rng(0), size)
-    sensor, traced = Sensor(large.shape, noise_std=NOISE_GV), Sensor(SHAPE, background=25.6, supersampling=1)
-    for name, camera in zip(("images", "right"), test.rig.cameras, strict=True):
-        small = (traced_image(test.scene, u, camera, texture.value, traced)
-                 for u in test.displacements)
-        write_images(folder, (record(zoom(one, times, order=3, grid_mode=True, mode="nearest"), sensor, rng)
-                              for one in small), name)
-    _describe(file, large, sensor.total_noise_std)
+    with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+        written = [pool.submit(write_image, folder / name / f"frame_{k:03d}.tif", test.scene, u, camera, size, times,
+                               (number, k))
+                   for number, (name, camera) in enumerate(zip(("images", "right"), test.rig.cameras, strict=True))
+                   for k, u in enumerate(test.displacements)]
+        for one in written:
+            one.result()
+    _describe(file, large, sensor(times).total_noise_std)
 
 
 def _describe(file: Path, rig: Rig, noise_gv: float) -> None:

@@ -219,6 +219,23 @@ def test_the_time_error_of_plasticity_in_few_frames_is_estimated_and_removed(tmp
     assert abs(errors["BODY.hardening_modulus"]) > 2.0
 
 
+@pytest.mark.slow
+def test_searches_that_are_left_before_their_end_lead_to_the_same_values_in_fewer_evaluations(plastic, monkeypatch):
+    """A tenth of the noise, as images of a hundred times the pixels: one increment per frame is off by many std."""
+    experiment, _, _ = plastic
+    sharp = replace(experiment, noise=replace(experiment.noise, std_gv=0.1 * experiment.noise.std_gv), channels=tuple(
+        replace(channel, noise_std=0.1 * channel.noise_std) for channel in experiment.channels))
+    found = identify(sharp)
+    monkeypatch.setattr("idic.identify.step.increments.MAX_KNOWN_ERROR", 0.0)
+    whole = identify(sharp)
+    assert found.result["increments"] == whole.result["increments"]
+    assert found.state.evaluations < whole.state.evaluations
+    for name, entry in whole.result["parameters"].items():
+        if entry["std"] is not None:
+            off = found.result["parameters"][name]["value"] - entry["value"]
+            assert abs(off) < 2.0 * experiment.options.tolerance * entry["std"]
+
+
 def test_too_few_evaluations_for_finer_increments_are_told(short):
     experiment, _ = short
     few = identify(replace(experiment, options=replace(experiment.options, max_iterations=3)))

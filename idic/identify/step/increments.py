@@ -8,7 +8,9 @@ increments are frozen. The choice ends where the error that is left,
 
     value - value without time error = (value before - value) / (2^(p+1) - 1),  p + 1 = 2
 
-after extrapolation of a law of first order, is at most `MAX_ERROR_STD` standard deviations of every parameter.
+after extrapolation of a law of first order, is at most `MAX_ERROR_STD` standard deviations of every parameter. A search
+need not reach its end for that: near it a Gauss-Newton step tells where it lies (`knows_end`), and finer increments
+begin there. Only the search with the last increments runs to its end.
 
 Laws with a memory but without time are often exact enough with one increment per frame. At the end of their first
 search one increment for two frames is simulated for comparison, beginning at the known solution and without derivatives
@@ -26,6 +28,7 @@ import numpy as np
 
 from idic.identify.covariance import covariance, spectrum
 from idic.identify.step.acceptance import scaled_at
+from idic.identify.step.proposal import Step
 from idic.identify.step.stages import stage_parameters
 from idic.identify.step.state import (
     AT_LIMIT,
@@ -57,6 +60,10 @@ MIN_EVALUATIONS = 4  # left for a search with finer increments, that it converge
 ENDS = ("converged", "at_bound", "stalled")  # of a search whose end is worth a finer one
 TOO_COARSE = "too_coarse"  # end of a search with one increment per frame that does not find its end soon
 MAX_COARSE_STEPS, MAX_COARSE_REJECTIONS = 8, 2  # accepted steps, and rejected ones in a row, of that search
+KNOWN = "known"  # end of a search that is known before it is reached
+# distance from its end after a Gauss-Newton step, over the step and its largest scaled component (2 to 6 measured)
+CURVATURE = 5.0
+MAX_KNOWN_ERROR = 0.1  # of that distance, over the largest change with which increments are enough
 
 
 def rate_dependent_laws(experiment: Experiment) -> tuple[str, ...]:
@@ -80,24 +87,26 @@ def chooses_increments(experiment: Experiment) -> bool:
 
 
 def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation,
-                           image_noise: float, status: str) -> LoopState:
+                           image_noise: float, status: str, known: Mapping[str, float] | None = None) -> LoopState:
     """The state at the end of its schedule with a verdict on its increments, or with the trial of finer ones.
 
     Parameters
     ----------
-    last : stage of the schedule; point : the accepted one; status : with which the schedule ends, or TOO_COARSE
+    last : stage of the schedule; point : the accepted one; status : with which the schedule ends, TOO_COARSE or KNOWN
+    known : values where the search will end, if it has not; a verdict on them is given once more at the end
     """
     choice = state.increments
     if not chooses_increments(experiment) or choice.status in (AT_LIMIT, FAILED):
         return state
-    here = state.accepted.values
-    if status not in (*ENDS, TOO_COARSE):
+    here = state.accepted.values if known is None else known
+    if status not in (*ENDS, TOO_COARSE, KNOWN):
         return replace(state, increments=replace(choice, status=OPEN))
-    if choice.coarser is not None:
-        choice = replace(choice, coarser=None, change={name: here[name] - choice.coarser[name] for name in here})
+    coarser = choice.coarser
+    if coarser is not None:
+        choice = replace(choice, coarser=None, change={name: here[name] - coarser[name] for name in here})
     if choice.change is not None and (
             largest_change(choice, state, experiment, last, point, image_noise) <= max_change(experiment, choice)):
-        return replace(state, increments=replace(choice, status=ENOUGH))
+        return replace(state, increments=replace(choice, status=ENOUGH, coarser=None if known is None else coarser))
     finer = 2 * (choice.per_frame or 1)
     if finer > max_increments(experiment):
         return replace(state, increments=replace(choice, status=AT_LIMIT))
@@ -117,6 +126,20 @@ def _to_compare(state: LoopState, increments: int) -> LoopState:
     here = dict(state.accepted.values)
     return replace(state, increments=IncrementChoice(increments, COMPARED, here),
                    trial=Trial(here, re_evaluation=True, new_increments=True))
+
+
+def knows_end(step: Step, state: LoopState, experiment: Experiment) -> bool:
+    """Whether the end of a search whose increments are to be judged is known by the next step from its accepted point.
+
+    The step is a whole Gauss-Newton step and so short that its end misses that of the search by a small part of what
+    the judgement of the increments bears. One increment per frame, which may be the answer, goes to its end.
+    """
+    choice = state.increments
+    if not chooses_increments(experiment) or choice.status != OPEN or choice.coarser is None:
+        return False
+    whole = state.trust.damping == 0.0 and state.trust.rejections == 0 and not step.clipped and not step.pinned
+    return whole and (CURVATURE * step.largest * step.relative
+                      < MAX_KNOWN_ERROR * max_change(experiment, choice))
 
 
 def is_too_coarse(state: LoopState, experiment: Experiment) -> bool:

@@ -13,7 +13,7 @@ from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, activation_s
 from idic.identify.step.ending import (ITERATIONS, beyond_bounds, bounded, failed_simulation, flat, judged_flat,
                                        out_of_iterations, small_step, stuck)
 from idic.identify.step.estimator import next_estimator
-from idic.identify.step.increments import TOO_COARSE, is_too_coarse, with_increments_judged
+from idic.identify.step.increments import KNOWN, TOO_COARSE, is_too_coarse, knows_end, with_increments_judged
 from idic.identify.step.non_smooth import directional_derivative
 from idic.identify.step.parallel_steps import parallel_steps
 from idic.identify.step.proposal import STEP_CLIP, Step, propose
@@ -52,10 +52,11 @@ MIN_SCALED_STEP = 1e-7  # shorter steps are rounding, however small the standard
 
 
 def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage], point: Evaluation, image_noise: float,
-              non_smooth: Scaled | None = None) -> LoopState:
+              non_smooth: Scaled | None = None, to_the_end: bool = False) -> LoopState:
     """The state with the next trial from the accepted point; a small step ends the stage or the loop.
 
     non_smooth : the system of the point with the directional derivative, where it is not smooth
+    to_the_end : whether the step is made where the end of the search is known (`idic.identify.step.increments`)
     """
     options, stage = experiment.options, stages[state.schedule.stage]
     parameters = stage_parameters(experiment.parameters.with_values(state.accepted.values), stage)
@@ -79,6 +80,13 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
         return _leave_stage(state, experiment, stages, point, image_noise, end)
     if state.schedule.stage + 1 == len(stages) and is_too_coarse(state, experiment):
         return _leave_stage(state, experiment, stages, point, image_noise, Ending(TOO_COARSE, ""))
+    if (change is None and non_smooth is None and not to_the_end and state.schedule.stage + 1 == len(stages)
+            and knows_end(step, state, experiment)):
+        end = parameters.unpack(parameters.pack() + step.delta).as_values()
+        judged = with_increments_judged(state, experiment, stage, point, image_noise, KNOWN, end)
+        if judged.trial.new_increments:
+            return replace(judged, end=Ending(KNOWN, ""))
+        return next_step(judged, experiment, stages, point, image_noise, to_the_end=True)
     tried = state.trust.damping > 0.0 or state.trust.rejections > 0
     if state.trust.rejections >= MAX_REJECTIONS or (
             change is None and tried and step.significance < MIN_DAMPED_STEP_SHARE * options.tolerance):

@@ -112,10 +112,10 @@ class PlateTest:
     size: Size
 
 
-def plate_test(size: Size) -> PlateTest:
-    """Simulate the truth, on a finer mesh than the user's."""
+def plate_test(size: Size, increments: int = INCREMENTS) -> PlateTest:
+    """Simulate the truth, on a finer mesh than the user's; increments : per frame."""
     true, grip = plate(*size.true), _grip_motion(*size.frames)
-    u, force = _solve(true, grip)
+    u, force = _solve(true, grip, increments)
     front, bare = true.edge_sets["FRONT"], true.edge_sets["REST"]
     return PlateTest(Scene(true.nodes, face_cells(true, front), face_cells(true, bare)), u, grip, force,
                      rig(size.shape, size.pixel, size.distance, size.angles), plate(*size.user), size)
@@ -200,9 +200,9 @@ def _grip_motion(elastic: int, yielding: int, plastic: int) -> np.ndarray:
                            np.linspace(0.10, 0.32, plastic + 1)])
 
 
-def _solve(mesh: Mesh, grip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """True displacements (n_frames, n_nodes, 3) mm and force (n_frames,) N, in `INCREMENTS` per frame."""
-    times = np.linspace(0.0, len(grip) - 1.0, INCREMENTS * (len(grip) - 1) + 1)
+def _solve(mesh: Mesh, grip: np.ndarray, increments: int) -> tuple[np.ndarray, np.ndarray]:
+    """True displacements (n_frames, n_nodes, 3) mm and force (n_frames,) N."""
+    times = np.linspace(0.0, len(grip) - 1.0, increments * (len(grip) - 1) + 1)
     fine = np.interp(times, np.arange(len(grip)), grip)
     left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
     dofs = np.concatenate([3 * right, *(3 * right + k for k in (1, 2)), *(3 * left + k for k in (0, 1, 2))])
@@ -212,7 +212,7 @@ def _solve(mesh: Mesh, grip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     model = Model(mesh=mesh, kind="solid", sections=(Section("BODY", law, mesh.element_sets["BODY"]),),
                   constraints=Constraints(dofs, basis, fine[:, None]), channels=(Reaction(3 * right),))
     values = np.array([TRUTH[f"BODY.{name}"] for name in law.spec.parameter_names])
-    frames = range(0, len(fine), INCREMENTS)
+    frames = range(0, len(fine), increments)
     states = [(state.u.copy(), state.channels[0]) for k, state in enumerate(march(model, {"BODY": values}, times))
               if k in frames]
     return np.array([u for u, _ in states]), np.array([force for _, force in states])
