@@ -96,9 +96,10 @@ class Desk:
                 "width": nx, "height": ny, "frames": stack.n_frames, "drawn_before": document.drawn_before(self.folder)}
 
     def size(self, images: str) -> dict:
-        """Width, height and number of the frames of a group."""
+        """Width, height and number of the frames of a group, and the name of the first."""
         stack = self.pictures(images).stack
-        return {"width": stack.shape[1], "height": stack.shape[0], "frames": stack.n_frames}
+        return {"width": stack.shape[1], "height": stack.shape[0], "frames": stack.n_frames,
+                "reference": stack.labels[0]}
 
     def area(self, images: str) -> dict:
         """The speckled area as a first drawing; noise and size of the speckle."""

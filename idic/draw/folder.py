@@ -14,7 +14,7 @@ from idic.experiment_file.initial.fields import find_stages
 from idic.experiment_file.toml_file import NAME
 from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, FileStack, open_stack
 from idic.readers.logs import Log, read_log
-from idic.readers.paths import natural_key
+from idic.readers.paths import natural_key, recorded_order
 
 RUNS = "runs"  # FOLDER/runs/NAME: what the page identifies
 RUN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
@@ -30,7 +30,7 @@ class Listing:
 
     Attributes
     ----------
-    images : {pattern: its files, in natural order}, the largest group first
+    images : {pattern: its files, the reference first}, the largest group first
     logs : names of files that may be logs
     runs : names of the folders under `RUNS`
     """
@@ -99,7 +99,8 @@ def list_folder(folder: Path) -> Listing:
         raise InputError("no images in the folder", file=folder,
                          expected="TIFF or PNG images, in it or in a folder below",
                          found=f"{len(files)} other files", remedy="put the images in a folder images/")
-    images = {name: tuple(paths) for name, paths in sorted(groups.items(), key=lambda item: -len(item[1]))}
+    largest_first = sorted(groups.items(), key=lambda item: -len(item[1]))
+    images = {name: tuple(recorded_order(paths, folder)) for name, paths in largest_first}
     logs = tuple(path.relative_to(folder).as_posix() for path in files if path.suffix.lower() in LOG_SUFFIXES)
     return Listing(folder, images, logs, _runs(folder), (folder / NAME).is_file())
 

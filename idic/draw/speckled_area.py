@@ -7,15 +7,22 @@ import numpy as np
 
 from idic.draw.round_edges import circle_of, lines_and_arcs
 from idic.draw.texture import Texture
+from idic.images.quality.speckle import speckle_size
 
 MIN_AREA_SHARE = 0.005  # of the image: a smaller part is no specimen
 MIN_HOLE_SHARE = 0.002  # of the area: smaller gaps are filled
+# of the gradient energy: uneven light and the pattern itself make less of a difference (0.1 to 0.4 decades in images
+# that the pattern fills), a background more (1.7 to 2.7)
+MIN_DECADES = 1.0
 MIN_RECTANGLE_SHARE = 0.93  # of a rectangle around it that an area fills to be taken for one
 MAX_DENT = 3.0  # blocks: of its edge; a notch is deeper
 MIN_ROUNDNESS = 0.84  # 4 pi area / perimeter² of a round hole (a square has 0.79), with the steps of the blocks
 TOLERANCE = 1.2  # blocks: of the corners of the outline
 FINER = 4  # contours lie between the blocks
 EDGE_SHARE = 0.5  # of the gradient energy inside: less is background
+SMOOTHED = 3  # blocks: width of the means, unless the speckle is wider
+SPECKLES = 1.5  # that half of their width holds, where the speckle is wider
+SPECKLE_WINDOW_PX = 512
 SEARCHED = 3  # blocks to both sides of a straight edge or a circle
 INSET_PX = 1.0  # a central difference sees the edge one pixel before it
 # of the image, along its border: a pattern that leaves the image would leave it further when it moves
@@ -26,14 +33,14 @@ def speckled_area(image: np.ndarray, texture: Texture) -> tuple[list, list]:
     """Outline and holes of the largest connected part of the image with a pattern, in px.
 
     The logarithm of the gradient energy of the blocks falls into two classes (Otsu 1979, doi
-    10.1109/TSMC.1979.4310076). Rectangles, discs and round holes are placed to the pixel, other outlines, with arcs
-    where they are round, to the block.
+    10.1109/TSMC.1979.4310076); where these differ little, the pattern fills the image. Rectangles, discs and round
+    holes are placed to the pixel, other outlines, with arcs where they are round, to the block.
 
     Returns
     -------
     outline, holes : as in `idic.fe.mesh.polygon.mesh_polygon`; ([], []) where the image has no pattern
     """
-    mask = _pattern(texture)
+    wide, mask = _smoothed_pattern(image, texture)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
     if count < 2:
         return [], []
@@ -47,23 +54,51 @@ def speckled_area(image: np.ndarray, texture: Texture) -> tuple[list, list]:
     least = MIN_HOLE_SHARE * cv2.contourArea(loops[outer])
     holes = [_hole(loop, image, texture) for k, loop in enumerate(loops)
              if tree[0][k][3] == outer and cv2.contourArea(loop) > least]
-    return _outline(loops[outer], image, texture), holes
+    return _outline(loops[outer], image, texture, wide / SMOOTHED), holes
 
 
-def _pattern(texture: Texture) -> np.ndarray:
-    """Blocks with a pattern; gaps of a block are closed  # (rows, columns) uint8"""
+def _smoothed_pattern(image: np.ndarray, texture: Texture) -> tuple[int, np.ndarray]:
+    """Blocks of the means, as many as the speckle asks for, and the blocks with a pattern."""
+    wide = SMOOTHED
+    while True:
+        mask = _pattern(texture, wide)
+        wanted = 2 * int(SPECKLES * _speckle(image, mask, texture) / texture.block) + 1
+        if wanted <= wide:
+            return wide, mask
+        wide = wanted
+
+
+def _speckle(image: np.ndarray, mask: np.ndarray, texture: Texture) -> float:
+    """Size of the speckle in the middle of the pattern, px; 0 where it has none."""
+    rows, columns = np.nonzero(mask)
+    if not len(rows):
+        return 0.0
+    centre = ((np.array([np.median(rows), np.median(columns)]) + 0.5) * texture.block).astype(int)
+    low = np.maximum(centre - SPECKLE_WINDOW_PX // 2, 0)
+    part = image[low[0] : low[0] + SPECKLE_WINDOW_PX, low[1] : low[1] + SPECKLE_WINDOW_PX]
+    known = [np.minimum(np.arange(first, first + n) // texture.block, blocks - 1)
+             for first, n, blocks in zip(low, part.shape, mask.shape, strict=True)]
+    return speckle_size(part, mask[np.ix_(*known)] > 0) or 0.0
+
+
+def _pattern(texture: Texture, wide: int) -> np.ndarray:
+    """Blocks with a pattern, in means over `wide` x `wide` blocks; gaps of that size are closed  # (rows, columns)
+    uint8"""
     energy = texture.products[..., 0] + texture.products[..., 1]
     top = float(np.percentile(energy, 99.5))
     if top <= 0:
         return np.zeros(energy.shape, dtype=np.uint8)
-    log = np.log10(np.clip(cv2.blur(energy, (3, 3)) / top, 1e-3, 1.0))
+    log = np.log10(np.clip(cv2.blur(energy, (wide, wide)) / top, 1e-3, 1.0))
     grey = np.round((log + 3.0) * 85.0).astype(np.uint8)
     _, mask = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    seen = mask > 0
+    if not seen.all() and log[seen].mean() - log[~seen].mean() < MIN_DECADES:
+        mask[:] = 1  # the pattern fills the image
     rows, columns = (int(np.ceil(BORDER_SHARE * n)) for n in mask.shape)
     mask[:rows] = mask[-rows:] = mask[:, :columns] = mask[:, -columns:] = 0
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide))
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, disc)
-    mask = cv2.erode(mask, np.ones((3, 3), dtype=np.uint8))  # the mean of three blocks reaches one block out
+    mask = cv2.erode(mask, np.ones((wide, wide), dtype=np.uint8))  # the mean of three blocks reaches one block out
     return cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc)
 
 
@@ -74,20 +109,21 @@ def _to_px(points: np.ndarray, texture: Texture) -> np.ndarray:
     return np.clip(px, 0, [nx - 1, ny - 1]).astype(np.float32)
 
 
-def _outline(loop: np.ndarray, image: np.ndarray, texture: Texture) -> list:
+def _outline(loop: np.ndarray, image: np.ndarray, texture: Texture, coarse: float) -> list:
+    """coarse : how much wider than usual the means are"""
     px = _to_px(loop, texture)
     low, high = np.percentile(px, 2, axis=0), np.percentile(px, 98, axis=0)
     inside = np.minimum(px - low, high - px).min(axis=1)
     fills = cv2.contourArea(px) > MIN_RECTANGLE_SHARE * float(np.prod(np.ptp(px, axis=0)))
-    if fills and np.percentile(inside, 98) < MAX_DENT * texture.block:
+    if fills and np.percentile(inside, 98) < MAX_DENT * coarse * texture.block:
         (x0, y0), (x1, y1) = low.tolist(), high.tolist()
         x0, x1 = _side(image.T, x0, y0, y1, texture, -1), _side(image.T, x1, y0, y1, texture, 1)
         y0, y1 = _side(image, y0, x0, x1, texture, -1), _side(image, y1, x0, x1, texture, 1)
         return [[x0, y0], [x1, y0], [x1, y1], [x0, y1]]
-    if disc := circle_of(px, TOLERANCE * texture.block):
+    if disc := circle_of(px, TOLERANCE * coarse * texture.block):
         x, y, radius = disc
         return [round(x, 1), round(y, 1), round(_radius(image, x, y, radius, texture.block, outwards=True), 1)]
-    return lines_and_arcs(px, TOLERANCE * texture.block, image)
+    return lines_and_arcs(px, TOLERANCE * coarse * texture.block, image)
 
 
 def _side(image: np.ndarray, row: float, first: float, last: float, texture: Texture, outwards: int) -> float:

@@ -73,7 +73,7 @@ def _experiment(found: Found) -> str:
              "# Fill in the values marked FILL IN, then run  idic check .", ""]
     lines += [f"# {note}" for note in found.notes]
     lines += ["[experiment]", f"title = {json.dumps(found.folder.resolve().name)}",
-              _line(f"images = {json.dumps(found.images)}", "sorted naturally; the first is the reference"),
+              _line(f"images = {json.dumps(found.images)}", "in natural order; the reference comes first"),
               *_log_lines(found), *_mesh_lines(found)]
     mask = f"mask = {json.dumps(found.mask)}" if found.mask else '# mask = "mask.png"'
     lines += [_line(mask, "white is correlated"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 from idic.errors import InputError
@@ -12,6 +13,18 @@ def natural_key(text: str) -> list[tuple[int, int, str]]:
     """Sort key in which ``frame_2`` comes before ``frame_10``."""
     return [(0, int(part), "") if part.isdecimal() else (1, 0, part.lower()) for part in re.split(r"(\d+)", text)
             if part]
+
+
+_REFERENCE = re.compile(r"(?<![a-z])(ref|reference|undeformed)(?![a-z])", re.IGNORECASE)
+
+
+def recorded_order(paths: Iterable[Path], folder: Path) -> list[Path]:
+    """Natural order of the names in a folder; the one file whose name calls it the reference comes first."""
+    found = sorted(paths, key=lambda path: natural_key(path.relative_to(folder).as_posix()))
+    named = [path for path in found if _REFERENCE.search(path.stem)]
+    if len(named) == 1:
+        found.insert(0, found.pop(found.index(named[0])))
+    return found
 
 
 def inside(folder: Path, name: str, *, file, key) -> Path:
@@ -43,7 +56,7 @@ def existing_file(folder: Path, name: str, *, file, key) -> Path:
 
 
 def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path]:
-    """All files that match the patterns, in natural order."""
+    """All files that match the patterns, in `recorded_order`."""
     found: dict[Path, None] = {}
     for pattern in patterns:
         inside(folder, pattern, file=file, key=key)
@@ -56,7 +69,7 @@ def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path
                              found=f"{parent.name}/ holds {', '.join(names)} …" if names else "none",
                              remedy='correct the pattern, e.g. images = "images/*.tif"')
         found |= dict.fromkeys(matches)
-    return sorted(found, key=lambda path: natural_key(path.relative_to(folder).as_posix()))
+    return recorded_order(found, folder)
 
 
 def _matches(folder: Path, pattern: str, *, file, key) -> list[Path]:

@@ -52,6 +52,29 @@ def test_a_strip_with_a_hole_is_found_to_two_pixels(dtype):
     np.testing.assert_allclose(hole, [300, 200, 60], atol=2.0)
 
 
+def test_a_pattern_that_fills_the_image_in_uneven_light_is_one_rectangle():
+    shape = (300, 500)
+    _, x = grid(shape)
+    image = dots(shape, np.ones(shape, dtype=bool), noise=0.0) * (1.0 - 0.8 * x / shape[1])
+    image = np.clip(image + np.random.default_rng(1).normal(0, 2, shape), 0, 255).astype(np.uint8)
+    outline, holes = speckled_area(image, texture_of(image))
+    assert not holes
+    np.testing.assert_allclose(outline, [[16, 12], [483, 12], [483, 287], [16, 287]], atol=4)  # 3 % from the border
+
+
+def test_the_gaps_of_a_coarse_pattern_are_no_holes():
+    shape = (420, 600)
+    y, x = grid(shape)
+    inside = (x >= 80) & (x < 520) & (y >= 60) & (y < 340) & ((x - 300) ** 2 + (y - 200) ** 2 > 60**2)
+    coarse = dots((140, 200), np.ones((140, 200), dtype=bool), noise=0.0).repeat(3, axis=0).repeat(3, axis=1)
+    image = np.where(inside, coarse, 20) + np.random.default_rng(2).normal(0, 2, shape)
+    image = np.clip(image, 0, 255).astype(np.uint8)
+    outline, holes = speckled_area(image, texture_of(image))
+    np.testing.assert_allclose(outline, [[80, 60], [519, 60], [519, 339], [80, 339]], atol=2.0)
+    (hole,) = holes
+    np.testing.assert_allclose(hole, [300, 200, 60], atol=5.0)  # dots of 15 px
+
+
 def test_a_waisted_specimen_is_found_as_a_polygon_of_its_area():
     shape = (600, 400)
     y, x = grid(shape)

@@ -14,7 +14,7 @@ from idic.fe.mesh.mesh import check_elements
 from idic.readers.images import open_stack
 from idic.readers.logs import match, read_log
 from idic.readers.meshes import read_mesh_file
-from idic.readers.paths import matching_files, natural_key
+from idic.readers.paths import matching_files, natural_key, recorded_order
 from idic.readers.raw_mesh import to_mesh
 
 PIXELS = np.arange(6 * 8, dtype=np.uint8).reshape(6, 8) * 5
@@ -111,6 +111,13 @@ def test_files_are_sorted_as_people_count(tmp_path):
     assert [p.name for p in matching_files(tmp_path, ["*.tif"], file=None,
                                            key=None)] == ["f_1.tif", "f_2.tif", "f_10.tif"]
     assert natural_key("a2b10") < natural_key("a10b2")
+
+
+@pytest.mark.parametrize("names, first", [
+    (["L1.tif", "L3.tif", "Sample14_Reference.tif"], "Sample14_Reference.tif"), (["a_1.tif", "x ref.tif"], "x ref.tif"),
+    (["refined_2.tif", "a_1.tif"], "a_1.tif"), (["ref_2.tif", "ref_1.tif"], "ref_1.tif")])
+def test_the_one_file_that_is_called_the_reference_comes_first(names, first, tmp_path):
+    assert recorded_order([tmp_path / name for name in names], tmp_path)[0].name == first
 
 
 # log ----------------------------------------------------------------------------------------------------

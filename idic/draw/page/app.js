@@ -259,9 +259,9 @@ async function listRuns(chosen) {
 
 async function showImages(images) {
   page.images = images;
-  const { width, height, frames } = await get("size", { images });
+  const { width, height, frames, reference } = await get("size", { images });
   page.files.frames = frames;
-  $("facts").textContent = `${frames} images, ${width} × ${height} px`;
+  $("facts").textContent = `${frames} images, ${width} × ${height} px; reference ${reference}`;
   await view.show(images, 0, width, height);
 }
 

@@ -94,10 +94,13 @@ function cross(context, view, at, colour) {
 
 function paintAxes(context, view, { origin, angle }) {
   const [x, y] = view.toScreen(origin);
-  context.font = "700 13px system-ui, sans-serif"; context.textAlign = "center"; context.textBaseline = "middle"; context.lineWidth = 2.5;
+  context.font = "700 13px system-ui, sans-serif"; context.textAlign = "center"; context.textBaseline = "middle";
   for (const [label, turn, colour] of [["x", angle, "#ff5c5c"], ["y", angle + Math.PI / 2, "#5cff7e"]]) {
     const dx = Math.cos(turn), dy = -Math.sin(turn);
-    context.beginPath(); context.moveTo(x, y); context.lineTo(x + 40 * dx, y + 40 * dy); context.strokeStyle = colour; context.stroke();
+    for (const [ink, width] of [["#1c2733", 6], [colour, 2.5]]) { // dark around: an axis may lie on an edge
+      context.beginPath(); context.moveTo(x, y); context.lineTo(x + 40 * dx, y + 40 * dy); context.strokeStyle = ink; context.lineWidth = width; context.stroke();
+    }
+    context.strokeStyle = "#1c2733"; context.lineWidth = 4; context.strokeText(label, x + 50 * dx, y + 50 * dy);
     context.fillStyle = colour; context.fillText(label, x + 50 * dx, y + 50 * dy);
   }
 }

@@ -15,7 +15,7 @@ export class RunWatch {
     $("card-run").hidden = false;
     $("run-title").textContent = name;
     $("frame").max = frames - 1; $("frame").value = frames - 1; $("frame-text").textContent = frames - 1;
-    $("charts").replaceChildren(); $("run-parameters").tBodies[0].replaceChildren(); $("report-link").hidden = true;
+    $("charts").replaceChildren(); $("charts-title").hidden = true; $("run-parameters").tBodies[0].replaceChildren(); $("report-link").hidden = true;
     this.ask();
   }
 
@@ -65,6 +65,7 @@ export class RunWatch {
       $("show-residual").checked = true;
       Object.assign(this, { chi2: point.chi2, frame: point.frame, shown: key });
       this.tellFacts();
+      $("charts-title").hidden = !point.channels.length;
       $("charts").replaceChildren(...point.channels.map(() => element("canvas", [], "chart")));
       point.channels.forEach((c, k) => chart($("charts").children[k], [{ label: `${c.name}: measured`, colour: "#1c2733", dots: true, values: c.measured }, { label: "simulated", colour: "#d1495b", values: c.simulated }], "frame"));
       this.changed();

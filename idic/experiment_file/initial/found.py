@@ -16,7 +16,7 @@ from idic.fe.mesh.outline import is_circle
 from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, open_stack
 from idic.readers.logs import Log, read_log
 from idic.readers.meshes import MESH_SUFFIXES, read_mesh_file
-from idic.readers.paths import natural_key
+from idic.readers.paths import natural_key, recorded_order
 from idic.readers.raw_mesh import DIMENSION, to_mesh
 
 _NO_MESHES = (".dat", ".svg", ".wkt", ".xml")  # formats of meshio whose suffix usually means something else
@@ -30,6 +30,7 @@ class Found:
     images: str
     n_images: int
     image_shape: tuple[int, int]
+    reference: str  # label of the first image
     mesh_file: str | None = None
     mesh: Mesh | None = None
     log_file: str | None = None
@@ -71,8 +72,8 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
                          remedy="put the images in a folder images/")
     (parent, suffix), images = max(groups.items(), key=lambda item: len(item[1]))
     pattern = (parent.relative_to(folder) / f"*{suffix}").as_posix()
-    stack = open_stack(images)
-    found = Found(folder, pattern, stack.n_frames, stack.shape)
+    stack = open_stack(recorded_order(images, folder))
+    found = Found(folder, pattern, stack.n_frames, stack.shape, stack.labels[0])
     if masks and masks[0].parent != parent:
         found.mask = masks[0].relative_to(folder).as_posix()
     if area is not None:

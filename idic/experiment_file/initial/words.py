@@ -16,7 +16,8 @@ FILL_IN = "FILL IN"
 def lines_of(found: Found, text: str) -> list[str]:
     """One fact per line, as `idic check` prints them; text : of the written experiment.toml."""
     ny, nx = found.image_shape
-    lines = [f"images       {found.images}: {found.n_images} of {nx} x {ny} px; the first is the reference",
+    lines = [f"images       {found.images}: {found.n_images} of {nx} x {ny} px; the reference is the first, "
+             f"{found.reference}",
              *_mesh(found), _log(found),
              "to identify  E from 70 000 MPa and nu from 0.3 of the law elastic, typical of aluminium: replace them by "
              "the law of your material (idic laws) and starting values",
