@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from idic.errors import InputError
-from idic.images.stack import Stack
+from idic.readers.images import FileStack
 
 KEPT_FRAMES = 2  # in memory: the reference and the one last looked at
 MAX_WIDTH = 4096  # px of a picture for the browser
@@ -23,7 +23,7 @@ JPEG_QUALITY = 88
 class Pictures:
     """The frames of a stack; the last ones stay in memory."""
 
-    stack: Stack
+    stack: FileStack
     _frames: OrderedDict[int, np.ndarray] = field(default_factory=OrderedDict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
