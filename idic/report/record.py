@@ -245,6 +245,7 @@ class YieldSurface:
     ----------
     name : element set
     section, radius, std : (m, 3) directions without shear, (m,) MPa factors on them at yield, (m,) MPa
+        The standard deviation counts the error of the family, too.
     visited, visited_radius, visited_std : (k, 3), (k,) MPa, (k,) MPa
         The same of the directions in which the test has flowed.
     fits : tuple of ClassicalFit

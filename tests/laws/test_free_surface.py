@@ -9,7 +9,7 @@ from idic.materials import compile, point
 from idic.materials.composed.elastoplastic import composed_name
 from idic.materials.composed.free_curve import classical_fits
 from idic.materials.plasticity.free_locus import KNOTS, POWER, RINGS, neighbours
-from idic.report.evidence.yield_surface import surface_fits
+from idic.report.evidence.yield_surface import std_of, surface_fits
 from idic.materials.plasticity.surface_forms import classical_surfaces, equivalent, hill48, hosford, powers
 
 HILL = (1.6, 1.2, 2.0)
@@ -75,6 +75,18 @@ def test_directions_that_the_weights_tie_together_do_not_decide_between_the_clas
     fits = surface_fits(stress, *radius_of(weights, 200.0, stress))
     assert fits[0].form == "hill48" and fits[0].inside and fits[0].chi2 < 10.0
     assert not any(fit.inside for fit in fits if fit.form in ("mises", "tresca"))
+
+
+def test_a_band_holds_surfaces_of_hill_that_the_weights_cannot_be():
+    """Weights that are known exactly: what is left is the family's own error."""
+    stress, along = stresses(), np.array([[1.0, 0.0, 0.0]])
+    held = []
+    for seed in range(20):
+        r = np.random.default_rng(seed).uniform(0.6, 2.2, 3)
+        q = hill48(stress, *r)
+        found = equivalent(fitted(q / hill48(along, *r), stress), stress)[0] * hill48(along, *r)
+        held.append(np.abs(q / found - 1.0) < 1.959964 * std_of(1.0 / found, np.zeros((len(q), len(q)))) * found)
+    assert 0.93 < np.mean(held) <= 1.0
 
 
 def radius_of(weights, start, stress):

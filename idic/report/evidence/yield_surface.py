@@ -63,10 +63,18 @@ def _surfaces(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         fits, own, stds = (), np.zeros(0), np.zeros(0)
         if len(visited):
             own, own_C = radius(visited)
-            stds = np.sqrt(np.maximum(np.diag(own_C), 0.0))
+            stds = std_of(own, own_C)
             fits = surface_fits(visited, own, own_C)
-        yield YieldSurface(stem, section, r, np.sqrt(np.maximum(np.diag(C), 0.0)), visited, own, stds, fits,
+        yield YieldSurface(stem, section, r, std_of(r, C), visited, own, stds, fits,
                            NEIGHBOURS * smoothness_of(experiment, names[1]).strength)
+
+
+def std_of(radius: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Standard deviation of the radius: of the parameters, and `FAMILY_ERROR` by which weights miss smooth surfaces.
+
+    radius : (m,) MPa; covariance : (m, m) MPa^2, of the parameters alone  # (m,) MPa
+    """
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0) + (FAMILY_ERROR * radius) ** 2)
 
 
 def surface_fits(stress: np.ndarray, radius: np.ndarray, covariance: np.ndarray) -> tuple[ClassicalFit, ...]:

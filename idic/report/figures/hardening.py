@@ -114,9 +114,9 @@ def _surface_caption(surface: YieldSurface, unit: str, size: float) -> str:
              "in chi2 is no more than noise explains (about the number in "
              f"brackets). {forms}. " if len(surface.visited) else "No stresses are known that the test has visited. ")
     return ("Left: initial yield without shear in material axes; dots are visited directions with little shear, the "
-            f"rest of the section follows the prior. {shown}The band follows from the covariance of the parameters; "
-            f"the prior (weights 1 with std {SPREAD:g}, neighbours differ by 0 with std {surface.smoothness:g}) is "
-            "part of it.")
+            f"rest of the section follows the prior. {shown}The band counts the covariance of the parameters and the "
+            f"{FAMILY_ERROR:.1%} by which the weights miss a surface of Hill. The prior (weights 1 with std "
+            f"{SPREAD:g}, neighbours differ by 0 with std {surface.smoothness:g}) is part of it.")
 
 
 def _surface_form(fit: ClassicalFit, unit: str, size: float) -> str:
