@@ -121,6 +121,22 @@ def test_subsets_average_the_motion():
     assert np.abs(reference.matrix @ np.ones(2 * there.mesh.n_nodes) / reference.scale - 1.0).max() < 1e-9
 
 
+@pytest.mark.parametrize("width", [0.7, 2.5])
+def test_subsets_that_reach_beyond_the_mesh_see_an_affine_motion_at_their_middle(width):
+    """Points lie on the ends of the plate, too: half or three quarters of their subset is beside it. Places are kept to
+    1e-7 of single precision."""
+    there = experiment(subset_px=width)
+    reference = build_field_reference(there, there.camera)
+    x, y = there.camera.project(there.mesh.nodes).T
+    motion = np.column_stack([0.3 + 0.01 * x - 0.002 * y, 0.004 * x + 0.02 * y])
+    found = (reference.matrix @ motion.ravel()) / reference.scale
+    pm = reference.pixel_map
+    px, py = pm.points().T
+    assert (px == px.min()).any() and (np.abs(px - px.min()) + np.abs(py - py.min()) < 1e-9).any()
+    exact = np.where(pm.component == 0, 0.3 + 0.01 * px - 0.002 * py, 0.004 * px + 0.02 * py)
+    np.testing.assert_allclose(found, exact, atol=2e-6)
+
+
 def test_a_mesh_beside_the_points_is_refused():
     there = experiment()
     with pytest.raises(InputError, match="no measured point"):

@@ -220,13 +220,13 @@ def build_field_reference(experiment: Experiment, camera: Camera) -> FieldRefere
 def _over_subsets(experiment: Experiment, camera: Camera, point_map: PointMap, width: float) -> sparse.csr_array:
     """Shape functions averaged over the subset around every point, as far as it lies on the mesh  # (n_pixels, n_nodes)
 
-    The displacement that an affine subset finds in a smooth field is the mean of the field over it: its value at the
-    middle of the best affine field (docs/method.md, equation 15.6). Gauss points integrate fields up to degree five.
+    The displacement that an affine subset finds in a smooth field is its best affine field at the middle, the mean over
+    a whole subset (docs/method.md, equation 15.6). Gauss points integrate fields up to degree five.
     """
-    at, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    at, along_one = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     across, along = np.meshgrid(0.5 * width * at, 0.5 * width * at)
     offsets = np.column_stack([across.ravel(), along.ravel()])
-    weights = np.outer(weight, weight).ravel()
+    weights = np.outer(along_one, along_one).ravel()
     seen, number = np.unique(point_map.point, return_inverse=True)
     samples = (point_map.positions[seen][:, None] + offsets).reshape(-1, 2)
     cells = surface_cells(experiment.mesh, experiment.surface)
@@ -235,6 +235,22 @@ def _over_subsets(experiment: Experiment, camera: Camera, point_map: PointMap, w
     sample = there.point[first]
     values = sparse.csr_array(there.shape_matrix()[np.flatnonzero(first)])
     owner, own = np.divmod(sample, len(offsets))
-    gather = sparse.csr_array((weights[own], (owner, np.arange(len(sample)))), shape=(len(seen), len(sample)))
-    mean = sparse.diags_array(1.0 / np.asarray(gather.sum(axis=1)).ravel()) @ (gather @ values)
-    return sparse.csr_array(sparse.csr_array(mean)[number])
+    weight = _at_the_middle(offsets[own], weights[own], owner, len(seen))
+    gather = sparse.csr_array((weight, (owner, np.arange(len(sample)))), shape=(len(seen), len(sample)))
+    return sparse.csr_array(sparse.csr_array(gather @ values)[number])
+
+
+def _at_the_middle(place: np.ndarray, weight: np.ndarray, owner: np.ndarray, n: int) -> np.ndarray:
+    """Weights of the samples of n subsets that give the best affine field of each at its middle  # (n_samples,)
+
+    place : (n_samples, 2) from the middle; owner : (n_samples,) subset. Of a whole subset they are `weight` over its
+    sum; of one that reaches beyond the mesh they carry its mean to the middle. Samples on a line have no slope across.
+    """
+    total = np.bincount(owner, weight, n)
+    mean = np.column_stack([np.bincount(owner, weight * place[:, k], n) / total for k in (0, 1)])
+    off = place - mean[owner]
+    spread = np.empty((n, 2, 2))
+    for i, j in np.ndindex(2, 2):
+        spread[:, i, j] = np.bincount(owner, weight * off[:, i] * off[:, j], n) / total
+    slope = np.einsum("nij,nj->ni", np.linalg.pinv(spread, rcond=1e-9, hermitian=True), -mean)
+    return weight / total[owner] * (1.0 + (off * slope[owner]).sum(axis=1))
