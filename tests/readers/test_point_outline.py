@@ -7,7 +7,7 @@ import pytest
 
 from idic.errors import InputError
 from idic.readers.fields.outline import outline_of, sides
-from idic.readers.fields.outline_width import narrowest, width_error
+from idic.readers.fields.outline_width import narrowest, notched_axis, width_error
 
 PITCH, MARGIN = 0.8, 0.5
 
@@ -99,8 +99,8 @@ def test_gaps_that_are_no_holes_are_told():
 def test_the_narrowest_width_is_that_between_a_hole_and_the_edges():
     points = grid(24.0, 60.0)
     found = outline_of(points[np.hypot(*(points - [12.0, 30.0]).T) > 5.0 + MARGIN], PITCH, MARGIN)
-    assert narrowest(found) == pytest.approx(14.0, abs=PITCH)
-    assert narrowest(outline_of(points, PITCH, MARGIN)) == pytest.approx(24.0, abs=1e-6)
+    assert narrowest(found, PITCH) == pytest.approx(14.0, abs=PITCH)
+    assert narrowest(outline_of(points, PITCH, MARGIN), PITCH) == pytest.approx(24.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.0])
@@ -116,10 +116,25 @@ def test_the_width_between_round_notches_is_within_the_stated_error(turn):
     notched = wedge | (np.hypot(points[:, 0], within - tip) < radius)
     points = points[(np.abs(points[:, 0]) < 20.0) & (within < 10.0) & ~notched] @ [[c, -s], [s, c]]
     found = outline_of(points, pitch, 0.5 * pitch)
-    off, error = abs(narrowest(found) - 11.4), width_error(found, pitch)
+    off, error = abs(narrowest(found, pitch) - 11.4), width_error(found, pitch)
     assert off < error < 5.0 * pitch
     assert off > pitch  # more than along straight edges
 
 
 def test_the_error_of_a_rectangle_is_half_a_distance_on_every_side():
     assert width_error(outline_of(grid(24.0, 60.0), PITCH, MARGIN), PITCH) == pytest.approx(PITCH)
+
+
+@pytest.mark.parametrize("turn", [0.0, 3.0])
+def test_notched_and_waisted_sides_are_free_edges(turn):
+    """A rail shear specimen is taller than wide and notched above and below; of a dog bone the sides are waisted."""
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    points = grid(24.0, 56.0) - [12.0, 28.0]
+    rail = points[np.abs(points[:, 1]) < 15.3 + np.abs(points[:, 0])]
+    bone = points[np.abs(points[:, 0]) < 7.0 + 0.005 * points[:, 1] ** 2]
+    turned = np.array([[c, s], [-s, c]])
+    assert notched_axis(rail @ turned, PITCH) == 1
+    assert notched_axis(bone @ turned, PITCH) == 0
+    assert notched_axis(points @ turned, PITCH) is None
+    found = outline_of(rail @ turned, PITCH, MARGIN)
+    assert abs(narrowest(found, PITCH) - 30.6 - 2 * MARGIN) < width_error(found, PITCH)  # of the points, and the margin

@@ -17,7 +17,7 @@ from idic.errors import InputError
 from idic.images.quality.field_noise import MIN_POINTS, MIN_STAGES
 from idic.readers.fields.chosen_stages import StageRule, mean_strain, strain_path
 from idic.readers.fields.outline import outline_of
-from idic.readers.fields.outline_width import narrowest, width_error
+from idic.readers.fields.outline_width import narrowest, notched_axis, width_error
 from idic.readers.fields.series import SUFFIXES, FieldSeries, MeasuredPoints, detected, measured_points, open_fields
 from idic.readers.logs import Log, read_log
 from idic.readers.units import parse_unit
@@ -63,8 +63,7 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
             raise
         in_px, series = True, open_fields(paths, unit="mm")  # the size of a pixel is to be filled in
     points = measured_points(series, [0])
-    extent = np.ptp(points.positions, axis=0)
-    upright = extent[1] >= extent[0]
+    upright, why = _upright(points)
     log, own = series.log(), True
     others = [path for path in files if path not in set(paths)]
     mesh = next((path.relative_to(folder).as_posix() for path in others if path.suffix.lower() in _MESH_SUFFIXES), None)
@@ -78,9 +77,18 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
              *_log_lines(series, log, None if own else found[0].relative_to(folder).as_posix(), column),
              "",  # type: ignore[index]
              _camera(in_px, mesh is not None), _MATERIAL,
-             _boundary("TOP" if upright else "RIGHT", "BOTTOM" if upright else "LEFT"),
+             _boundary("TOP" if upright else "RIGHT", "BOTTOM" if upright else "LEFT", why),
              _channel(column, "TOP" if upright else "RIGHT", loaded), _section(points) if mesh is None else "", _TAIL]
     return "\n".join(parts)
+
+
+def _upright(points: MeasuredPoints) -> tuple[bool, str]:
+    """Whether the loaded ends are above and below, and why: notches and waists are in free edges."""
+    notched = notched_axis(points.positions, points.pitch)
+    if notched is not None:
+        return notched == 0, "the other two edges are notched"
+    extent = np.ptp(points.positions, axis=0)
+    return bool(extent[1] >= extent[0]), "across the longer side"
 
 
 def _pattern(folder: Path, paths: Sequence[Path]) -> str:
@@ -185,7 +193,7 @@ def _section(points: MeasuredPoints) -> str:
     if not found.holes and found.filled > _MIN_FILLED:
         return ""
     open_mm = max(points.pitch, 0.5 * width_error(found, points.pitch))  # half of the most that a notch may be off
-    share = f"{open_mm / (narrowest(found) + points.pitch):.2g}"
+    share = f"{open_mm / (narrowest(found, points.pitch) + points.pitch):.2g}"
     return "\n".join([f"# unless outline_mm is drawn, the section of a force is known to {share} of itself only;",
                       "# error bars of moduli count that by this degree of freedom:",
                       "# [[dof]]", '# name = "geometry.thickness"',
@@ -234,8 +242,8 @@ _TAIL = """# [[dof]]                        # further degrees of freedom
 """
 
 
-def _boundary(moving: str, fixed: str) -> str:
-    return "\n".join(["[[boundary]]", f"nodes = {json.dumps(moving)}",
+def _boundary(moving: str, fixed: str, why: str) -> str:
+    return "\n".join(["[[boundary]]", _line(f"nodes = {json.dumps(moving)}", f"loaded end: {why}"),
                       _line('u = "measured"', "the motion of this end, from the fields"), "", "[[boundary]]",
                       f"nodes = {json.dumps(fixed)}", 'u = "measured"', ""])
 

@@ -88,7 +88,7 @@ def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera,
 
 
 def _edge_notes(found: PointOutline, pitch: float) -> list[str]:
-    width, error = narrowest(found), width_error(found, pitch)
+    width, error = narrowest(found, pitch), width_error(found, pitch)
     notch = f", that of a notch to {0.5 * error:.2g} mm" if error > pitch else ""
     return [f"the outline of the points is known to half their distance, {0.5 * pitch:.2g} mm on every side{notch}: "
             f"the narrowest width of {width:.3g} mm is off by up to {100.0 * error / width:.2g} %, and so are moduli "
@@ -100,7 +100,7 @@ def outline_share(config: ExperimentFile, stack: Stack, camera: Camera, file: Pa
     if config.experiment.mesh.outline_points_mm is None or not isinstance(stack, FieldStack):
         return None
     found = _of_outline(config, stack.points, camera, file)[1]
-    return width_error(found, stack.points.pitch) / narrowest(found)
+    return width_error(found, stack.points.pitch) / narrowest(found, stack.points.pitch)
 
 
 def _gap_notes(found: PointOutline) -> list[str]:

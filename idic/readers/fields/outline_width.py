@@ -8,6 +8,7 @@ import numpy as np
 
 from idic.readers.fields.outline import MAX_CIRCUMRADIUS, PointOutline
 
+MIN_NOTCH_PITCHES = 3.0  # depth of a notch or waist by which `idic init` takes its sides as free edges
 SLICES, SLICED = 200, (0.1, 0.9)  # across an outline, for its narrowest width, and over which part of its length
 MIN_NOTCH = 0.7  # radii of a closed gap: how much wider it is a gap beside the narrowest place; less is no notch
 
@@ -19,29 +20,37 @@ def width_error(found: PointOutline, pitch: float) -> float:
     filled where it is narrower than the gaps that are closed, and the lines of its sides meet deeper than its round:
     it is known to the radius of such a gap.
     """
-    at, gap = int(np.argmin(_widths(found))), MAX_CIRCUMRADIUS * pitch
-    widths = _widths(replace(found, holes=()))  # a hole is a circle through many points
-    beside = np.clip(at + np.array([-1, 1]) * _slices_of(found, 2.0 * gap), 0, SLICES - 1)
+    along, gap = _loaded_axis(found, pitch), MAX_CIRCUMRADIUS * pitch
+    at = int(np.argmin(_widths(found, along)))
+    widths = _widths(replace(found, holes=()), along)  # a hole is a circle through many points
+    beside = np.clip(at + np.array([-1, 1]) * _slices_of(found, along, 2.0 * gap), 0, SLICES - 1)
     return 2.0 * gap if (widths[beside] - widths[at]).min() > MIN_NOTCH * gap else pitch
 
 
-def narrowest(found: PointOutline) -> float:
-    """The smallest width across the longer side, holes left out, between a tenth of the length from both ends  # mm"""
-    return float(_widths(found).min())
+def narrowest(found: PointOutline, pitch: float) -> float:
+    """The smallest width across the loaded axis, holes left out, between a tenth of the length from both ends  # mm"""
+    return float(_widths(found, _loaded_axis(found, pitch)).min())
 
 
-def _widths(found: PointOutline) -> np.ndarray:
-    """Widths across the longer side  # (SLICES,) mm"""
+def _loaded_axis(found: PointOutline, pitch: float) -> int:
+    """Between the loaded ends: not through notched sides, else the longer one."""
+    a, b = found.outline, np.roll(found.outline, -1, axis=0)
+    edges = (a[:, None] + np.linspace(0.0, 1.0, SLICES)[:, None] * (b - a)[:, None]).reshape(-1, 2)
+    notched = notched_axis(edges, pitch)
+    return int(np.argmax(np.ptp(found.outline, axis=0))) if notched is None else 1 - notched
+
+
+def _widths(found: PointOutline, along: int) -> np.ndarray:
+    """Widths across an axis  # (SLICES,) mm"""
     low, extent = found.outline.min(axis=0), np.ptp(found.outline, axis=0)
-    along = int(np.argmax(extent))
     loops = [found.outline, *(_circle(hole) if hole.ndim == 1 else hole for hole in found.holes)]
     return np.array([sum(_width(loop, along, at) * (1.0 if k == 0 else -1.0) for k, loop in enumerate(loops))
                      for at in low[along] + extent[along] * np.linspace(*SLICED, SLICES)])
 
 
-def _slices_of(found: PointOutline, length: float) -> int:
+def _slices_of(found: PointOutline, along: int, length: float) -> int:
     """How many slices are a length apart."""
-    return int(np.ceil(length * (SLICES - 1) / (np.ptp(found.outline, axis=0).max() * (SLICED[1] - SLICED[0]))))
+    return int(np.ceil(length * (SLICES - 1) / (np.ptp(found.outline[:, along]) * (SLICED[1] - SLICED[0]))))
 
 
 def _circle(hole: np.ndarray) -> np.ndarray:
@@ -57,3 +66,26 @@ def _width(loop: np.ndarray, along: int, at: float) -> float:
     share = (at - a[:, along]) / (b[:, along] - a[:, along])
     crossed = np.sort(a[:, 1 - along] + share * (b - a)[:, 1 - along])
     return float(np.sum(crossed[1::2] - crossed[::2]))
+
+
+def notched_axis(positions: np.ndarray, pitch: float) -> int | None:
+    """The axis whose two sides (0: left and right, 1: below and above) are notched or waisted; None: neither or both.
+
+    A side is notched where it recedes between two places that lie further out, by `MIN_NOTCH_PITCHES` at least.
+
+    positions : (n, 2); pitch : distance of neighbours
+    """
+    deep = [max(_recess(positions[:, axis], positions[:, 1 - axis], pitch),
+                _recess(-positions[:, axis], positions[:, 1 - axis], pitch)) / pitch for axis in (0, 1)]
+    axis = int(np.argmax(deep))
+    return axis if deep[axis] >= MIN_NOTCH_PITCHES and deep[axis] > 2.0 * deep[1 - axis] else None
+
+
+def _recess(across: np.ndarray, along: np.ndarray, pitch: float) -> float:
+    """How far the lower end of `across` recedes between two places along the side."""
+    place = np.floor((along - along.min()) / (2.0 * pitch)).astype(int)
+    lowest = np.full(place.max() + 1, np.inf)
+    np.minimum.at(lowest, place, across)
+    lowest = lowest[np.isfinite(lowest)]
+    before, after = np.minimum.accumulate(lowest), np.minimum.accumulate(lowest[::-1])[::-1]
+    return float((lowest - np.maximum(before, after)).max())
