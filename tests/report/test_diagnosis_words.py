@@ -53,13 +53,15 @@ def test_the_side_of_unexplained_motion_is_a_guess_and_both_guesses_are_told():
 
 
 def test_a_complete_model_gets_a_list_of_effects_that_the_test_cannot_show():
-    text = sentence(content("none") | {"excluded": [{}, {}], "cannot_tell": ["creep"]}, TITLES)
+    text = sentence(content("none") | {"excluded": [{"name": "grip_slip"}, {"name": "drift"}, {"name": "creep"}],
+                                      "cannot_tell": ["creep"]}, TITLES)
     assert "(1 candidates tested, 2 of them excluded with a bound, 1 that this test cannot see)" in text
 
 
 def test_a_blind_test_is_explained_by_its_parameters_or_its_noise():
     hidden, seen = ({"name": "creep", "form": None, "visibility": v} for v in (0.01, 0.9))
-    said = content("blind") | {"excluded": [{}], "cannot_tell": ["creep"], "next_experiment": "load it 3 times as far"}
+    said = content("blind") | {"excluded": [{"name": "drift"}], "cannot_tell": ["creep"],
+                               "next_experiment": "load it 3 times as far"}
     assert "parameters imitate the effect of every candidate" in sentence(said | {"candidates": [hidden]}, TITLES)
     text = sentence(said | {"candidates": [hidden, seen]}, TITLES)
     assert "would be lost in it" in text and text.endswith("Next: load it 3 times as far.")

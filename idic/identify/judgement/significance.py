@@ -14,7 +14,7 @@ def z_text(z: float) -> str:
     """Standard deviations to one decimal: "3.2", "> 8", "< -8"."""
     if abs(z) > MAX_PRINTED_Z:
         return f"> {MAX_PRINTED_Z:g}" if z > 0 else f"< -{MAX_PRINTED_Z:g}"
-    return f"{z:.1f}"
+    return f"{round(z, 1) + 0.0:.1f}"  # no -0.0
 
 
 def p_text(p: float) -> str:

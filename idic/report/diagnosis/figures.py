@@ -85,37 +85,44 @@ def ranking(record: DiagnosisRecord) -> Picture | None:
     entries = [c for c in strongest(record.content, CANDIDATES_SHOWN) if c["score"] is not None]
     if not entries:
         return None
+    refitted = [(row, c) for row, c in zip(range(len(entries) - 1, -1, -1), entries, strict=True) if c["refitted"]]
     with look():
         figure = new_figure(10.0, 0.34 * len(entries) + 1.5)
-        left, right = figure.subplots(1, 2, sharey=True)
-        y = np.arange(len(entries))[::-1]
-        left.barh(y, [_bar(c) for c in entries], height=0.62,
-                  color=["white" if _in_set(record, c) else _colour(record, c) for c in entries],
-                  edgecolor=[_colour(record, c) for c in entries], linewidth=1.2)
-        left.axvline(ONE_TEST_Z, color=BLACK, lw=0.8, ls=":")
-        largest = max(_bar(c) for c in entries)
-        for row, entry in zip(y, entries, strict=True):
-            left.text(_bar(entry) + 0.01 * largest, row, f"{entry['score']:.3g}", va="center", fontsize=8, color=GREY)
-        left.set(yticks=y, xlabel="score [standard deviations]", title="Score", xlim=(0.0, 1.12 * max(largest, 1.0)))
-        left.set_yticklabels([_label(record, c) for c in entries])
-        for row, entry in zip(y, entries, strict=True):
-            if not entry["refitted"]:
-                continue
-            for offset, key, colour in ((0.17, "predicted_chi2_drop", GREY), (-0.17, "achieved_chi2_drop", BLUE)):
-                right.barh(row + offset, max(entry[key] or 0.0, 0.0), height=0.3, color=colour)
-        right.set(xlabel="drop of χ² [–]", title="Drop of χ², predicted and achieved", xlim=(0.0, None))
-        right.ticklabel_format(axis="x", style="sci", scilimits=(-3, 5))
-        handles = [Patch(color=GREY, label="predicted"), Patch(color=BLUE, label="achieved by the refit"),
-                   Patch(facecolor=GREEN, label=name_of_best(record.content)),
-                   Patch(facecolor=ORANGE, label="significant"),
-                   Patch(facecolor=FAINT, label="not significant"),
-                   Patch(facecolor="white", edgecolor=GREEN, label="indistinguishable")]
+        left, *others = figure.subplots(1, 2 if refitted else 1, sharey=True, squeeze=False)[0]
+        handles = _scores(left, record, entries)
+        for right in others:
+            for row, entry in refitted:
+                for offset, key, colour in ((0.17, "predicted_chi2_drop", GREY), (-0.17, "achieved_chi2_drop", BLUE)):
+                    right.barh(row + offset, max(entry[key] or 0.0, 0.0), height=0.3, color=colour)
+            right.set(xlabel="drop of χ² [–]", title="Drop of χ², predicted and achieved", xlim=(0.0, None))
+            right.ticklabel_format(axis="x", style="sci", scilimits=(-3, 5))
+            handles += [Patch(color=GREY, label="predicted"), Patch(color=BLUE, label="achieved by the refit")]
         figure.legend(handles=handles, loc="outside lower center", ncols=6)
         return to_picture(figure, "diagnosis_ranking", "Candidates",
-                      "Left: score of the best variant of each candidate. The dotted line is the 1 % level of a single "
-                      "test; "
-                      "the decision is family-wise. Right: drop of χ² predicted by the score and achieved by the "
-                      "refit.")
+                          f"{'Left: score' if refitted else 'Score'} of the best variant of each candidate. The dotted "
+                          "line is the 1 % level of a single test; the decision is family-wise."
+                          + (" Right: drop of χ² predicted by the score and achieved by the refit." if refitted else
+                             " No candidate was refitted."))
+
+
+def _scores(axis, record: DiagnosisRecord, entries) -> list[Patch]:
+    """Bars of the scores; the entries of the legend that occur."""
+    y, colours = np.arange(len(entries))[::-1], [_colour(record, c) for c in entries]
+    hollow = [_in_set(record, c) for c in entries]
+    axis.barh(y, [_bar(c) for c in entries], height=0.62, edgecolor=colours, linewidth=1.2,
+              color=["white" if one else colour for one, colour in zip(hollow, colours, strict=True)])
+    axis.axvline(ONE_TEST_Z, color=BLACK, lw=0.8, ls=":")
+    largest = max([ONE_TEST_Z, *map(_bar, entries)])
+    for row, entry in zip(y, entries, strict=True):
+        score = entry["score"]
+        axis.text(_bar(entry) + 0.01 * largest, row, f"{score:.0f}" if abs(score) >= 100.0 else f"{score:.3g}",
+                  va="center", fontsize=8, color=GREY)
+    axis.set(yticks=y, xlabel="score [standard deviations]", title="Score", xlim=(0.0, 1.12 * largest))
+    axis.set_yticklabels([_label(record, c) for c in entries])
+    names = {GREEN: name_of_best(record.content), ORANGE: "significant", FAINT: "not significant"}
+    filled = {colour for one, colour in zip(hollow, colours, strict=True) if not one}
+    return [Patch(facecolor=colour, label=name) for colour, name in names.items() if colour in filled] + [
+        Patch(facecolor="white", edgecolor=GREEN, label="indistinguishable")] * any(hollow)
 
 
 def parameters(record: DiagnosisRecord) -> Picture | None:

@@ -51,6 +51,7 @@ def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = 
     """The HTML text; `sections` from `draw_sections`, drawn here if not given."""
     content = record.content
     detail, _, rest = content["sentence"].partition(" Next: ")
+    bounded = {entry["name"] for entry in content["excluded"]}
     first = content.get("headline", detail)  # not in diagnoses of earlier versions
     return filled_in(
         "diagnosis.html.j2", title=record.title, first=first, rest=[rest.removesuffix(".")] if rest else [],
@@ -61,7 +62,8 @@ def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = 
         sections=draw_sections(record, Notes()) if sections is None else sections, parameters=_parameters(content),
         candidates=[_candidate(record, entry) for entry in content["candidates"]],
         excluded=[f"{_title(record, entry['name'])}: {entry['bound']}" for entry in content["excluded"]],
-        cannot_tell=[_title(record, name) for name in content["cannot_tell"]], costs=_costs(content["cost"]))
+        cannot_tell=[_title(record, name) + (" (other forms)" if name in bounded else "")
+                     for name in content["cannot_tell"]], costs=_costs(content["cost"]))
 
 
 def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:

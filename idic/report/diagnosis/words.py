@@ -240,7 +240,8 @@ def _began(content: Mapping) -> str:
 
 
 def _bounds(content: Mapping) -> str:
-    n, m = len(content["excluded"]), len(content["cannot_tell"])
+    unseen = set(content["cannot_tell"])
+    n, m = len({one["name"] for one in content["excluded"]} - unseen), len(unseen)
     return (f", {n} of them excluded with a bound" if n else "") + (f", {m} that this test cannot see" if m else "")
 
 

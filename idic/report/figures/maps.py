@@ -21,6 +21,7 @@ LETTER_WIDTH_INCH = 0.072  # inch, mean width of a letter of a title
 N_RASTER_SAMPLES = 420  # samples along the longer side of a field that is laid over the image
 RESIDUAL_RANGE = 4.0  # times the noise level
 MIN_CHI2_WINDOWS = 16  # windows of the local chi² across the shorter side of the specimen
+MORE_THAN_CURVE = 1.05  # rms of a map of the starting values over their curve, from which on the caption explains it
 MIN_CHI2_REACH = 2.0  # the colour scale reaches at least to this factor above (and below) noise
 TRIANGLES = {
     "tri3": ((0, 1, 2),),
@@ -64,13 +65,25 @@ def local_chi2(record: RunRecord) -> Picture | None:
     caption = (
         f"Residual² / noise², averaged over {size} × {size} px. 1 (white) is noise; red is motion or brightness "
         "(height) that the simulation lacks. Each row has its own logarithmic scale, which ends at its maximum."
-    )
+    ) + _start_note(record)
     reaches = [max(float(np.nanmax(stack)) if np.isfinite(stack).any() else 1.0, MIN_CHI2_REACH) for stack in stacks]
     return _before_and_after(
         record, stacks, [LogNorm(1.0 / reach, reach) for reach in reaches], "local χ² [–]",
         lambda m: f"max {_ratio(np.nanmax(m))}",
         ("local_chi2", "Local residual", caption),
     )  # fmt: skip
+
+
+def _start_note(record: RunRecord) -> str:
+    """Why the maps of the starting values show more than their curve, where they do."""
+    data, curve = record.residuals, record.rms_before
+    if curve is None:
+        return ""
+    shown = np.sqrt(np.nanmean(np.asarray(data.before, dtype=float) ** 2, axis=(1, 2)))
+    if not (shown > MORE_THAN_CURVE * curve[list(data.frames)]).any():
+        return ""
+    return (" Upper row: with the motion of the edges that a free FE-DIC gave; the curve of the starting values above "
+            "has the motion that fits these values best.")
 
 
 def _before_and_after(record: RunRecord, stacks, norms: Sequence[Normalize], label: str, describe, text) -> Picture:
@@ -106,7 +119,7 @@ def _ratio_ticks(bar, norm: Normalize) -> None:
     reach = float(norm.vmax)  # type: ignore[arg-type]
     base = 2.0 if reach <= 20.0 else 10.0
     steps = base ** np.arange(1, int(np.log(reach) / np.log(base)) + 1)
-    steps = steps[np.log(steps) < 0.85 * np.log(reach)]  # room for the label of the end
+    steps = steps[np.log(steps) < 0.7 * np.log(reach)]  # room for the label of the end
     ups = [*steps, reach]
     bar.set_ticks([*(1.0 / t for t in reversed(ups)), 1.0, *ups],
                   labels=[*(f"1/{_ratio(t)}" for t in reversed(ups)), "1", *(_ratio(t) for t in ups)])
