@@ -15,7 +15,7 @@ from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS
 from idic.validation.trial.scenes.solve import DIVISIONS, Motion, solve, true_mesh
 from idic.validation.trial.scenes.specimens import SPECIMENS, bricks, specimen_mesh
-from idic.validation.trial.scenes.worlds import drawn_world, view_of, world_geometry, world_scene
+from idic.validation.trial.scenes.worlds import as_solid, drawn_world, view_of, world_geometry, world_scene
 from idic.validation.trial.seal import Folder, seal
 from idic.validation.trial.tool_run import FolderSource
 from idic.validation.trial.world_scores import world_goals
@@ -90,6 +90,16 @@ def test_a_truth_in_a_world_survives_its_file():
     scene = scene_of(truth)
     assert scene.solid and scene.law == "orthotropic" and len(scene.times) == 16
     assert not scene_of(replace(truth, world=WORLD)).solid
+
+
+@pytest.mark.parametrize(("null", "law", "world", "implied"), [
+    ("elastic", "elastic", {}, False), ("elastic", "elastic", {"solid": True}, True),
+    ("elastic", "elastic", {"solid": True, "finite": True}, False), ("elastic", "maxwell", {}, True),
+    ("plastic", "j2_voce", {}, False)])
+def test_finite_strains_under_a_law_of_small_ones_are_in_the_truth(null, law, world, implied):
+    scene = as_solid(WORLD | world, world_scene(WORLD | world, null, 1.0, NULLS[null].truth))
+    scene = replace(scene, law=law)
+    assert (scene.has_finite_strains and scene.user_has_small_strains) is implied
 
 
 @pytest.mark.parametrize(("noise", "ratio"), [("white", 1.0), ("photons", np.sqrt(1.0 + 127.5 / 255.0))])

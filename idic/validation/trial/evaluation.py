@@ -119,9 +119,10 @@ def evaluated(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Tri
 
 
 def _implied(truth: Truth) -> set[str]:
-    """What is in the truth without being one of its effects: finite strains under a law of small ones."""
+    """What is in the truth of a world without being one of its effects: finite strains under a law of small ones."""
     scene = scene_of(truth)
-    return {"geometric_nonlinearity"} if scene.solid and not scene.finite else set()
+    finite = bool(truth.world) and scene.has_finite_strains and scene.user_has_small_strains
+    return {"geometric_nonlinearity"} if finite else set()
 
 
 def _intervals(truth: Truth, found: Mapping) -> tuple[int, int]:

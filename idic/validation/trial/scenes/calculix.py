@@ -19,7 +19,6 @@ from idic.errors import InputError, NotConverged
 from idic.fe.external.inp_writer import inp_text
 from idic.fe.external.solver_output import Wanted, gathered
 from idic.fe.mesh.mesh import Mesh
-from idic.materials import get_law
 from idic.validation.trial.scenes.scene import Scene
 from idic.validation.trial.scenes.solve import Motion, element_factors, end_dofs, true_mesh
 from idic.validation.trial.scenes.specimens import bricks, partners_of
@@ -130,9 +129,8 @@ def _linear_steps(times: np.ndarray, held: list[str]) -> list[str]:
 
 def _one_step(scene: Scene, times: np.ndarray, held: list[str]) -> list[str]:
     step = MAX_INCREMENT_SHARE * np.diff(times).min()
-    finite = scene.solid or (scene.kinematics or get_law(scene.law).kinematics[0]) == "finite"
     return ["*TIME POINTS, NAME=FRAMES", *(f"{t:.9g}," for t in times[1:]),
-            "*STEP, INC=10000" + (", NLGEOM" if finite else ""),
+            "*STEP, INC=10000" + (", NLGEOM" if scene.has_finite_strains else ""),
             "*VISCO, CETOL=1e-4" if scene.law == "creep" else "*STATIC",
             f"{0.5 * step:.9g}, {times[-1]:.9g}, 1e-8, {step:.9g}", *held,
             "*NODE PRINT, NSET=ALL, TIME POINTS=FRAMES", "U",

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.images.camera import Camera
+from idic.materials import get_law
 
 THICKNESS_MM = 1.5  # mm
 PIXEL_MM = 0.084  # mm
@@ -149,6 +150,16 @@ class Scene:
     def peak_strain(self) -> float:
         """Largest strain of the test, about."""
         return self.geometry.concentration * float(np.abs(self.grip).max()) / self.geometry.length
+
+    @property
+    def has_finite_strains(self) -> bool:
+        """Whether the body strains finitely: in bricks, and in plane stress under a law that knows nothing else."""
+        return self.solid or (self.kinematics or get_law(self.law).kinematics[0]) == "finite"
+
+    @property
+    def user_has_small_strains(self) -> bool:
+        """Whether the user's law is one of small strains."""
+        return get_law(NULLS[self.null].law).kinematics[0] == "small" and not self.finite
 
     def moved(self, nodes: str, component: str, *terms: np.ndarray) -> Scene:
         """The scene with further motion of an end: courses (T,) mm of 1, y, y^3."""
