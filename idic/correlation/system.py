@@ -17,6 +17,8 @@ from scipy.linalg import cho_factor, cho_solve
 
 from idic.correlation.equations import ColumnSum, FrameEquations, SeenColumns, Weights, added, dense
 
+MAX_ROUNDING = 1e-6  # of an eigenvalue that is zero, in sums of single precision over their diagonal
+
 
 @dataclass(frozen=True)
 class SharedSums:
@@ -146,15 +148,31 @@ class CorrelationSystem:
 
 
 def solve_positive(matrix: np.ndarray, rhs: np.ndarray) -> np.ndarray:
-    """Solve with a symmetric positive (semi-)definite matrix after scaling its diagonal to one."""
+    """Solve with a symmetric positive (semi-)definite matrix after scaling its diagonal to one.
+
+    Of unknowns that the data do not tell apart (gain and offset of a patch that a frame shows by a few pixels) the
+    shortest solution.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix is not semi-definite, or not finite.
+    """
     diagonal = np.diagonal(matrix)
     top = diagonal.max(initial=0.0)
     scale = 1.0 / np.sqrt(np.where(diagonal > 1e-14 * top, diagonal, np.inf))
     scaled = matrix * scale[:, None] * scale[None, :]
     scaled[np.diag_indices_from(scaled)] = 1.0 + 1e-11  # unseen unknowns keep a unit pivot and do not move
-    factor = cho_factor(scaled, check_finite=False)
-    shape = (-1,) + (1,) * (rhs.ndim - 1)
-    return cho_solve(factor, rhs * scale.reshape(shape), check_finite=False) * scale.reshape(shape)
+    scale = scale.reshape((-1,) + (1,) * (rhs.ndim - 1))
+    try:
+        factor = cho_factor(scaled, check_finite=False)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(scaled)
+        if not values[0] > -MAX_ROUNDING:
+            raise
+        seen = values > MAX_ROUNDING
+        return vectors[:, seen] @ ((vectors[:, seen].T @ (rhs * scale)).T / values[seen]).T * scale
+    return cho_solve(factor, rhs * scale, check_finite=False) * scale
 
 
 def eliminate(frame: int, names: Sequence[str], equations: FrameEquations, weights: Weights, n_pixels: int,

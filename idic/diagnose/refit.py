@@ -154,7 +154,7 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
                 continue
             path = simulated(found, null=False)
             here = fit(residual_evidence(found, light=False, null=False, responses=path), grid)
-        except (NotConverged, InputError) as problem:
+        except (NotConverged, InputError, np.linalg.LinAlgError) as problem:  # the last: equations without a solution
             problems.append(f"{start.label}: {problem}")
             continue
         except _Stopped:

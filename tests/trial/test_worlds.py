@@ -6,7 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.errors import InputError
+from idic.experiment_file.load import load_rendered
+from idic.identify.in_memory import identify
 from idic.validation.trial.evaluation import TrialRecord
 from idic.validation.trial.kinds import BEYOND, LIBRARY, is_unseen
 from idic.validation.trial.plan import KNOWN_WORLDS, WORLDS, Campaign, Truth, scene_of
@@ -45,6 +49,10 @@ def test_a_specimen_fills_its_outline_and_the_image_shows_all_of_it(kind):
     assert {"LEFT", "RIGHT"} <= set(mesh.node_sets) and len(np.unique(mesh.nodes.round(6), axis=0)) == mesh.n_nodes
     view = view_of(geometry, 200)
     assert view.shape[1] == 200 and (np.ptp(mesh.nodes, axis=0)[::-1] < np.array(view.shape) * view.pixel).all()
+    for null in ("elastic", "rubber"):
+        scene = world_scene(WORLD | {"specimen": kind}, null, 1.0, NULLS[null].truth)
+        half = np.array(scene.view.shape)[::-1] * scene.view.pixel / 2.0
+        assert (np.abs(mesh.nodes).max(axis=0) + np.abs(scene.grip).max() < half).all()  # at the end of the motion, too
 
 
 def test_bricks_have_the_nodes_of_the_surface_first_and_its_volume():
@@ -90,6 +98,17 @@ def test_a_truth_in_a_world_survives_its_file():
     scene = scene_of(truth)
     assert scene.solid and scene.law == "orthotropic" and len(scene.times) == 16
     assert not scene_of(replace(truth, world=WORLD)).solid
+
+
+@pytest.mark.slow  # 5 s of CPU time: rubber is identified
+def test_a_specimen_that_leaves_the_image_leaves_no_excess(tmp_path):
+    scene = world_scene(WORLD | {"columns": 140}, "rubber", 1.0, NULLS["rubber"].truth)
+    scene = replace(scene, view=view_of(scene.geometry, 140))  # shows the end until it has moved by half a millimetre
+    found = identify(load_rendered(tmp_path, write_public(tmp_path, scene, solve(scene), Paint(1, 2))))
+    residual = residual_evidence(found)
+    pixels = {one.n_pixels for one in found.point.system.frames}
+    assert min(pixels) < 0.95 * max(pixels) and residual.evidence.n_pixels % len(residual.evidence.frames) == 0
+    assert abs(fit(residual, grid_of(residual)).excess_z) < 3.0  # 7 with pixels that some frames do not show
 
 
 @pytest.mark.parametrize(("null", "law", "world", "implied"), [

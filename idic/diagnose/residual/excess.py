@@ -17,6 +17,7 @@ import numpy as np
 from scipy import stats
 
 from idic.diagnose.residual.evidence import Evidence
+from idic.diagnose.residual.grey_value_effects import sums_against
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
 from idic.identify.judgement.significance import z_text
@@ -93,10 +94,11 @@ def _white_pixels(residual: ResidualEvidence, camera: CameraResidual, index: int
     evidence, context = residual.evidence, camera.context
     frame, nodes = int(evidence.frames[index]), context.experiment.mesh.nodes
     motion = camera.view.at(frame).motion(nodes, camera.turned(residual.u[index]))
-    nodal = context.reference.compare(context.experiment, frame, motion)
-    fit = np.linalg.pinv(nodal.bb, hermitian=True) @ nodal.rb if nodal.n_brightness else np.zeros(0)
+    nodal, kappa, c = context.reference.compare(context.experiment, frame, motion), evidence.kappa, evidence.share
+    fit = np.zeros(0)
+    if nodal.n_brightness:  # of the white frame: what all frames share has a brightness of its own
+        fit = np.linalg.pinv(nodal.bb, hermitian=True) @ (nodal.rb - c * sums_against(context, camera.shared_gv)[1])
     found = context.reference.compare_pixels(context.experiment, frame, motion, fit)
-    kappa, c = evidence.kappa, evidence.share
     rest = (found.r - c * camera.shared_gv) / np.sqrt(kappa[index])
     k = float(np.sum(1.0 / kappa))
     own = found.noise_gain * (1.0 - c / kappa[index]) ** 2 + c**2 * (k - 1.0 / kappa[index]) * found.noise_gain.mean()

@@ -27,6 +27,7 @@ from idic.identify.in_memory import Identification
 from idic.identify.kept_simulation import response_of
 
 MAX_KEPT_BYTES = 300e6  # of residual maps, at most
+MAX_LOST_SHARE = 0.5  # of the pixels: where frames lose more, each counts what it sees
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +126,7 @@ class _CameraPasses:
 
     def __init__(self, context: CorrelationContext, responses: Sequence[FrameResponse]):
         experiment, nodes = context.experiment, context.experiment.mesh.nodes
-        self.context, self.view = context, view_of(experiment, context.camera)
+        self.context, self.view, self.unturned = context, view_of(experiment, context.camera), responses
         self.responses = [turned_response(experiment, response) for response in responses]
         self.views = [self.view.at(response.frame) for response in responses]
         motions = [view.motion(nodes, response.u) for view, response in zip(self.views, self.responses, strict=True)]
@@ -137,6 +138,18 @@ class _CameraPasses:
         self.inverse_variance = 1.0 / context.weights.image_noise**2
         self.local_columns = [view.columns(nodes, response.u, response.local_du)
                               for view, response in zip(self.views, self.responses, strict=True)]
+
+    def of_lasting_pixels(self) -> _CameraPasses:
+        """The passes over the pixels that all frames show; these ones where there are no others, or too few left."""
+        if not any(one.n_lost for one in self.sums) or not _is_grey(self.context):
+            return self
+        lost = np.any([~self.maps[t][1] for t in range(len(self.maps))], axis=0)
+        if lost.mean() > MAX_LOST_SHARE:
+            return self
+        experiment, shows = self.context.experiment, self.context.reference.pixel_map.to_image(~lost, 0.0) > 0.0
+        seen = replace(experiment, mask=shows, options=replace(experiment.options, edge_margin_px=0))
+        lasting = replace(self.context, experiment=seen, reference=build_reference(seen, self.context.camera))
+        return _CameraPasses(lasting, self.unturned)
 
     @property
     def kappa(self) -> np.ndarray:
@@ -157,8 +170,8 @@ class _CameraPasses:
 
 def _assemble(contexts: Sequence[CorrelationContext], responses: Sequence[FrameResponse], local: np.ndarray,
               light: bool) -> ResidualEvidence:
-    passes = [_CameraPasses(context, responses) for context in contexts]
-    main, context = passes[0], contexts[0]
+    passes = [_CameraPasses(context, responses).of_lasting_pixels() for context in contexts]
+    main, context = passes[0], passes[0].context
     # cameras differ in it by some per cent of one tenth
     kappa = main.kappa if len(passes) == 1 else np.mean([one.kappa for one in passes], axis=0)
     for one in passes:

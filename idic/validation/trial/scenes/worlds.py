@@ -33,6 +33,7 @@ ALLOWED = {"damage": ("unloading",), "kinematic_hardening": ("reversed",), "cree
            "friction": ("unloading",), "nonlinear_elasticity": ("unloading",), "frame_time_offset": ("unloading",),
            "machine_compliance": ("hold", "unloading"), "grip_slip": ("hold", "unloading")}  # others cannot tell it
 NEEDS_HOLE = ("slit",)
+MARGIN_MM = 0.4  # that the strip's view leaves the motion of an end
 
 
 def drawn_world(rng: np.random.Generator, kinds: Sequence[str], null: str) -> dict[str, Any]:
@@ -62,15 +63,17 @@ def world_scene(world: Mapping[str, Any], null: str, radius: float, values: Mapp
     scene = plain_scene(null, geometry, values)
     times = np.linspace(0.0, DURATION_S, world["frames"])
     grip = one.grip * NULLS[null].grip * np.interp(times / DURATION_S, *PROGRAMMES[world["programme"]])
-    return replace(scene, times=times, grip=grip, view=view_of(geometry, world["columns"]), along=one.along,
+    moved = float(np.abs(grip).max())
+    return replace(scene, times=times, grip=grip, view=view_of(geometry, world["columns"], moved), along=one.along,
                    thickness=world["thickness"], noise=world["noise"], finite=world["finite"] and null == "elastic")
 
 
-def view_of(geometry: Geometry, columns: int) -> View:
-    """The whole specimen with a margin, as the strip has it."""
-    reach = PIXEL_MM * IMAGE_SHAPE_PX[1] / 10.0 * geometry.length
+def view_of(geometry: Geometry, columns: int, moved: float = 0.0) -> View:
+    """The whole specimen with a margin, as the strip has it, and all of it at the end of a motion of `moved` (mm)."""
+    beside = 2.0 * max(moved - MARGIN_MM, 0.0)
+    reach = PIXEL_MM * IMAGE_SHAPE_PX[1] / 10.0 * geometry.length + beside
     pixel = reach / columns
-    return View((int(np.ceil((geometry.width + 1.05) / pixel)), columns), pixel)
+    return View((int(np.ceil((geometry.width + 1.05 + beside) / pixel)), columns), pixel)
 
 
 def as_solid(world: Mapping[str, Any], scene: Scene) -> Scene:
