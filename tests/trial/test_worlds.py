@@ -100,9 +100,9 @@ def test_a_truth_in_a_world_survives_its_file():
     assert not scene_of(replace(truth, world=WORLD)).solid
 
 
-@pytest.mark.slow  # 5 s of CPU time: rubber is identified
+@pytest.mark.slow  # 8 s of CPU time: rubber is identified
 def test_a_specimen_that_leaves_the_image_leaves_no_excess(tmp_path):
-    scene = world_scene(WORLD | {"columns": 140}, "rubber", 1.0, NULLS["rubber"].truth)
+    scene = world_scene(WORLD | {"columns": 140, "frames": 40}, "rubber", 1.0, NULLS["rubber"].truth)
     scene = replace(scene, view=view_of(scene.geometry, 140))  # shows the end until it has moved by half a millimetre
     found = identify(load_rendered(tmp_path, write_public(tmp_path, scene, solve(scene), Paint(1, 2))))
     residual = residual_evidence(found)

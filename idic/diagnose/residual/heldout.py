@@ -24,8 +24,8 @@ class Fit:
     """Residual of a model that free motions and channels explain.
 
     gain, rank : (T,) of free motions, per frame; channels : (T, n_channels) white residual of the channels; pixels :
-    r^T V^-1 r of the images over their number; light : (T,) drop of chi-square by the frames' own gain, offset and
-    blur, less what noise gives: what a model with other light explains, which no motion sees
+    r^T V^-1 r of the images over their number; light : (T,) drop of chi-square by the frames' own light from
+    place to place and blur, less what noise gives: what a model with other light explains, which no motion sees
     """
 
     frames: np.ndarray

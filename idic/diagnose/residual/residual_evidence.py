@@ -236,7 +236,7 @@ def _part(passes: Sequence[_CameraPasses], t: int, root: float, c: float, rows, 
         inner[own, own] = share.bb * one.inverse_variance
         inner_q[:m] += local_columns.T @ q[-1]
         inner_q[own] = bright * one.inverse_variance
-        light += _light(share.bb, bright, one.context.experiment.noise.std_gv)
+        light += _light(one.context, share.bb, bright)
         row, column = row + n, column + nb
     inner[:m, :m] += rows.d_local.T @ border[n_seen:, :m]
     inner[:m, :m] += context.local_precision
@@ -247,14 +247,23 @@ def _part(passes: Sequence[_CameraPasses], t: int, root: float, c: float, rows, 
                          light=light)
 
 
-def _light(bb: np.ndarray, rb: np.ndarray, std_gv: float) -> float:
-    """What a white frame's own gain, offset and blur explain of its grey values, less their number.
+def _light(context: CorrelationContext, bb: np.ndarray, rb: np.ndarray) -> float:
+    """What a white frame's light from place to place and its blur explain of its grey values beyond a gain and an
+    offset of the whole frame, less their number.
 
+    Every model has those two: what they explain of a lamp that flickers grows with the pixels that a model looks at.
     Their columns are smooth: the low-pass of the images takes nothing off the noise of these sums.
     """
     if not len(rb):
         return 0.0
-    return float(rb @ np.linalg.pinv(bb, hermitian=True) @ rb) / std_gv**2 - np.linalg.matrix_rank(bb, hermitian=True)
+    layout = context.reference.layout(context.experiment.options.brightness)  # type: ignore[attr-defined]
+    whole, end = np.zeros((len(rb), 2)), layout.n_columns
+    whole[:end:2, 0], whole[1:end:2] = 1.0, np.column_stack([layout.mean[:end // 2], np.ones(end // 2)])
+    own, found = [(bb, rb), (whole.T @ bb @ whole, whole.T @ rb)], []
+    for matrix, rhs in own:
+        found.append(float(rhs @ np.linalg.pinv(matrix, hermitian=True) @ rhs) / context.experiment.noise.std_gv**2
+                     - np.linalg.matrix_rank(matrix, hermitian=True))
+    return found[0] - found[1]
 
 
 class _ResidualMaps:

@@ -65,7 +65,8 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
                 waiting, far = [r for r in other_laws(screening) if r.key not in rivals], False
                 starts |= {r.key: starting_variants(screening, r.candidate, r.variant) for r in waiting}
                 laws = {r.key for r in waiting}
-        lowest = np.nanmin([null.phi, *(r.refitted.phi for r in rivals.values())])
+        # an unknown more takes two of the functional on the mean, whatever it is (`Rival.evidence`)
+        lowest = np.nanmin([null.phi, *(r.refitted.phi + 2.0 * len(r.own_unknowns) for r in rivals.values())])
         early_stop = None if laws else EarlyStop(null.phi, lowest)
     akin = same_family_rivals(screening, tuple(rivals.values()), bends)
     untried = [r for r in akin if r.key not in rivals]
