@@ -23,7 +23,7 @@ from idic.virtual_tests.stereo.plate import INCREMENTS, Size, plate_test, speckl
 from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
 from idic.virtual_tests.stereo.rig import Rig, write_calibration
 
-ENLARGED, NOISE_GV, MANY_FRAMES = 8, 2.0, 20
+ENLARGED, NOISE_GV, MANY_FRAMES, MARGIN = 8, 2.0, 20, 4  # MARGIN : px of the traced images
 SHAPE = (125, 250)  # traced; 1000 x 2000 px in the experiment
 
 
@@ -63,11 +63,12 @@ def write(folder: Path, n_frames: int, times: int = ENLARGED, processes: int = 1
                    for k, u in enumerate(test.displacements)]
         for one in written:
             one.result()
-    _describe(file, large, sensor(times).total_noise_std)
+    _describe(file, large, sensor(times).total_noise_std, times)
 
 
-def _describe(file: Path, rig: Rig, noise_gv: float) -> None:
-    """The large cameras and their noise in the files of the experiment; nu known."""
+def _describe(file: Path, rig: Rig, noise_gv: float, times: int) -> None:
+    """The large cameras and their noise in the files of the experiment; nu known; edges, which the enlargement blurs,
+    left out."""
     write_calibration(rig.cameras, rig.shape, file.parent / "calibration.json")
     lines = []
     for line in file.read_text().splitlines():
@@ -76,6 +77,7 @@ def _describe(file: Path, rig: Rig, noise_gv: float) -> None:
         elif line.startswith("nu ="):
             line = "nu = 0.3"
         lines.append(line)
+    lines += ["", "[options]", f"edge_margin_px = {MARGIN * times}", f"border_px = {min(MARGIN * times, 50)}"]
     file.write_text("\n".join(lines) + "\n")
 
 

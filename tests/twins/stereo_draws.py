@@ -113,6 +113,22 @@ def draw(repeats: Repeats, rng: np.random.Generator) -> Draw:
     return Draw(noisy, GRIP_NOISE_MM * rng.standard_normal(n), mean)
 
 
+def scored(repeats: Repeats, number: int, compared: bool) -> dict:
+    """One draw with all its estimates: ``scores``, errors over standard deviations; where it is compared, ``alone`` and
+    ``steps``, errors with the calibration known and by two steps, and ``stated``, their deviations of two cameras and
+    of one.
+
+    number : of the draw, which decides its noise
+    """
+    one = draw(repeats, np.random.default_rng((1, number)))
+    _, error, std = integrated(repeats, one)
+    found = {"scores": error / std}
+    if compared:
+        found |= {"alone": of_material(repeats, one)[0], "steps": two_steps(repeats, one),
+                  "stated": np.array([of_material(repeats, one, both)[1] for both in (True, False)])}
+    return found
+
+
 def without_noise(repeats: Repeats) -> Draw:
     """The recording with nothing of it: what is off then is the interpolation of the traced images."""
     experiment = repeats.experiment

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from notched_tube import SIZE as TUBE
 from notched_tube import still_tube, write_tube
-from stereo_draws import build_repeats, draw, integrated, of_material, two_steps, without_noise
+from stereo_draws import build_repeats, integrated, scored, without_noise
 
 from idic.virtual_tests.stereo.plate import REDUCED, plate_test, write_plate
 
@@ -33,19 +33,13 @@ def test_images_without_noise_leave_hardly_a_bias(tmp_path, body):
 @pytest.mark.parametrize("body", BODIES)
 def test_errors_over_standard_deviations_are_unit_normal_and_two_steps_scatter_more(tmp_path, body):
     make, write = BODIES[body]
-    repeats, rng = build_repeats(tmp_path, make(), write), np.random.default_rng(1)
-    _, error, std = integrated(repeats, without_noise(repeats))
+    repeats = build_repeats(tmp_path, make(), write)
+    names, error, std = integrated(repeats, without_noise(repeats))
     bias = error / std
-    scores, alone, steps, stated = [], [], [], []
-    for k in range(N):
-        one = draw(repeats, rng)
-        names, error, std = integrated(repeats, one)
-        scores.append(error / std)
-        if k < N_TWO_STEPS:
-            alone.append(of_material(repeats, one)[0])
-            steps.append(two_steps(repeats, one))
-            stated.append([of_material(repeats, one, both)[1] for both in (True, False)])
-    scores = np.array(scores)
+    draws = [scored(repeats, k, k < N_TWO_STEPS) for k in range(N)]
+    scores = np.array([one["scores"] for one in draws])
+    alone, steps, stated = (np.array([one[name] for one in draws[:N_TWO_STEPS]]) for name in ("alone", "steps",
+                                                                                              "stated"))
     inside, rms = (np.abs(scores) < 1.96).mean(axis=0), np.sqrt(np.mean(scores**2, axis=0))
     ratio = np.std(alone, axis=0) / np.std(steps, axis=0)
     one_camera = np.divide(*np.mean(stated, axis=0))

@@ -236,6 +236,20 @@ def test_searches_that_are_left_before_their_end_lead_to_the_same_values_in_fewe
             assert abs(off) < 2.0 * experiment.options.tolerance * entry["std"]
 
 
+@pytest.mark.slow
+def test_generalised_least_squares_begin_where_the_ordinary_search_would_have_ended(tmp_path, monkeypatch):
+    experiment = write_folder(tmp_path / "plastic", PLASTIC, 12, 0.25, 0.3, (2, 2, 1))
+    found = identify(experiment)
+    monkeypatch.setattr("idic.identify.step.increments.MAX_KNOWN_ERROR", 0.0)
+    whole = identify(experiment)
+    assert found.state.generalised and whole.state.generalised
+    assert found.state.evaluations == whole.state.evaluations - 1
+    for name, entry in whole.result["parameters"].items():
+        if entry["std"] is not None:
+            off = found.result["parameters"][name]["value"] - entry["value"]
+            assert abs(off) < 2.0 * experiment.options.tolerance * entry["std"]
+
+
 def test_too_few_evaluations_for_finer_increments_are_told(short):
     experiment, _ = short
     few = identify(replace(experiment, options=replace(experiment.options, max_iterations=3)))

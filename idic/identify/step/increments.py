@@ -138,8 +138,12 @@ def knows_end(step: Step, state: LoopState, experiment: Experiment) -> bool:
     if not chooses_increments(experiment) or choice.status != OPEN or choice.coarser is None:
         return False
     whole = state.trust.damping == 0.0 and state.trust.rejections == 0 and not step.clipped and not step.pinned
-    return whole and (CURVATURE * step.largest * step.relative
-                      < MAX_KNOWN_ERROR * max_change(experiment, choice))
+    return whole and error_of(step) < MAX_KNOWN_ERROR * max_change(experiment, choice)
+
+
+def error_of(step: Step) -> float:
+    """Distance of a whole Gauss-Newton step's end from the end of its search, standard deviations."""
+    return CURVATURE * step.largest * step.relative
 
 
 def is_too_coarse(state: LoopState, experiment: Experiment) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,8 @@ from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, activation_s
 from idic.identify.step.ending import (ITERATIONS, beyond_bounds, bounded, failed_simulation, flat, judged_flat,
                                        out_of_iterations, small_step, stuck)
 from idic.identify.step.estimator import next_estimator
-from idic.identify.step.increments import KNOWN, TOO_COARSE, is_too_coarse, knows_end, with_increments_judged
+from idic.identify.step.increments import (KNOWN, TOO_COARSE, error_of, is_too_coarse, knows_end,
+                                           with_increments_judged)
 from idic.identify.step.non_smooth import directional_derivative
 from idic.identify.step.parallel_steps import parallel_steps
 from idic.identify.step.proposal import STEP_CLIP, Step, propose
@@ -28,6 +29,7 @@ from idic.identify.step.schedule import (
 )
 from idic.identify.step.stages import stage_parameters
 from idic.identify.step.state import (
+    ENOUGH,
     GENERALISED,
     GENERALISED_REJECTED,
     Activation,
@@ -86,7 +88,8 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
         judged = with_increments_judged(state, experiment, stage, point, image_noise, KNOWN, end)
         if judged.trial.new_increments:
             return replace(judged, end=Ending(KNOWN, ""))
-        return next_step(judged, experiment, stages, point, image_noise, to_the_end=True)
+        return (_generalised_from(judged, experiment, stage, point, image_noise, step, end)
+                or next_step(judged, experiment, stages, point, image_noise, to_the_end=True))
     tried = state.trust.damping > 0.0 or state.trust.rejections > 0
     if state.trust.rejections >= MAX_REJECTIONS or (
             change is None and tried and step.significance < MIN_DAMPED_STEP_SHARE * options.tolerance):
@@ -104,6 +107,32 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
 
     parallel = tuple(ParallelTrial(reached(other), damping, halvings) for halvings, damping, other in further)
     return replace(state, trial=Trial(reached(step), parallel, tries_activation=change is not None))
+
+
+def _generalised_from(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation, image_noise: float,
+                      step: Step, known: Mapping[str, float]) -> LoopState | None:
+    """The state that tries generalised least squares at the known end of an ordinary search whose increments are
+    enough; None where that end is not known to the tolerance, or ordinary least squares stay.
+
+    step : to that end; known : its values
+    """
+    present, enough = state.estimator.kind, state.increments.status == ENOUGH
+    if not enough or error_of(step) >= experiment.options.tolerance:
+        return None
+    left = experiment.options.max_iterations - state.rounds
+    kind = next_estimator(present, "converged", experiment, last.free, point, image_noise)
+    if kind != GENERALISED or kind == present or left <= MIN_EVALUATIONS_OF_AN_ESTIMATOR:
+        return None
+    return replace(_with_estimator(state, kind, known, known), end=Ending(KNOWN, ""),
+                   increments=replace(state.increments, coarser=None))
+
+
+def _with_estimator(state: LoopState, kind: str, solution: Mapping[str, float] | None,
+                    values: Mapping[str, float]) -> LoopState:
+    """The state that evaluates these values with another estimator; solution : of ordinary least squares."""
+    return replace(state, estimator=EstimatorChoice(kind, None if solution is None else dict(solution)),
+                   trust=TrustRegion(), schedule=SchedulePosition(state.schedule.stage),
+                   trial=Trial(dict(values), re_evaluation=True))
 
 
 def after_rejection(state: LoopState, experiment: Experiment, stages: Sequence[Stage], trial: Evaluation,
@@ -208,6 +237,4 @@ def leave_schedule(state: LoopState, experiment: Experiment, last: Stage, point:
         return replace(state, status=end.status, end=end)
     solution = present.ordinary_solution if kind == GENERALISED_REJECTED else dict(state.accepted.values)
     returns = kind == GENERALISED_REJECTED and solution is not None
-    return replace(state, estimator=EstimatorChoice(kind, solution), trust=TrustRegion(),
-                   schedule=SchedulePosition(state.schedule.stage),
-                   trial=Trial(dict(solution if returns else state.accepted.values), re_evaluation=True))
+    return _with_estimator(state, kind, solution, solution if returns else state.accepted.values)
