@@ -75,6 +75,14 @@ def test_the_scale_of_the_local_chi2_ends_at_its_maximum_in_each_row(drawn):
     assert start[0].norm.vmax > 1000.0 > 50.0 > identified[0].norm.vmax
 
 
+def test_rows_of_the_local_chi2_that_differ_little_have_one_scale(drawn):
+    record = make_record()
+    maps.local_chi2(replace(record, residuals=replace(record.residuals, before=1.3 * record.residuals.after)))
+    shown = [axis.images[0] for axis in drawn[0].axes if axis.images]
+    shown = [image for image in shown if np.ndim(image.get_array()) == 2 and image.get_array().shape == (200, 300)]
+    assert len({image.norm.vmax for image in shown}) == 1 and len(shown) == 6
+
+
 def test_two_frames_have_an_axis_of_two_frames(drawn):
     result = make_result()
     result["frames"] = result["frames"][:2]

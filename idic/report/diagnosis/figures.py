@@ -10,8 +10,8 @@ from matplotlib.ticker import MaxNLocator
 
 from idic.report.diagnosis.record import Curve, DiagnosisRecord
 from idic.report.diagnosis.words import name_of_best, strongest
-from idic.report.figures.style import (BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, Picture, look,
-                                       new_figure, to_picture)
+from idic.report.figures.style import (BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, Picture, label_frames,
+                                       look, new_figure, to_picture)
 from idic.report.words import short_names
 
 COLOUR_LIMIT_STD = 5.0  # standard deviations at the ends of the colour bar
@@ -70,7 +70,8 @@ def excess_course(record: DiagnosisRecord) -> Picture:
             linear = float(2.0 * record.excess_std.max())
             axis.set_yscale("symlog", linthresh=linear)
             axis.set_yticks(_decades(linear, *axis.get_ylim()))
-        axis.set(xlabel=record.time_label, ylabel="excess [–]")
+        axis.set_ylabel("excess [–]")
+        label_frames(axis, record.time_label)
         figure.legend(ncols=3, loc="outside upper left")
         _mark_onset(axis, record)
         return to_picture(figure, "diagnosis_excess", "Held-out excess over time",
@@ -163,7 +164,8 @@ def channel(record: DiagnosisRecord, curve: Curve) -> Picture:
             top.plot(record.abscissa, curve.after, "--", color=BLUE, label="after")
             strip.plot(record.abscissa, (curve.measured - curve.after) / curve.std, "-s", color=BLUE)
         top.set(ylabel=f"{curve.name} [{curve.unit}]")
-        strip.set(xlabel=record.time_label, ylabel="residual [σ]")
+        strip.set_ylabel("residual [σ]")
+        label_frames(strip, record.time_label)
         strip.yaxis.set_major_locator(MaxNLocator(4))
         top.legend(ncols=3, loc="best")
         return to_picture(figure, f"diagnosis_{curve.name}", f"{curve.name}: measured and simulated",
@@ -234,7 +236,7 @@ def courses(record: DiagnosisRecord) -> Picture | None:
             how = "given by the data" if one["free"] else "of the candidate"
             title = record.titles.get(one["name"], one["name"].replace("_", " "))
             axis.set(title=f"{title}: {one['parameter']}, course {how}", ylabel=f"[{one['unit'] or '–'}]")
-        axes[-1].set_xlabel(record.time_label)
+        label_frames(axes[-1], record.time_label)
         axes[0].legend(ncols=3, loc="best")
         return to_picture(figure, "diagnosis_courses", "Course of what is no material",
                           "Amplitude of the cause in every frame. A course of the candidate is a ramp, a jump or in "

@@ -20,6 +20,7 @@ from idic.report.figures.style import (
     SEQUENTIAL,
     SKY,
     Picture,
+    label_frames,
     look,
     new_figure,
     to_picture,
@@ -188,7 +189,8 @@ def amplitude_course(record: WhereRecord) -> Picture | None:
             width = 0.004 * np.ptp(record.times)
             axis.axvspan(low - width, high + width, color=ORANGE, alpha=0.35, lw=0, label="onset (95 %)")
             axis.axvline(record.onset, color=RED, lw=1.0)
-        axis.set(xlabel=record.time_label, ylabel="motion [px rms]")
+        axis.set_ylabel("motion [px rms]")
+        label_frames(axis, record.time_label)
         lines, labels = axis.get_legend_handles_labels()
         if record.load is not None:
             other = axis.twinx()

@@ -22,6 +22,7 @@ N_RASTER_SAMPLES = 420  # samples along the longer side of a field that is laid 
 RESIDUAL_RANGE = 4.0  # times the noise level
 MIN_CHI2_WINDOWS = 16  # windows of the local chi² across the shorter side of the specimen
 MORE_THAN_CURVE = 1.05  # rms of a map of the starting values over their curve, from which on the caption explains it
+MAX_SHARED_POWER = 3.0  # of the smaller maximum: beyond it one scale for both rows would hide the lower one
 MIN_CHI2_REACH = 2.0  # the colour scale reaches at least to this factor above (and below) noise
 TRIANGLES = {
     "tri3": ((0, 1, 2),),
@@ -64,9 +65,14 @@ def local_chi2(record: RunRecord) -> Picture | None:
     stacks = [_window_mean((stack / units[:, None, None]) ** 2, size) for stack in (data.before, data.after)]
     caption = (
         f"Residual² / noise², averaged over {size} × {size} px. 1 (white) is noise; red is motion or brightness "
-        "(height) that the simulation lacks. Each row has its own logarithmic scale, which ends at its maximum."
-    ) + _start_note(record)
+        "(height) that the simulation lacks. "
+    )
     reaches = [max(float(np.nanmax(stack)) if np.isfinite(stack).any() else 1.0, MIN_CHI2_REACH) for stack in stacks]
+    if max(reaches) <= min(reaches) ** MAX_SHARED_POWER:
+        reaches, scale = [max(reaches)], "The logarithmic scale ends at the maximum of both rows."
+    else:
+        scale = "Each row has its own logarithmic scale, which ends at its maximum."
+    caption += scale + _start_note(record)
     return _before_and_after(
         record, stacks, [LogNorm(1.0 / reach, reach) for reach in reaches], "local χ² [–]",
         lambda m: f"max {_ratio(np.nanmax(m))}",
@@ -108,7 +114,7 @@ def _before_and_after(record: RunRecord, stacks, norms: Sequence[Normalize], lab
             own = axes if len(norms) == 1 else axes[row, :]
             bar = figure.colorbar(axes[row, 0].images[0], ax=own, label=label, shrink=0.8,
                                   aspect=30 if len(norms) == 1 else 15,
-                                  pad=0.01, extend="both" if len(norms) == 1 else "neither")
+                                  pad=0.01, extend="neither" if isinstance(norm, LogNorm) else "both")
             if isinstance(norm, LogNorm):
                 _ratio_ticks(bar, norm)
         return to_picture(figure, *text, as_photo=True)  # type: ignore[misc]
