@@ -23,6 +23,7 @@ from idic.identify.measured_start import measured_start, motion_in_space, needs_
 from idic.model.drives import boundary_parameters, build_drives, set_nodes
 from idic.model.experiment import Measured, Parametrised, Prescribed
 from idic.parameters import ParameterSet
+from idic.report.evidence.rig import rig_warnings
 from idic.virtual_tests.stereo.plate import TRUTH, PlateTest, Size, plate, plate_test, write_plate
 from idic.virtual_tests.stereo.ray_tracing import Scene
 from idic.virtual_tests.stereo.rig import rig
@@ -156,6 +157,29 @@ def test_across_a_flat_surface_between_the_axes_no_slope_is_known(experiment):
     assert left.shape == (3, 1) and abs(left[:, 0] @ turn[:, 2]) == pytest.approx(1.0)
     straight, _ = followed(mesh.nodes[nodes], seen_first(mesh, "FRONT", nodes))
     np.testing.assert_allclose(weights, straight, atol=1e-9)  # whichever way the mesh is turned
+
+
+def test_check_says_where_a_measured_edge_holds_the_thickness(experiment):
+    """What the cameras leave open behind a face: free along an axis, told by the curvature of a tube, and held behind a
+    flat face that leans."""
+    flat, turn = experiment.mesh, rotation_of([0.0, 30.0, 0.0])
+    leaning = replace(experiment, mesh=replace(flat, nodes=flat.nodes @ turn.T), parameters=ParameterSet(()))
+    curved = with_measured_edge(replace(experiment, mesh=tube(4, 12, 1), parameters=ParameterSet(())))
+    said = [" ".join(rig_warnings(replace(test, parameters=ParameterSet(())), 0.0))
+            for test in (experiment, curved, leaning)]
+    assert said[:2] == ["", ""] and "measured edge RIGHT" in said[2] and "holds the thickness" in said[2]
+    drives, nodes = build_drives(leaning), leaning.mesh.node_sets["RIGHT"]
+    front = nodes[np.isin(nodes, face_set_nodes(flat, flat.edge_sets["FRONT"]))]
+    assert len(drives.local) == 3 * len(front) and drives.basis.shape[0] >= 3 * len(nodes)
+    # however the seen nodes move, the hidden ones move along the normal as those before them
+    amount = np.zeros(drives.basis.shape[1])
+    amount[list(drives.local)] = np.random.default_rng(3).normal(size=len(drives.local))
+    moved = np.full(flat.nodes.shape, np.nan)
+    moved.ravel()[drives.dofs] = drives.basis @ amount
+    along = moved @ turn[:, 2]
+    for node in np.setdiff1d(nodes, front):
+        before = front[np.argmin(np.abs(flat.nodes[front, 1] - flat.nodes[node, 1]))]  # on its line of sight
+        assert along[node] == pytest.approx(along[before], abs=1e-9)
 
 
 def test_one_camera_does_not_measure_along_its_sight(experiment):
