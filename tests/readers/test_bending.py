@@ -1,4 +1,4 @@
-"""The strain of bending at the surface of a pulled sheet against that of its middle, from stages in three coordinates."""
+"""The strain of bending at the surface of a pulled sheet against that of its middle, by three coordinates."""
 
 from __future__ import annotations
 

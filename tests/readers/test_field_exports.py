@@ -262,6 +262,18 @@ def test_a_tilted_surface_is_laid_into_its_plane(tmp_path):
     np.testing.assert_allclose(moved_in_um(stack, 1), displaced(1), atol=3e-6)
 
 
+def test_a_tilted_sheet_far_from_the_origin_of_the_cameras_stays_where_it_was(tmp_path):
+    """Its points turn into their plane about their middle: a drawn outline, in the axes of the export, still fits."""
+    z = 120.0 + 0.01 * GRID[:, 0] - 0.004 * GRID[:, 1]
+    for k in range(2):
+        here = np.column_stack([GRID + displaced(k), z])
+        rows = [f"{i};{x:.7f};{y:.7f};{h:.7f}" for i, (x, y, h) in enumerate(here)]
+        head = ["# Units: length:mm time:s", "# Stage: 1", "stage;index;relative_time;date", f'"1";1;{k};"now"',
+                "# Name : A"]
+        (tmp_path / f"{k}.csv").write_text("\n".join([*head, "id;x;y;z", *rows]))
+    np.testing.assert_allclose(opened(tmp_path).points.positions, GRID, atol=2e-4 * np.ptp(GRID))  # the tilt itself
+
+
 def test_curvature_out_of_the_plane_is_measured():
     rise = 1e-4 * GRID[:, 1] ** 2 + 0.01 * GRID[:, 0]
     found = out_of_plane(GRID, rise)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers.fields.outline import outline_of, sides
+from idic.readers.fields.outline import outline_of, sides, sides_of_any
 from idic.readers.fields.outline_width import narrowest, notched_axis, width_error
 
 PITCH, MARGIN = 0.8, 0.5
@@ -138,3 +138,13 @@ def test_notched_and_waisted_sides_are_free_edges(turn):
     assert notched_axis(points @ turned, PITCH) is None
     found = outline_of(rail @ turned, PITCH, MARGIN)
     assert abs(narrowest(found, PITCH) - 30.6 - 2 * MARGIN) < width_error(found, PITCH)  # of the points, and the margin
+
+
+def test_the_ends_of_an_outline_are_the_same_in_either_sense():
+    outline = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 5.0], [5.0, 4.0], [0.0, 5.0]])
+    for corners in (outline, outline[::-1]):
+        ends = sides_of_any(corners)
+        assert set(ends) == {"LEFT", "RIGHT", "BOTTOM"}
+        for name, axis, value in (("LEFT", 0, 0.0), ("RIGHT", 0, 10.0), ("BOTTOM", 1, 0.0)):
+            (k,) = ends[name]
+            assert corners[k - 1, axis] == corners[k % len(corners), axis] == value

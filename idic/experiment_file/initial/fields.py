@@ -88,7 +88,7 @@ def _upright(points: MeasuredPoints) -> tuple[bool, str]:
     if notched is not None:
         return notched == 0, "the other two edges are notched"
     extent = np.ptp(points.positions, axis=0)
-    return bool(extent[1] >= extent[0]), "across the longer side"
+    return bool(extent[1] >= extent[0]), "the points span more along " + "xy"[int(extent[1] >= extent[0])]
 
 
 def _pattern(folder: Path, paths: Sequence[Path]) -> str:

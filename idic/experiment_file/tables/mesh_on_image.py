@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,7 @@ from idic.experiment_file.tables.measured_fields import grid_of
 from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera
 from idic.images.stack import Stack
-from idic.readers.fields.outline import PointOutline, outline_of, sides
+from idic.readers.fields.outline import PointOutline, outline_of, sides, sides_of_any
 from idic.readers.fields.outline_width import narrowest, width_error
 from idic.readers.fields.series import FieldStack, MeasuredPoints
 from idic.readers.outline_mesh import Drawing, from_image
@@ -48,7 +50,7 @@ def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Pa
         drawing, found = _of_outline(config, stack.points, scale.camera, file)
         return drawing.mesh(file), [*_edge_notes(found, stack.points.pitch), *_gap_notes(found)]
     if not table.in_px:
-        return _mesh_in_mm(table, scale, file), []
+        return _mesh_in_mm(table, scale, file, _ends(config) if fields else {}), []
     mesh = (drawing_of(table).mesh(file, KEY) if table.outline_px is not None
             else roi_mesh(table.roi_px, table.element_px, table.holes_px, down=True, file=file, key=KEY))
     return from_image(mesh, scale.camera), []
@@ -112,14 +114,26 @@ def _gap_notes(found: PointOutline) -> list[str]:
             "with holes_mm)"]
 
 
-def _mesh_in_mm(table: MeshTable, scale: Lengths, file: Path) -> Mesh:
+def _ends(config: ExperimentFile) -> dict[str, list[int]]:
+    """Segments (from 1) of an outline in mm that are its ends, as those of an outline of points, unless they are named
+    or defined otherwise."""
+    table = config.experiment.mesh
+    outline = np.array(table.outline_mm or [], dtype=float)
+    if outline.ndim != 2:
+        return {}  # a circle, or no outline
+    ends = sides_of_any(outline)
+    return {name: numbers for name, numbers in ends.items() if name not in config.sets and name not in table.edge_names}
+
+
+def _mesh_in_mm(table: MeshTable, scale: Lengths, file: Path, ends: Mapping[str, list[int]]) -> Mesh:
     shape = "roi" if table.outline_mm is None else "outline"
     if scale.unit != "mm":
         raise InputError("an ROI in mm without a scale", file=file, key=f"{KEY}.{shape}_mm",
                          expected="camera.pixel_size_mm", found="no scale",
                          remedy=f"give pixel_size_mm, or {shape}_px")
     if table.outline_mm is not None:
-        return drawing_of(table).mesh(file, KEY)
+        drawing = drawing_of(table)
+        return replace(drawing, edge_names={**ends, **drawing.edge_names}).mesh(file, KEY)
     down = bool(scale.camera.jacobian(np.zeros((1, 2)))[0, 1, 1] > 0)
     return roi_mesh(table.roi_mm, table.element_mm, table.holes_mm, down=down, file=file, key=KEY)
 

@@ -77,6 +77,14 @@ def sides(outline: np.ndarray) -> dict[str, list[int]]:
     return found
 
 
+def sides_of_any(outline: np.ndarray) -> dict[str, list[int]]:
+    """`sides` of an outline of either sense."""
+    if _area(outline) > 0.0:
+        return sides(outline)
+    n = len(outline)  # segment k of the reversed outline is n - k, the last one stays
+    return {name: sorted((n - k - 1) % n + 1 for k in numbers) for name, numbers in sides(outline[::-1]).items()}
+
+
 def _area(loop: np.ndarray) -> float:
     following = np.roll(loop, -1, axis=0)
     return 0.5 * float(np.sum(loop[:, 0] * following[:, 1] - following[:, 0] * loop[:, 1]))

@@ -306,7 +306,8 @@ def measured_points(series: FieldSeries, references: Sequence[int]) -> MeasuredP
                          key=KEY, expected="points over a surface", found=f"{len(points)} points on a line",
                          remedy="export the points of the whole surface")
     plane = mean_plane(positions) if positions.shape[1] == 3 else None
-    flat = positions if plane is None else positions @ plane.axes.T
+    middle = positions.mean(axis=0)  # where it was: a turn about the origin of the cameras would shift a drawn outline
+    flat = positions if plane is None else middle + (positions - middle) @ plane.axes.T
     return MeasuredPoints(flat[:, :2], pitch, None if first.ids is None else first.ids[known], points, plane, start,
                           None if plane is None else flat[:, 2] - flat[:, 2].mean())
 
