@@ -21,7 +21,7 @@ TOLERANCE = 1.2  # blocks: of the corners of the outline
 FINER = 4  # contours lie between the blocks
 EDGE_SHARE = 0.5  # of the gradient energy inside: less is background
 SMOOTHED = 3  # blocks: width of the means, unless the speckle is wider
-SPECKLES = 1.5  # that half of their width holds, where the speckle is wider
+SPECKLES = 1.3  # that half of their width holds, where the speckle is wider
 SPECKLE_WINDOW_PX = 512
 SEARCHED = 3  # blocks to both sides of a straight edge or a circle
 INSET_PX = 1.0  # a central difference sees the edge one pixel before it
@@ -97,7 +97,8 @@ def _pattern(texture: Texture, wide: int) -> np.ndarray:
     rows, columns = (int(np.ceil(BORDER_SHARE * n)) for n in mask.shape)
     mask[:rows] = mask[-rows:] = mask[:, :columns] = mask[:, -columns:] = 0
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide))
-    mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, disc)
+    around = cv2.copyMakeBorder(mask, *(wide,) * 4, cv2.BORDER_CONSTANT, value=0)  # else gaps to the border close, too
+    mask = cv2.morphologyEx(around, cv2.MORPH_CLOSE, disc)[wide:-wide, wide:-wide]
     mask = cv2.erode(mask, np.ones((wide, wide), dtype=np.uint8))  # the mean of three blocks reaches one block out
     return cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc)
 
