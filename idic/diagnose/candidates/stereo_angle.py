@@ -24,7 +24,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "stereo_angle", "camera", "wrong angle between the cameras", "the angles of the calibration",
+    "stereo_angle", "camera", "camera turned about its own centre", "the angles of the calibration",
     rivals={"focal_length": "both change the lengths that one camera sees",
             "placement": "the mesh leans against the specimen before all cameras, not before one",
             "specimen_motion": "a motion along the line of sight during the test, not an angle wrong from the start"},
