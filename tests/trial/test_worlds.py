@@ -108,7 +108,7 @@ def test_a_specimen_that_leaves_the_image_leaves_no_excess(tmp_path):
     residual = residual_evidence(found)
     pixels = {one.n_pixels for one in found.point.system.frames}
     assert min(pixels) < 0.95 * max(pixels) and residual.evidence.n_pixels % len(residual.evidence.frames) == 0
-    assert abs(fit(residual, grid_of(residual)).excess_z) < 3.0  # 7 with pixels that some frames do not show
+    assert abs(fit(residual, grid_of(residual)).excess_z) < 3.0  # 4.6 with pixels that some frames do not show
 
 
 @pytest.mark.parametrize(("null", "law", "world", "implied"), [
