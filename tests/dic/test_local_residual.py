@@ -134,7 +134,7 @@ def test_only_what_is_not_set_already_is_tried():
 
 
 # significance in words ------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize(("z", "text"), [(3.24, "3.2"), (8.0, "8.0"), (640.8, "> 8"), (-9.0, "< -8"), (-0.04, "-0.0")])
+@pytest.mark.parametrize(("z", "text"), [(3.24, "3.2"), (8.0, "8.0"), (640.8, "> 8"), (-9.0, "< -8"), (-0.04, "0.0")])
 def test_standard_deviations_end_at_eight(z, text):
     assert z_text(z) == text
 
