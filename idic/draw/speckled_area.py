@@ -99,7 +99,7 @@ def _pattern(texture: Texture, wide: int) -> np.ndarray:
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (wide, wide))
     around = cv2.copyMakeBorder(mask, *(wide,) * 4, cv2.BORDER_CONSTANT, value=0)  # else gaps to the border close, too
     mask = cv2.morphologyEx(around, cv2.MORPH_CLOSE, disc)[wide:-wide, wide:-wide]
-    mask = cv2.erode(mask, np.ones((wide, wide), dtype=np.uint8))  # the mean of three blocks reaches one block out
+    mask = cv2.erode(mask, np.ones((wide, wide), dtype=np.uint8))  # means reach out by half their width
     return cv2.morphologyEx(mask, cv2.MORPH_OPEN, disc)
 
 

@@ -23,7 +23,7 @@ from idic.virtual_tests.meshes import write_inp
 from idic.virtual_tests.polycarbonate import polycarbonate
 from idic.virtual_tests.polycarbonate_plans import write_polycarbonate_plans
 from idic.virtual_tests.stereo.plate import write_stereo
-from idic.virtual_tests.render import Sensor, clean_image, clean_images, noisy_channel, record
+from idic.virtual_tests.render import Sensor, clean_image, noisy_channel, render
 from idic.virtual_tests.virtual_test import VirtualTest
 
 IMAGES_AT_A_TIME = 2  # rendered by threads; each takes some 50 MB
@@ -104,7 +104,8 @@ def write_example(
     contrast = _contrast(test, texture, bare)
     sensor = replace(bare, noise_std=(test.default_noise if noise is None else noise) * contrast)
     log_noise = {c.column: c.added_std(sensor.noise_std) for c in test.columns}
-    write_images(folder, _images(test, texture, sensor, camera_rng))
+    write_images(folder, render(test.displacements, test.nodes, test.cells, test.camera, texture, sensor, camera_rng,
+                                threads=IMAGES_AT_A_TIME))
     write_loads(folder, test.times, {c.column: noisy_channel(c.values, log_noise[c.column], channel_rng)
                                      for c in test.columns})
     write_inp(test.mesh, folder / "mesh.inp", test.title)
@@ -123,12 +124,6 @@ def write_example(
         **test.notes,
     )
     return folder / "experiment.toml"
-
-
-def _images(test: VirtualTest, texture, sensor: Sensor, rng: np.random.Generator):
-    for image in clean_images(test.displacements, test.nodes, test.cells, test.camera, texture, sensor,
-                              threads=IMAGES_AT_A_TIME):
-        yield record(image, sensor, rng)
 
 
 def _contrast(test: VirtualTest, texture, sensor: Sensor) -> float:

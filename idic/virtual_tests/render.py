@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -89,8 +89,9 @@ def render(
     sensor: Sensor,
     rng: np.random.Generator,
     rise: float | None = None,
+    threads: int = 1,
 ) -> Iterator[np.ndarray]:
-    """Recorded images of a sequence of nodal displacements, one at a time.
+    """Recorded images of a sequence of nodal displacements, in their order.
 
     Parameters
     ----------
@@ -104,13 +105,21 @@ def render(
     rise : float, optional
         The image is a height map: texture(X) + rise u_z(X), with `rise` in height units per mm (`View.rise`; u_z is
         the third column of the displacement); the background is NaN, as a profilometer has it.
+    threads : int
+        So many images are rendered at a time, that many displacements ahead; it changes no bit.
 
     Yields
     ------
     (ny, nx) uint8, uint16 or float32
     """
-    for u in displacements:
-        yield record(clean_image(u, nodes, cells, camera, texture, sensor, rise), sensor, rng)
+    waiting: deque[Future[np.ndarray]] = deque()
+    with ThreadPoolExecutor(threads) as pool:
+        for u in displacements:
+            waiting.append(pool.submit(clean_image, u, nodes, cells, camera, texture, sensor, rise))
+            if len(waiting) > threads:
+                yield record(waiting.popleft().result(), sensor, rng)
+        while waiting:
+            yield record(waiting.popleft().result(), sensor, rng)
 
 
 def clean_image(
@@ -142,21 +151,6 @@ def clean_image(
             value[inside] += material[:, -1]
         image[first:last] = value.reshape(last - first, n, nx, n).mean(axis=(1, 3))
     return image
-
-
-def clean_images(displacements: Sequence[np.ndarray], *scene, threads: int = 1) -> Iterator[np.ndarray]:
-    """Images of :func:`clean_image` in the order of the displacements, `threads` of them at a time  # (ny, nx) float64
-
-    scene : nodes, cells, camera, texture, sensor
-    """
-    with ThreadPoolExecutor(threads) as pool:
-        waiting = deque()
-        for u in displacements:
-            waiting.append(pool.submit(clean_image, u, *scene))
-            if len(waiting) > threads:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
 
 
 def record(image: np.ndarray, sensor: Sensor, rng: np.random.Generator) -> np.ndarray:

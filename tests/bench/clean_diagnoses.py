@@ -31,7 +31,7 @@ from idic.images.stack import ArrayStack  # noqa: E402
 from idic.run.diagnosis.diagnose import diagnose_run  # noqa: E402
 from idic.run.plain import identify_experiment  # noqa: E402
 from idic.validation.studies.coverage import WORLDS  # noqa: E402
-from idic.validation.studies.realisation import _autoregression  # noqa: E402
+from idic.validation.studies.realisation import autoregression  # noqa: E402
 from idic.virtual_tests.experiment_files import write_images, write_loads  # noqa: E402
 from idic.virtual_tests.render import Sensor, clean_image, painted  # noqa: E402
 from idic.virtual_tests.sensors import recorded_by  # noqa: E402
@@ -52,7 +52,7 @@ def write_draw(folder: Path, model: str, world: str, seed: int) -> None:
     (folder / "images").mkdir(parents=True)
     write_images(folder, (np.clip(np.rint(stack.frame(k)), 0, 255).astype(np.uint8) for k in range(len(images))))
     std, null = 2e-3 * np.abs(force).max(), twins.NULLS[twins.TRUTHS[NAMES[model]].null]
-    drift = _autoregression(rng.standard_normal(len(force)), more.get("channel_correlation", 0.0))
+    drift = autoregression(rng.standard_normal(len(force)), more.get("channel_correlation", 0.0))
     grip = null.grip + GRIP_NOISE * rng.standard_normal(len(force)) * (twins.TIMES > 0)
     write_loads(folder, twins.TIMES, {"force_N": force + std * drift, "grip_mm": grip})
     twins.write_inp(twins.strip_with_hole(twins.LENGTH, twins.WIDTH, twins.RADIUS, "quad8", 3, 4, 3, name="BODY"),

@@ -62,13 +62,19 @@ def test_a_pattern_that_fills_the_image_in_uneven_light_is_one_rectangle():
     np.testing.assert_allclose(outline, [[16, 12], [483, 12], [483, 287], [16, 287]], atol=4)  # 3 % from the border
 
 
+def coarse_dots(inside, times):
+    """Dots as of `dots`, `times` as large, on a part of the image."""
+    small = tuple(n // times for n in inside.shape)
+    coarse = dots(small, np.ones(small, dtype=bool), noise=0.0).repeat(times, axis=0).repeat(times, axis=1)
+    image = np.where(inside, coarse, 20) + np.random.default_rng(2).normal(0, 2, inside.shape)
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
 def test_the_gaps_of_a_coarse_pattern_are_no_holes():
     shape = (420, 600)
     y, x = grid(shape)
     inside = (x >= 80) & (x < 520) & (y >= 60) & (y < 340) & ((x - 300) ** 2 + (y - 200) ** 2 > 60**2)
-    coarse = dots((140, 200), np.ones((140, 200), dtype=bool), noise=0.0).repeat(3, axis=0).repeat(3, axis=1)
-    image = np.where(inside, coarse, 20) + np.random.default_rng(2).normal(0, 2, shape)
-    image = np.clip(image, 0, 255).astype(np.uint8)
+    image = coarse_dots(inside, 3)
     outline, holes = speckled_area(image, texture_of(image))
     np.testing.assert_allclose(outline, [[80, 60], [519, 60], [519, 339], [80, 339]], atol=2.0)
     (hole,) = holes
@@ -79,9 +85,7 @@ def test_a_coarse_pattern_in_a_small_image_keeps_its_hole_and_its_edges_next_to_
     shape = (200, 300)
     y, x = grid(shape)
     inside = (x >= 9) & (x < 289) & (y >= 20) & (y < 181) & ((x - 147) ** 2 + (y - 99) ** 2 > 30**2)
-    coarse = dots((100, 150), np.ones((100, 150), dtype=bool), noise=0.0).repeat(2, axis=0).repeat(2, axis=1)
-    image = np.where(inside, coarse, 20) + np.random.default_rng(2).normal(0, 2, shape)
-    image = np.clip(image, 0, 255).astype(np.uint8)
+    image = coarse_dots(inside, 2)
     outline, (hole,) = speckled_area(image, texture_of(image))
     np.testing.assert_allclose(outline, [[9, 20], [288, 20], [288, 180], [9, 180]], atol=2.0)
     np.testing.assert_allclose(hole, [147, 99, 30], atol=2.0)

@@ -61,7 +61,8 @@ ENDS = ("converged", "at_bound", "stalled")  # of a search whose end is worth a 
 TOO_COARSE = "too_coarse"  # end of a search with one increment per frame that does not find its end soon
 MAX_COARSE_STEPS, MAX_COARSE_REJECTIONS = 8, 2  # accepted steps, and rejected ones in a row, of that search
 KNOWN = "known"  # end of a search that is known before it is reached
-# distance from its end after a Gauss-Newton step, over the step and its largest scaled component (2 to 6 measured)
+# distance from its end after a Gauss-Newton step, over the step and its largest scaled component (at most 6 in J2
+# strips of 5 to 24 frames, a strip that creeps and a plate before two cameras)
 CURVATURE = 5.0
 MAX_KNOWN_ERROR = 0.1  # of that distance, over the largest change with which increments are enough
 

@@ -101,7 +101,7 @@ def quantised(experiment: Experiment, bits: int) -> Experiment:
 
 def _with_noisy_records(experiment: Experiment, seed: int, correlation: float) -> Experiment:
     rng = np.random.default_rng((seed, RECORDS_STREAM))
-    channels = tuple(replace(channel, values=channel.values + (channel.noise_std or 0.0) * _autoregression(
+    channels = tuple(replace(channel, values=channel.values + (channel.noise_std or 0.0) * autoregression(
         rng.standard_normal(len(channel.values)), correlation)) for channel in experiment.channels)
     prescribed = []
     for entry in experiment.prescribed:
@@ -113,7 +113,7 @@ def _with_noisy_records(experiment: Experiment, seed: int, correlation: float) -
     return replace(experiment, channels=channels, prescribed=tuple(prescribed))
 
 
-def _autoregression(white: np.ndarray, correlation: float) -> np.ndarray:
+def autoregression(white: np.ndarray, correlation: float) -> np.ndarray:
     """First-order autoregression of unit variance from independent numbers  # (n,)"""
     if not correlation:
         return white
