@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import time
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -99,20 +101,33 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
     console, stages = Console(stderr=True, soft_wrap=True), STAGES if report else STAGES[:-1]
     spent_s = time.monotonic() - began
     with _server(prefect), progress_view(console, out, stages, spent_s) as view:  # it starts while we import
-        if prefect:
-            from idic_flows.identify import run_identification as run
-            from idic.run.warm_up import import_meanwhile
+        with _without_collection():
+            if prefect:
+                from idic_flows.identify import run_identification as run
+                from idic.run.warm_up import import_meanwhile
 
-            if report:
-                import_meanwhile("idic.run.reporting.write")
-        else:
-            from idic.run.plain import identify_plainly as run
-        from idic.run.plain import Console as Callbacks
+                if report:
+                    import_meanwhile("idic.run.reporting.write")
+            else:
+                from idic.run.plain import identify_plainly as run
+            from idic.run.plain import Console as Callbacks
 
         callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards, view.said)
         return run(experiments, out, resume=resume, workers=workers, scheduler=scheduler, sensitivity=sensitivity.value,
                    overrides=settings, console=callbacks, memory_limit=memory_limit, pause_after=pause_after,
                    store=store)
+
+
+@contextmanager
+def _without_collection() -> Iterator[None]:
+    """While modules are loaded: they make a million objects, and looking which of them are garbage takes a tenth."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 def _server(prefect: bool) -> AbstractContextManager:

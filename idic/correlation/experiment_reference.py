@@ -6,7 +6,7 @@ from dataclasses import replace
 from hashlib import blake2b
 
 import numpy as np
-from scipy.ndimage import binary_erosion
+import scipy
 
 from idic.correlation.comparison import Reference
 from idic.correlation.field.reference import build_field_reference
@@ -146,7 +146,7 @@ def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:
         If next to nothing is left.
     """
     whole = np.isfinite(pixel_map.to_image(np.zeros(pixel_map.n_pixels)))
-    inner = binary_erosion(whole, np.ones((3, 3), bool), iterations=margin, border_value=1)
+    inner = scipy.ndimage.binary_erosion(whole, np.ones((3, 3), bool), iterations=margin, border_value=1)
     if inner.sum() < 0.1 * whole.sum():
         raise InputError("the mesh is too thin in the image for its edge margin", file="experiment.toml",
                          key="[options] edge_margin_px", expected="a margin well below half the width of the specimen",

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from idic.correlation.field.reference import FieldReference
 from idic.correlation.frame_equations import correlated_frames
@@ -206,7 +206,7 @@ class _NodeNoise:
         self.kappa, self.n_images = frame.kappa, reference.n_images
         at = reference.pixel_map.nodes_px
         gains = np.diagonal(gram).reshape(-1, 2).mean(axis=1)
-        self.gains = gains[cKDTree(at[sample]).query(at[numbers])[1]]  # (m,)
+        self.gains = gains[scipy.spatial.cKDTree(at[sample]).query(at[numbers])[1]]  # (m,)
         share = len(numbers) / len(sample)
         diagonal = float((np.diagonal(gram) ** 2).sum())
         squares = share * diagonal + share**2 * (float((gram**2).sum()) - diagonal)

@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy import fft
-from scipy.ndimage import gaussian_filter, uniform_filter
+import scipy
 
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.correlation.reference import ReferenceImage, build_reference
@@ -47,7 +46,7 @@ def build_pyramid(pixel_map: PixelMap, image: np.ndarray, cells: Sequence[Block]
     smoother = build_smoother(pixel_map.nodes_px, cells, Regularisation("mechanical"))
     levels = []
     for blur in BLURS_PX:
-        blurred = gaussian_filter(np.asarray(image, dtype=np.float32), blur)
+        blurred = scipy.ndimage.gaussian_filter(np.asarray(image, dtype=np.float32), blur)
         length = max(_LENGTH_PER_BLUR * blur, least_length_px)
         levels.append(Level(blur, build_reference(pixel_map, blurred, degree), replace(smoother, length_px=length)))
     return tuple(levels)
@@ -60,7 +59,7 @@ def descend(pyramid: Sequence[Level], image: np.ndarray, start_px: np.ndarray, b
     """
     u = start_px
     for level in pyramid:
-        blurred = gaussian_filter(np.asarray(image, dtype=np.float32), level.blur_px)
+        blurred = scipy.ndimage.gaussian_filter(np.asarray(image, dtype=np.float32), level.blur_px)
         spline = prefilter(blurred, level.reference.degree)
         found = dic_frame(level.reference, spline, u, level.smoother, brightness, tolerance=0.02 * level.blur_px,
                           max_iterations=8)
@@ -105,7 +104,7 @@ def coarse_motion(image_from: np.ndarray, image_to: np.ndarray, points_px: np.nd
 def _binned(image, factor):
     ny, nx = (n // factor * factor for n in image.shape)
     cut = np.asarray(image[:ny, :nx], dtype=np.float32)
-    return gaussian_filter(cut.reshape(ny // factor, factor, nx // factor, factor).mean(axis=(1, 3)), 1.0)
+    return scipy.ndimage.gaussian_filter(cut.reshape(ny // factor, factor, nx // factor, factor).mean(axis=(1, 3)), 1.0)
 
 
 def _subset_centres(points, shape, side):
@@ -126,12 +125,13 @@ def _subset_centres(points, shape, side):
 
 def _search(a, b, centres, side):
     """Best shift of every subset of `a` in the whole of `b` and its correlation  # (n, 2) binned px, (n,)"""
-    shape = [fft.next_fast_len(n + side, real=True) for n in b.shape]
+    shape = [scipy.fft.next_fast_len(n + side, real=True) for n in b.shape]
     level = b.mean()
-    spectrum = fft.rfft2(b - level, shape)
+    spectrum = scipy.fft.rfft2(b - level, shape)
     half = side // 2
-    mean = uniform_filter(b - level, side, mode="constant")
-    spread = np.sqrt(np.maximum(uniform_filter((b - level) ** 2, side, mode="constant") - mean**2, 0)) * side
+    mean = scipy.ndimage.uniform_filter(b - level, side, mode="constant")
+    square = scipy.ndimage.uniform_filter((b - level) ** 2, side, mode="constant")
+    spread = np.sqrt(np.maximum(square - mean**2, 0)) * side
     spread = spread[half : b.shape[0] - half + 1, half : b.shape[1] - half + 1]  # at subset positions, by first pixel
     floor = 0.1 * np.median(spread)
     shifts, scores = np.zeros((len(centres), 2)), np.zeros(len(centres))
@@ -139,7 +139,7 @@ def _search(a, b, centres, side):
         subset = a[row - half : row + half, column - half : column + half]
         subset = subset - subset.mean()
         norm = np.sqrt((subset**2).sum())
-        product = fft.irfft2(spectrum * np.conj(fft.rfft2(subset, shape)), shape)
+        product = scipy.fft.irfft2(spectrum * np.conj(scipy.fft.rfft2(subset, shape)), shape)
         score = product[: spread.shape[0], : spread.shape[1]] / (norm * np.maximum(spread, floor) + 1e-12)
         i, j = np.unravel_index(np.argmax(score), score.shape)
         scores[k] = score[i, j]

@@ -18,8 +18,8 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numba import njit
-from scipy.ndimage import correlate1d
 
 from idic.images.interpolate import prefilter
 from idic.images.prefilter import MIRROR_PAD_PX
@@ -81,8 +81,8 @@ def mean_shift(curvature: np.ndarray, fineness: float, lowpass_px: float,
 def fineness_of(image: np.ndarray, ix: np.ndarray, iy: np.ndarray) -> float:
     """Mean square of f,xy over that of f,x and f,y at these pixels, px^-2: 1/(2 s²) of a speckle exp(-d²/(4 s²))."""
     taps = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
-    by_x, by_y = (correlate1d(image, taps, axis=axis, mode="mirror") for axis in (1, 0))
-    both = correlate1d(by_x, taps, axis=0, mode="mirror")
+    by_x, by_y = (scipy.ndimage.correlate1d(image, taps, axis=axis, mode="mirror") for axis in (1, 0))
+    both = scipy.ndimage.correlate1d(by_x, taps, axis=0, mode="mirror")
     slopes, mixed = (float(np.mean(np.square(part[iy, ix], dtype=np.float64))) for part in (np.hypot(by_x, by_y), both))
     return 2.0 * mixed / slopes if slopes > 0.0 else 0.0
 
@@ -101,10 +101,10 @@ def derivative_maps(image: np.ndarray, ix: np.ndarray, iy: np.ndarray) -> np.nda
     factorial = (1.0, 1.0, 2.0, 6.0, 24.0)
     maps = np.empty((len(ORDERS), len(ix)), dtype=np.float32)
     for by_row in range(5):
-        along = correlate1d(coefficients, factorial[by_row] * taps[by_row], axis=0)
+        along = scipy.ndimage.correlate1d(coefficients, factorial[by_row] * taps[by_row], axis=0)
         for number, (by_column, order) in enumerate(ORDERS):
             if order == by_row:
-                both = correlate1d(along, factorial[by_column] * taps[by_column], axis=1)
+                both = scipy.ndimage.correlate1d(along, factorial[by_column] * taps[by_column], axis=1)
                 maps[number] = both[iy + MIRROR_PAD_PX, ix + MIRROR_PAD_PX]
     return maps
 

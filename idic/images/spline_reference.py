@@ -7,7 +7,7 @@ The tests compare `idic.images.interpolate` with it; the equations written out p
 from __future__ import annotations
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 
 def spline_values(image: np.ndarray, points: np.ndarray, degree: int) -> np.ndarray:
@@ -46,8 +46,8 @@ def inside(points: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 
 
 def _coefficients(image: np.ndarray, degree: int) -> np.ndarray:
-    return ndimage.spline_filter(np.asarray(image, dtype=float), degree, mode="mirror")
+    return scipy.ndimage.spline_filter(np.asarray(image, dtype=float), degree, mode="mirror")
 
 
 def _at(coefficients: np.ndarray, points: np.ndarray, degree: int) -> np.ndarray:
-    return ndimage.map_coordinates(coefficients, points[:, ::-1].T, order=degree, mode="mirror", prefilter=False)
+    return scipy.ndimage.map_coordinates(coefficients, points[:, ::-1].T, order=degree, mode="mirror", prefilter=False)

@@ -14,8 +14,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.polynomial import legendre
-from scipy.interpolate import BSpline
 
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Mesh, boundary_edges
@@ -82,7 +82,7 @@ def time_courses(times: np.ndarray, reference: int, kind: str, modes: int) -> np
     t = np.clip((np.arange(len(times)) - reference) / max(later, 1), 0.0, 1.0)
     degree = min(MODE_DEGREE, modes)
     knots = np.concatenate([np.zeros(degree), np.linspace(0.0, 1.0, modes + 2 - degree), np.ones(degree)])
-    return BSpline.design_matrix(t, knots, degree).toarray()[:, 1:]
+    return scipy.interpolate.BSpline.design_matrix(t, knots, degree).toarray()[:, 1:]
 
 
 def edge_pieces(mesh: Mesh, nodes: np.ndarray) -> list[Piece]:
@@ -195,7 +195,7 @@ def _piece_splines(piece: Piece, ends: list[float], share: list[int], degree: in
         return _periodic(along, piece.length, inner, degree)
     repeats = np.where(np.isin(inner, ends), degree, 1)
     knots = np.concatenate([[0.0], np.repeat(inner, repeats), np.full(degree + 1, piece.length)])
-    made = BSpline.design_matrix(along, knots, degree).toarray()
+    made = scipy.interpolate.BSpline.design_matrix(along, knots, degree).toarray()
     if piece.closed:  # the last function is the first one, seen from the other side of the corner
         made[:, 0] += made[:, -1]
         made = made[:, :-1]
@@ -209,7 +209,7 @@ def _periodic(along: np.ndarray, length: float, inner: np.ndarray, degree: int) 
     knots = np.sort((inner[None, :] + length * turns[:, None]).ravel())
     first = np.searchsorted(knots, -1e-12 * length)
     knots = knots[first - degree:first + m + degree + 1]
-    made = BSpline.design_matrix(along, knots, degree).toarray()  # (n, m + degree)
+    made = scipy.interpolate.BSpline.design_matrix(along, knots, degree).toarray()  # (n, m + degree)
     wrapped = made[:, :m].copy()
     for k in range(m, made.shape[1]):
         wrapped[:, k % m] += made[:, k]

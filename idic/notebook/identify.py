@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from idic.correlation.frame_equations import correlated_frames
 from idic.errors import InputError
+from idic.experiment_file.laws.free_curves import by_evidence
 from idic.experiment_file.toml_file import with_overrides
 from idic.identify.driver import log_progress
 from idic.identify.frame_fit import FrameFit, camera_entries, frame_entries, residual_summary
@@ -22,7 +23,7 @@ from idic.identify.result import build_result
 from idic.notebook.experiment import Experiment
 from idic.notebook.fields import FieldsInMemory, FieldsOfRun
 from idic.notebook.result import Result
-from idic.run.in_memory.knots import by_evidence, chosen_tables
+from idic.run.in_memory.knots import chosen_tables
 from idic.run.in_memory.preparation import Prepared, prepare
 from idic.run.plain import identify_on
 from idic.run.postprocess import has_force

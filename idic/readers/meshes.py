@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import meshio
 import numpy as np
 
 from idic.errors import InputError
 from idic.readers.abaqus import read_inp
-from idic.readers.foreign_mesh import read_by_meshio
 from idic.readers.raw_mesh import RawMesh
+
+if TYPE_CHECKING:
+    import meshio  # loaded for other formats than inp
 
 _KINDS = {"vertex": "point", "line": "line2", "line3": "line3", "triangle": "tri3", "triangle6": "tri6",
           "quad": "quad4", "quad8": "quad8",
           "quad9": "quad9", "hexahedron": "hex8", "hexahedron20": "hex20", "hexahedron27": "hex27", "tetra": "tet4",
           "tetra10": "tet10",
           "wedge": "wedge6", "wedge15": "wedge15", "pyramid": "pyramid5"}
-MESH_SUFFIXES = tuple(sorted({".inp", *meshio.extension_to_filetypes}))  # of the files that may be meshes
 _MAX_SETS_OF_ARRAY = 64  # an integer array with more different values is a result and defines no sets
+
+
+def mesh_suffixes() -> tuple[str, ...]:
+    """Those of the files that may be meshes."""
+    import meshio
+
+    return tuple(sorted({".inp", *meshio.extension_to_filetypes}))
 
 
 def read_mesh_file(path: Path) -> RawMesh:
@@ -34,10 +42,12 @@ def read_mesh_file(path: Path) -> RawMesh:
     """
     if path.suffix.lower() == ".inp":
         return read_inp(path)
-    if path.suffix.lower() not in meshio.extension_to_filetypes:
+    if path.suffix.lower() not in mesh_suffixes():
         raise InputError("not a mesh format that idic reads", file=path, key="mesh",
                          expected=".inp (Abaqus, CalculiX), .msh (gmsh), .vtu, or another format of meshio",
                          found=path.suffix or "no suffix", remedy="export the mesh in one of these")
+    from idic.readers.foreign_mesh import read_by_meshio
+
     return raw_mesh_of(read_by_meshio(path), path)
 
 

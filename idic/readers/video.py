@@ -10,11 +10,14 @@ import threading
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
 from idic.errors import InputError
+
+if TYPE_CHECKING:
+    import cv2  # loaded where there is a video
 
 SUFFIXES = (".avi", ".mp4", ".mov", ".mkv")
 LOSSLESS = {"FFV1", "HFYU", "FFVH", "DIB ", "RAW ", "I420", "IYUV", "Y800", "GREY", "MPNG", "PNG1"}
@@ -78,7 +81,11 @@ def luminance(image: np.ndarray) -> np.ndarray:
     """The grey image of a decoded frame (ny, nx, 3); a grey video keeps its values  # (ny, nx) uint8"""
     if image.ndim == 2:
         return image
-    return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if _coloured(image) else np.ascontiguousarray(image[:, :, 1])
+    if not _coloured(image):
+        return np.ascontiguousarray(image[:, :, 1])
+    import cv2
+
+    return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
 
 
 def _coloured(image: np.ndarray) -> bool:
@@ -88,6 +95,8 @@ def _coloured(image: np.ndarray) -> bool:
 @lru_cache(maxsize=16)
 def _decoded(path: Path, _changed: int) -> tuple[int, tuple[int, int], str, bool]:
     """Frames, shape, codec, whether its first frame is in colour."""
+    import cv2
+
     capture = _open(path)
     good, image = capture.read()
     if not good:
@@ -110,6 +119,8 @@ def _open(path: Path) -> cv2.VideoCapture:
         "Matroska": lambda h: h[:4] == b"\x1a\x45\xdf\xa3"}
     if not any(fits(head) for fits in kinds.values()):  # a playlist with this name would make the decoder fetch files
         raise _unreadable(path, "a file with the first bytes of another format")
+    import cv2
+
     capture = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)
     if not capture.isOpened():
         raise _unreadable(path, "a codec that OpenCV does not know, or a damaged file")

@@ -19,10 +19,9 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from idic.errors import InputError
+from idic.experiment_file.laws.free_curves import by_evidence
 from idic.identify.driver import log_progress, run_loop
 from idic.identify.step.state import LoopState
-from idic.run.in_memory.knots import refuse_evidence, with_chosen_knots
-from idic.run.joint_run import JointRun
 from idic.run.runs import Points, Run, SingleRun, check_pause
 from idic.run.session import Timing
 from idic.store.arrays import leave_stuck_io
@@ -232,7 +231,15 @@ def plan_run(paths: Sequence[str | Path], out: str | Path, overrides: Mapping[st
         raise InputError("no experiment", expected="an experiment folder, or several", found="none",
                          remedy="name the folder that holds experiment.toml")
     if len(paths) == 1:
-        return with_chosen_knots(SingleRun(RunStore(out), paths[0], dict(overrides)), say)
+        run = SingleRun(RunStore(out), paths[0], dict(overrides))
+        if not by_evidence(run.experiment):
+            return run
+        from idic.run.in_memory.knots import with_chosen_knots  # here: most runs begin sooner without
+
+        return with_chosen_knots(run, say)
+    from idic.run.in_memory.knots import refuse_evidence
+    from idic.run.joint_run import JointRun
+
     joint = JointRun.planned(paths, out, dict(overrides))
     refuse_evidence(part.experiment for part in joint.parts.values())
     return joint  # type: ignore[return-value]

@@ -22,7 +22,6 @@ from idic.identify.step.state import Evaluation, LoopState, Trial
 from idic.identify.weights import paper_weights
 from idic.model.experiment import Experiment, Stage
 from idic.run.context import correlation_context
-from idic.run.postprocess import postprocess, write_interrupted
 from idic.run.prepare import write_description
 from idic.run.search import start_values
 from idic.run.session import Session, Timing
@@ -124,9 +123,13 @@ class RunPoints:
                 self.session.context.store.remove(f"evaluations/{number:03d}")
 
     def postprocess(self, state: LoopState, began: float) -> dict:
+        from idic.run.postprocess import postprocess  # here: an identification begins sooner
+
         return postprocess(self.session, state, self.timing, began)
 
     def write_interrupted(self, began: float) -> dict | None:
+        from idic.run.postprocess import write_interrupted
+
         return write_interrupted(self.session, self.timing, began)
 
     def _write_start(self, evaluation: int, local: np.ndarray) -> None:

@@ -21,6 +21,7 @@ BASE = "base"
 EXPERIMENTS = "experiments"  # RUN/experiments/NAME: the parts of a joint identification
 FROM_PYTHON = "experiment-from-python"  # RUN/experiment-from-python: the experiment where it was no folder before
 CHUNK_BYTES = 8_000_000  # bytes of a chunk; larger chunks are not read faster
+FIELDS, FLOOR, FREE = "fields", "floor", "free"  # groups of the judgement of the last point
 SCRATCH = "scratch"  # RUN/scratch: folders of an external solver
 
 

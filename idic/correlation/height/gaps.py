@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_dilation, gaussian_filter
+import scipy
 
 from idic.errors import InputError
 from idic.images.interpolate import Spline, prefilter
@@ -48,7 +48,8 @@ def height_frame(image: np.ndarray, level: float, degree: int, lowpass_px: float
         return HeightFrame(prefilter(image.astype(np.float32), degree, lowpass_px), np.zeros((0, 0), np.uint8))
     filled = fill_gaps(image, gaps).astype(np.float32)
     if lowpass_px > 0:
-        gaps = binary_dilation(gaps, np.ones((3, 3), bool), iterations=int(np.ceil(REACH_STDS * lowpass_px)))
+        reach = int(np.ceil(REACH_STDS * lowpass_px))
+        gaps = scipy.ndimage.binary_dilation(gaps, np.ones((3, 3), bool), iterations=reach)
     return HeightFrame(prefilter(filled, degree, lowpass_px), _windows_with(gaps, degree))
 
 
@@ -80,7 +81,7 @@ def fill_gaps(image: np.ndarray, gaps: np.ndarray) -> np.ndarray:
     row, column = np.indices(image.shape, dtype=float)
 
     def blurred(field):
-        return gaussian_filter(field, _FILL_STD_PX, mode="constant", truncate=4.0)[gaps]
+        return scipy.ndimage.gaussian_filter(field, _FILL_STD_PX, mode="constant", truncate=4.0)[gaps]
 
     x, y = column[gaps], row[gaps]
     w, wx, wy = blurred(known), blurred(known * column), blurred(known * row)

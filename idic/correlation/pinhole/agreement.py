@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter, map_coordinates
+import scipy
 
 from idic.correlation.pinhole.ray_map import build_ray_map
 from idic.correlation.pixels.pixel_map import PixelMap
@@ -49,13 +49,13 @@ def speckle_agreement(mesh: Mesh, one: Seen, two: Seen, blur_px: float = 0.0) ->
         other = _ray_map(mesh, two, wanted)
     except InputError:
         return float("nan")
-    images = [gaussian_filter(np.asarray(seen.image, dtype=float), blur_px) for seen in (one, two)]
+    images = [scipy.ndimage.gaussian_filter(np.asarray(seen.image, dtype=float), blur_px) for seen in (one, two)]
     owned = np.isfinite(other.to_image(np.zeros(other.n_pixels)))  # what the second camera sees of the mesh
     inside[inside] = owned[row[inside], column[inside]]
     if inside.sum() < MIN_POINTS:
         return float("nan")
     ours = images[0][pixels.iy[inside], pixels.ix[inside]]
-    theirs = map_coordinates(images[1], at[inside, ::-1].T, order=1)
+    theirs = scipy.ndimage.map_coordinates(images[1], at[inside, ::-1].T, order=1)
     if ours.std() == 0.0 or theirs.std() == 0.0:
         return float("nan")
     return float(np.corrcoef(ours, theirs)[0, 1])

@@ -14,8 +14,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from scipy import sparse
-from scipy.ndimage import binary_erosion
 from scipy.sparse.linalg import SuperLU, splu
 
 from idic.correlation.pixels.pixel_map import build_pixel_map
@@ -117,7 +117,7 @@ def _samples(nodes, cells, camera: Camera, shape, margin: int) -> _Samples:
         pixel_map = build_pixel_map(nodes, cells, enlarged, tuple(finer * (n - 1) + 1 for n in shape))
     whole = np.isfinite(pixel_map.to_image(np.zeros(pixel_map.n_pixels)))
     rim = finer * (margin + (finer > 1)) if margin else 0  # between pixels a sample takes from its neighbours, too
-    inner = binary_erosion(whole, np.ones((3, 3), bool), iterations=rim, border_value=1) if rim else whole
+    inner = scipy.ndimage.binary_erosion(whole, np.ones((3, 3), bool), iterations=rim, border_value=1) if rim else whole
     keep = inner[pixel_map.iy, pixel_map.ix]
     if not keep.any():
         raise InputError("nothing is left of the body without its rim", key="edge_margin_px",

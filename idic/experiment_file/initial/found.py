@@ -15,7 +15,7 @@ from idic.fe.mesh.mesh import Mesh
 from idic.fe.mesh.outline import is_circle
 from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, open_stack
 from idic.readers.logs import Log, read_log
-from idic.readers.meshes import MESH_SUFFIXES, read_mesh_file
+from idic.readers.meshes import mesh_suffixes, read_mesh_file
 from idic.readers.paths import natural_key, recorded_order
 from idic.readers.raw_mesh import DIMENSION, to_mesh
 
@@ -79,7 +79,7 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     if area is not None:
         found.outline, holes = area(np.asarray(stack.frame(0)))
         found.holes = [hole for hole in holes if is_circle(hole)]
-    formats = set(MESH_SUFFIXES) - set(_NO_MESHES)
+    formats = set(mesh_suffixes()) - set(_NO_MESHES)
     _find_mesh([path for path in files if path.suffix.lower() in formats], found)
     _find_log([path for path in files if path.suffix.lower() == ".csv"], found)
     return found

@@ -31,7 +31,7 @@ from idic.materials.composed.smoothness import OVER, ROOT, STRAIN, Smoothness, b
 from idic.materials.composed.terms import DEFAULT_KNOTS, KNOTS, ring_knots_of, surface_weights
 from idic.materials.plasticity.free_locus import RINGS, neighbours
 from idic.materials.rate.free_relaxation import times_of, weight_names
-from idic.model.experiment import Material
+from idic.model.experiment import Experiment, Material
 from idic.parameters import Parameter, SmoothnessPrior
 from idic.readers.units import factor_between
 
@@ -164,6 +164,11 @@ class StatedCurve:
     over: tuple[str, ...]
     rising: bool = False
     by_evidence: bool = False
+
+
+def by_evidence(experiment: Experiment) -> tuple[StatedCurve, ...]:
+    """The free curves whose knots are still to be chosen."""
+    return tuple(curve for curve in experiment.extras.get("free_curves", ()) if curve.by_evidence)
 
 
 def free_curves(materials: Sequence[Material], tables: Mapping[str, MaterialTable],

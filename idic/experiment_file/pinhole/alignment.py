@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from idic.errors import InputError
 from idic.images.pinhole import PinholeCamera, rotation_of
@@ -138,7 +138,7 @@ def _refined(clicks: Sequence[Clicks], start) -> tuple[np.ndarray, np.ndarray, f
 
     if not np.isfinite(_click_error(clicks, rotation, shift)):
         return rotation, shift, np.inf
-    found = least_squares(residual, np.zeros(6), slopes, x_scale="jac", max_nfev=60)
+    found = scipy.optimize.least_squares(residual, np.zeros(6), slopes, x_scale="jac", max_nfev=60)
     six = found.x * unit
     turn = rotation_of(six[:3])
     error = float(np.sqrt((found.fun**2).sum() / (len(found.fun) / 2)))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import Delaunay, cKDTree
 
 from idic.errors import InputError
 from idic.fe.mesh.outline import Boundary, Segments, cut, halved
@@ -65,7 +65,7 @@ def size_at(boundary: Boundary, points: np.ndarray, size: float) -> np.ndarray:
 def near_edges(boundary: Boundary, points: np.ndarray, reach: float) -> np.ndarray:
     """Which points lie within `reach` half lengths of the middle of a boundary edge  # (n,) bool"""
     half = boundary.lengths / 2 * reach
-    tree = cKDTree(points) if len(points) else None
+    tree = scipy.spatial.cKDTree(points) if len(points) else None
     near = np.zeros(len(points), dtype=bool)
     if tree is None:
         return near
@@ -80,7 +80,7 @@ def _encroached(boundary: Boundary, segments: Segments) -> np.ndarray:
     A point in the diametral circle of an edge may break it in a Delaunay triangulation, and elements of its size do not
     fit in the gap. Segments that meet at a sharp corner come as close as they like.
     """
-    found = cKDTree(boundary.points).query_ball_point(boundary.middles, boundary.lengths / 2 * CLEARANCE)
+    found = scipy.spatial.cKDTree(boundary.points).query_ball_point(boundary.middles, boundary.lengths / 2 * CLEARANCE)
     of_point = [set() for _ in boundary.points]
     for segment, ends in zip(boundary.segment.tolist(), boundary.edges.tolist(), strict=True):
         for end in ends:
@@ -114,12 +114,12 @@ def inside(boundary: Boundary, points: np.ndarray) -> np.ndarray:
     return result
 
 
-def triangles_inside(boundary: Boundary, points: np.ndarray) -> tuple[Delaunay, np.ndarray]:
+def triangles_inside(boundary: Boundary, points: np.ndarray) -> tuple[scipy.spatial.Delaunay, np.ndarray]:
     """A Delaunay triangulation of points, the boundary points first, and which of its triangles are in the region.
 
     The triangles between boundary edges are one part; one test decides on all of them.
     """
-    mesh = Delaunay(points + _jitter(len(points), boundary.lengths.min()))
+    mesh = scipy.spatial.Delaunay(points + _jitter(len(points), boundary.lengths.min()))
     corners = mesh.simplices
     n = len(points)
     walls = set(_keys(boundary.edges, n).tolist())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from idic.fe.mesh.mesh import Mesh, face_cells, face_set_nodes
 
@@ -22,7 +22,7 @@ def seen_first(mesh: Mesh, surface: str, nodes: np.ndarray) -> np.ndarray:
     on_surface = np.flatnonzero(np.isin(nodes, face_set_nodes(mesh, mesh.edge_sets[surface])))
     if not len(on_surface):
         return np.empty(0, dtype=np.int64)
-    _, near = cKDTree(mesh.nodes[nodes[on_surface]]).query(mesh.nodes[nodes])
+    _, near = scipy.spatial.cKDTree(mesh.nodes[nodes[on_surface]]).query(mesh.nodes[nodes])
     leaders = on_surface[near]
     leaders[on_surface] = on_surface
     return leaders

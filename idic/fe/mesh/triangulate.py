@@ -8,7 +8,7 @@ Strang (2004, doi 10.1137/S0036144503429121). The boundary points stay.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from idic.errors import InputError
 from idic.fe.mesh.outline import Boundary, Segments, halved
@@ -108,7 +108,7 @@ def _circles(corners: np.ndarray):
 def _apart(points: np.ndarray, distance: np.ndarray) -> np.ndarray:
     """Which points to keep so that none lies nearer to an earlier one than its distance  # (n,) bool"""
     kept = np.ones(len(points), dtype=bool)
-    near = cKDTree(points).query_ball_point(points, distance)
+    near = scipy.spatial.cKDTree(points).query_ball_point(points, distance)
     for k, others in enumerate(near):
         if kept[k]:
             kept[[j for j in others if j > k]] = False

@@ -21,8 +21,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import minimize
 
 from idic.identify.discrepancy.normal_equations import DiscrepancySystem
 
@@ -124,7 +124,7 @@ class _Likelihood:
             return value, slope * scale
 
         for start in STARTS:
-            found = minimize(function, np.full(len(self.parts), start), jac=True, method="L-BFGS-B",
+            found = scipy.optimize.minimize(function, np.full(len(self.parts), start), jac=True, method="L-BFGS-B",
                              bounds=[(0.0, None)] * len(self.parts))
             if found.fun < lowest:
                 best, lowest = found.x * scale, float(found.fun)

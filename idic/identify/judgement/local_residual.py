@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy import sparse
-from scipy.special import ndtr
 
 from idic.correlation.frame import ResidualMap
 from idic.correlation.pixels.cells import N_NODES
@@ -119,7 +119,7 @@ def local_residual(pixel_map: PixelMap, sums: Sequence[ElementSums]) -> LocalRes
     own = slice(pixel_map.start[worst], pixel_map.start[worst + 1])
     column, row = pixel_map.ix[own].mean(), pixel_map.iy[own].mean()
     return LocalResidual(bool(significant.any()), float(found.mean[worst]), found.typical, float(found.z[worst]),
-                         float(min(1.0, tried * ndtr(-found.z[worst]))), float(column), float(row),
+                         float(min(1.0, tried * scipy.special.ndtr(-found.z[worst]))), float(column), float(row),
                          int(significant.sum()), float(significant.sum() / found.usable.sum()), part)
 
 
@@ -135,7 +135,7 @@ class _Departures:
 
     def significant(self, tried: float) -> np.ndarray:
         """Neighbourhoods that are significant among so many, and raised enough to matter  # (n_elements,) bool"""
-        return (tried * ndtr(-self.z) < MAX_FAMILYWISE_P) & (
+        return (tried * scipy.special.ndtr(-self.z) < MAX_FAMILYWISE_P) & (
             self.mean > (1.0 + MIN_CLUSTER_EXCESS) * self.typical)
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import binary_erosion
+import scipy
 
 from idic.correlation.reference import ReferenceImage
 from idic.dic.stack import dic_stack
@@ -40,7 +40,7 @@ def free_residual_noise(view: Experiment, reference: ReferenceImage, region: np.
     reference : its reference image, with the pixels of the mesh
     region : (ny, nx) bool, the specimen in it
     """
-    corners = tile_corners(binary_erosion(region, iterations=MARGIN_PX))
+    corners = tile_corners(scipy.ndimage.binary_erosion(region, iterations=MARGIN_PX))
     chosen = [k for k in range(view.reference + 1, view.n_frames) if k not in view.excluded][:MAX_FRAMES]
     if len(corners) < MIN_GOOD_TILES or not chosen:
         return None

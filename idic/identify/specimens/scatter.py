@@ -14,8 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import chdtrc, gammaincinv
+import scipy
 
 MIN_SPECIMENS = 2  # that determine a parameter
 
@@ -48,10 +47,10 @@ def scatter(values: Sequence[float], stds: Sequence[float]) -> Scatter:
     if dof < MIN_SPECIMENS - 1:
         raise ValueError("one specimen shows no scatter")
     variance = _solved(y, s, float(dof))
-    low, high = (_solved(y, s, 2.0 * float(gammaincinv(0.5 * dof, p))) for p in (0.975, 0.025))
+    low, high = (_solved(y, s, 2.0 * float(scipy.special.gammaincinv(0.5 * dof, p))) for p in (0.975, 0.025))
     mean, weights = _mean(y, s, variance)
     return Scatter(float(np.sqrt(variance)), (float(np.sqrt(low)), float(np.sqrt(high))), mean,
-                   float(1.0 / np.sqrt(weights.sum())), float(chdtrc(dof, _q(y, s, 0.0))))
+                   float(1.0 / np.sqrt(weights.sum())), float(scipy.special.chdtrc(dof, _q(y, s, 0.0))))
 
 
 def _mean(y: np.ndarray, s: np.ndarray, variance: float) -> tuple[float, np.ndarray]:
@@ -69,4 +68,5 @@ def _solved(y: np.ndarray, s: np.ndarray, wanted: float) -> float:
     if _q(y, s, 0.0) <= wanted:
         return 0.0
     top = float(np.sum((y - y.mean()) ** 2)) / wanted
-    return float(brentq(lambda variance: _q(y, s, variance) - wanted, 0.0, top, xtol=1e-14 * top, rtol=1e-12))
+    return float(scipy.optimize.brentq(lambda variance: _q(y, s, variance) - wanted, 0.0, top, xtol=1e-14 * top,
+                                       rtol=1e-12))

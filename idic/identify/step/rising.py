@@ -12,7 +12,7 @@ a least-squares problem with increments that are bounded below.
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import lsq_linear
+import scipy
 
 from idic.identify.covariance import Scaled
 from idic.parameters import ParameterSet, SmoothnessPrior
@@ -39,6 +39,6 @@ def in_order(scaled: Scaled, parameters: ParameterSet, here: np.ndarray, delta: 
         fixed[at] = -here[at]
         lowest = np.full(len(here), -np.inf)
         lowest[at[1:]] = 0.0
-        found = lsq_linear(root @ ways, root @ (delta - fixed), bounds=(lowest, np.inf), method="bvls")
+        found = scipy.optimize.lsq_linear(root @ ways, root @ (delta - fixed), bounds=(lowest, np.inf), method="bvls")
         delta = fixed + ways @ found.x
     return delta

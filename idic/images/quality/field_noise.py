@@ -17,9 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy import sparse
-from scipy.optimize import nnls
-from scipy.spatial import cKDTree
 
 from idic.images.stack import Stack
 
@@ -181,7 +180,7 @@ def _lags() -> np.ndarray:
 
 def _pairs(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pairs of points, in both orders, themselves included  # (m, 2), and the number of their distance (m,)"""
-    near = cKDTree(positions).query_pairs(MAX_LAG * 1.5, output_type="ndarray")
+    near = scipy.spatial.cKDTree(positions).query_pairs(MAX_LAG * 1.5, output_type="ndarray")
     own = np.repeat(np.arange(len(positions))[:, None], 2, axis=1)
     pairs = np.concatenate([own, near, near[:, ::-1]])
     lag = np.rint(positions[pairs[:, 1]] - positions[pairs[:, 0]]).astype(int)
@@ -207,7 +206,7 @@ def _fitted(matrix: np.ndarray, seen: np.ndarray, lengths: np.ndarray) -> np.nda
 
     def fit(columns: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Squares that are left, covariance by distance, columns."""
-        amplitudes, left = nnls(weight[:, None] * (matrix @ columns), weight * seen)
+        amplitudes, left = scipy.optimize.nnls(weight[:, None] * (matrix @ columns), weight * seen)
         return left**2, columns @ amplitudes, columns
 
     def wider(known: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:

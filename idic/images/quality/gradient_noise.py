@@ -14,8 +14,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.fft import dctn, fft2, fftfreq, idctn
-from scipy.ndimage import distance_transform_edt
+import scipy
 
 from idic.images.interpolate import gradient_at_pixels, prefilter
 from idic.images.quality.lowpass import lowpass_weights
@@ -78,7 +77,8 @@ def without_noise(image: np.ndarray, seen: np.ndarray, noise_std: float,
     ny, nx = image.shape
     rows, columns = np.pi * np.arange(ny) / ny, np.pi * np.arange(nx) / nx
     gain = np.interp(np.hypot(rows[:, None], columns[None, :]), wave, kept)
-    return idctn(gain * dctn(np.asarray(image, dtype=float), workers=1), workers=1), float(np.sqrt(variance))
+    coefficients = scipy.fft.dctn(np.asarray(image, dtype=float), workers=1)
+    return scipy.fft.idctn(gain * coefficients, workers=1), float(np.sqrt(variance))
 
 
 def radial_spectrum(image: np.ndarray, seen: np.ndarray,
@@ -90,12 +90,12 @@ def radial_spectrum(image: np.ndarray, seen: np.ndarray,
     rows, columns = (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
     box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
     inside = np.pad(seen[box], 1)  # the border of the box is an edge, too
-    distance = distance_transform_edt(inside)[1:-1, 1:-1]
+    distance = scipy.ndimage.distance_transform_edt(inside)[1:-1, 1:-1]
     window = np.sin(0.5 * np.pi * np.minimum(distance / TAPER_PX, 1.0)) ** 2
     grey = np.asarray(image[box], dtype=float)
     level = float((window * grey).sum() / window.sum())
-    power = np.abs(fft2(window * (grey - level), workers=1)) ** 2 / (window**2).sum()
-    down, along = (2.0 * np.pi * fftfreq(n) for n in power.shape)
+    power = np.abs(scipy.fft.fft2(window * (grey - level), workers=1)) ** 2 / (window**2).sum()
+    down, along = (2.0 * np.pi * scipy.fft.fftfreq(n) for n in power.shape)
     length = np.hypot(down[:, None], along[None, :])
     blur = _blur_gain(down, lowpass_px)[:, None] * _blur_gain(along, lowpass_px)[None, :]
     place = np.minimum((length * N_BINS / (np.sqrt(2.0) * np.pi)).astype(int), N_BINS - 1).ravel()

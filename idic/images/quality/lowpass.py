@@ -12,7 +12,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.ndimage import correlate1d
+import scipy
 
 REACH_STDS = 4.0  # standard deviations; beyond, the weights are below 1e-4 of the middle one
 
@@ -34,8 +34,8 @@ def lowpass(image: np.ndarray, std_px: float) -> np.ndarray:
     if std_px <= 0:
         return image
     weights = np.array(lowpass_weights(std_px), dtype=np.float32)
-    rows = correlate1d(np.asarray(image, dtype=np.float32), weights, axis=1, mode="mirror")
-    return correlate1d(rows, weights, axis=0, mode="mirror")
+    rows = scipy.ndimage.correlate1d(np.asarray(image, dtype=np.float32), weights, axis=1, mode="mirror")
+    return scipy.ndimage.correlate1d(rows, weights, axis=0, mode="mirror")
 
 
 def mirrored_rim_px(std_px: float) -> int:
@@ -69,4 +69,4 @@ def blur_column(image: np.ndarray) -> np.ndarray:
     docs/method.md, equation 1.4.
     """
     image = np.asarray(image, dtype=float)
-    return -0.5 * sum(correlate1d(image, SECOND_DERIVATIVE, axis=axis, mode="mirror") for axis in (0, 1))
+    return -0.5 * sum(scipy.ndimage.correlate1d(image, SECOND_DERIVATIVE, axis=axis, mode="mirror") for axis in (0, 1))

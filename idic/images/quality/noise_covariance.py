@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft2, rfft2
-from scipy.ndimage import convolve, correlate1d
+import scipy
 
 from idic.images.quality.lowpass import lowpass, lowpass_weights
 from idic.images.stack import Stack
@@ -195,11 +194,11 @@ def tile_noise(a: np.ndarray, b: np.ndarray, white: np.ndarray, lowpass_px: floa
 
 
 def _derivative(image: np.ndarray, stencil: np.ndarray, axis: int) -> np.ndarray:
-    return correlate1d(image, stencil, axis=axis, mode="nearest")
+    return scipy.ndimage.correlate1d(image, stencil, axis=axis, mode="nearest")
 
 
 def _second(image: np.ndarray, axis: int) -> np.ndarray:
-    return correlate1d(image, np.array([1.0, -2.0, 1.0]), axis=axis, mode="nearest")
+    return scipy.ndimage.correlate1d(image, np.array([1.0, -2.0, 1.0]), axis=axis, mode="nearest")
 
 
 def _lagged(values: np.ndarray, others: np.ndarray | None = None) -> np.ndarray:
@@ -208,10 +207,10 @@ def _lagged(values: np.ndarray, others: np.ndarray | None = None) -> np.ndarray:
     values, others : (t, t), or (t, t, k), summed over k
     """
     size = len(values) + MAX_LAG_PX
-    one = rfft2(values, (size, size), axes=(0, 1))
-    two = one if others is None else rfft2(others, (size, size), axes=(0, 1))
+    one = scipy.fft.rfft2(values, (size, size), axes=(0, 1))
+    two = one if others is None else scipy.fft.rfft2(others, (size, size), axes=(0, 1))
     products = one.conj() * two
-    found = irfft2(products if products.ndim == 2 else products.sum(axis=2), (size, size))
+    found = scipy.fft.irfft2(products if products.ndim == 2 else products.sum(axis=2), (size, size))
     at = np.arange(-MAX_LAG_PX, MAX_LAG_PX + 1)
     return found[np.ix_(at, at)]
 
@@ -326,7 +325,8 @@ def sum_gain(image: np.ndarray, correlation: np.ndarray) -> float:
     image : (ny, nx), zero where nothing is summed
     """
     power = float((image.astype(float) ** 2).sum())
-    return float((image * convolve(image.astype(float), correlation, mode="constant")).sum()) / max(power, 1e-300)
+    around = scipy.ndimage.convolve(image.astype(float), correlation, mode="constant")
+    return float((image * around).sum()) / max(power, 1e-300)
 
 
 def coloured(white: np.ndarray, correlation: np.ndarray) -> np.ndarray:

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.special import chdtri
+import scipy
 
 TERM = re.compile(r"[(+]free(\d+)[)+]")
 WHITENING_RANK = 1e-10  # variances below this share of the largest are rounding
@@ -122,14 +121,14 @@ def classical_fits(p: np.ndarray, stress: np.ndarray, covariance: np.ndarray, at
         best = None
         for start in form.starts(reach):
             scale = np.array([size if own in form.stresses else 1.0 for own in form.names])
-            found = least_squares(
+            found = scipy.optimize.least_squares(
                 lambda z, form=form, scale=scale: white @ (form.curve(p[at], *(z * scale)) - stress[at]),
                 start, bounds=(form.lowest, np.inf), x_scale=np.maximum(np.abs(start), 1e-6), max_nfev=2000)
             if best is None or found.cost < best[0]:
                 best = (found.cost, found.x * scale)
         assert best is not None  # every form has a start
         loss, freedom = 2.0 * float(best[0]), int(kept.sum()) - len(form.names)
-        inside = freedom > 0 and loss <= chdtri(freedom, 1.0 - NOISE_PROBABILITY)
+        inside = freedom > 0 and loss <= scipy.special.chdtri(freedom, 1.0 - NOISE_PROBABILITY)
         fits.append(ClassicalFit(name, dict(zip(form.names, map(float, best[1]), strict=True)), loss, freedom,
                                  bool(inside),
                                  form.curve(p, *best[1])))

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from idic.materials.composed.free_curve import Form
 from idic.materials.rate.free_relaxation import relaxing
@@ -63,7 +63,7 @@ def grid_covariance(times: np.ndarray, taus: np.ndarray, weights: np.ndarray) ->
     """
     own = relaxing(times, taus)
     between = relaxing(times, np.sqrt(taus[:-1] * taus[1:])).T
-    rests = np.array([share - own @ nnls(own, share)[0] for share in between])
+    rests = np.array([share - own @ scipy.optimize.nnls(own, share)[0] for share in between])
     rests *= 0.5 * (weights[:-1] + weights[1:])[:, None]
     return rests.T @ rests
 

@@ -12,7 +12,6 @@ import json
 import re
 from collections.abc import Mapping
 
-import cv2
 import numpy as np
 
 from idic.errors import InputError
@@ -53,6 +52,8 @@ def read_opencv(content: bytes, file, conventions: Conventions) -> CameraRig:
 
 
 def _entries(content, file):
+    import cv2  # here: few experiments have such a file
+
     try:
         if content[:2] == b"PK":
             with np.load(io.BytesIO(content), allow_pickle=False) as archive:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from idic.errors import InputError
 from idic.images.pinhole import PARAMETERS, PinholeCamera
@@ -153,7 +153,7 @@ def camera_of(values: dict[str, float], conventions: Conventions, file, camera: 
 
 def rotation_of_angles(angles_deg, conventions: Conventions) -> np.ndarray:
     """Rotation matrix of the angles about x, y, z in degrees, in the order of the conventions  # (3, 3)"""
-    x, y, z = (Rotation.from_euler(axis, angle, degrees=True).as_matrix()
+    x, y, z = (scipy.spatial.transform.Rotation.from_euler(axis, angle, degrees=True).as_matrix()
                for axis, angle in zip("xyz", angles_deg, strict=True))
     return z @ y @ x if conventions.angles == "xyz" else x @ y @ z
 

@@ -14,14 +14,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
-from scipy.io import loadmat
+import scipy
 
 from idic.errors import InputError
 from idic.readers.fields.stage import KEY, Stage
+
+if TYPE_CHECKING:
+    import h5py  # loaded where such a file is read
 
 SUFFIXES = (".mat",)
 _HDF5 = b"MATLAB 7.3"
@@ -97,12 +99,15 @@ def _pair(one: dict[str, Any], kind: str) -> tuple[np.ndarray, np.ndarray] | Non
 
 def _of_mat(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """dispinfo and displacements of a file of version 5 or 7."""
-    saved = loadmat(path, squeeze_me=True, struct_as_record=False, variable_names=["data_dic_save"])["data_dic_save"]
+    found = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False, variable_names=["data_dic_save"])
+    saved = found["data_dic_save"]
     return vars(saved.dispinfo), [vars(one) for one in np.atleast_1d(saved.displacements)]
 
 
 def _of_hdf5(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """The same of version 7.3: a structure is a group, an array of structures a group of arrays of references."""
+    import h5py
+
     with h5py.File(path, "r") as file:
         saved = file["data_dic_save"]
         info = {name: _value(saved["dispinfo"][name]) for name in ("type", "spacing", "pixtounits", "units")
@@ -118,6 +123,8 @@ def _of_hdf5(path: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
 
 def _parts(file: h5py.File, node: h5py.Dataset) -> Sequence[h5py.Dataset]:
     """The values of a field of an array of structures; of one structure it is the value itself."""
+    import h5py
+
     return [file[reference] for reference in np.ravel(node[()])] if node.dtype == h5py.ref_dtype else [node]
 
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import Delaunay
 
 from idic.errors import InputError
 
@@ -96,7 +96,7 @@ def _turned(loop: np.ndarray, counter_clockwise: bool) -> np.ndarray:
 
 def loops_of(points: np.ndarray, pitch: float) -> list[np.ndarray]:
     """Boundary loops of the largest group of neighbouring points, in walking order."""
-    mesh = Delaunay(points)
+    mesh = scipy.spatial.Delaunay(points)
     corners = mesh.simplices
     a, b, c = (points[corners[:, k]] for k in range(3))
     sides_ = [np.hypot(*(p - q).T) for p, q in ((b, c), (c, a), (a, b))]

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Block
@@ -188,13 +188,13 @@ class _Fit:
     edges: Edges
     points: np.ndarray
     pitch: float
-    tree: cKDTree
+    tree: scipy.spatial.cKDTree
     edge: np.ndarray
 
     @classmethod
     def of(cls, edges: Edges, points: np.ndarray, pitch: float) -> _Fit:
         samples, edge = edges.sampled(0.25 * pitch)
-        return cls(edges, points, pitch, cKDTree(samples), edge)
+        return cls(edges, points, pitch, scipy.spatial.cKDTree(samples), edge)
 
     def thinned(self) -> _Fit:
         """With some points only."""

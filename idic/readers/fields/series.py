@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from idic.errors import InputError
 from idic.readers.delimited.log_table import Table
@@ -263,7 +263,7 @@ class MeasuredPoints:
             order = np.argsort(stage.ids)
             at = np.minimum(np.searchsorted(stage.ids, self.ids, sorter=order), len(order) - 1)
             return np.where(stage.ids[order[at]] == self.ids, order[at], -1)
-        distance, at = cKDTree(stage.points).query(self.keys)
+        distance, at = scipy.spatial.cKDTree(stage.points).query(self.keys)
         return np.where(distance < _MAX_MATCH_DISTANCE * self.pitch, at, -1)
 
     def moved(self, stage: Stage) -> np.ndarray:
@@ -290,7 +290,7 @@ def measured_points(series: FieldSeries, references: Sequence[int]) -> MeasuredP
     if n < MIN_POINTS:
         raise InputError("the reference stage has too few points", file=series.entries[references[-1]].path, key=KEY,
                          expected=f"{MIN_POINTS} points or more", found=str(n), remedy="choose another reference")
-    pitch = float(np.median(cKDTree(first.points).query(first.points, k=2)[0][:, 1]))
+    pitch = float(np.median(scipy.spatial.cKDTree(first.points).query(first.points, k=2)[0][:, 1]))
     raw = MeasuredPoints(first.points, pitch, first.ids, first.points, None, np.zeros_like(first.points))
     start = np.mean([raw.moved(stage) for stage in stages], axis=0)
     known = np.isfinite(start).all(axis=1)

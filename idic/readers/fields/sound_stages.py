@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from idic.errors import InputError
 from idic.readers.fields.chosen_stages import mean_strain
@@ -165,7 +165,7 @@ class _Middles:
     def of(cls, positions: np.ndarray, pitch: float) -> _Middles:
         """positions : (n, 2) mm; pitch : mm"""
         at = positions / pitch * [1.0, -1.0]
-        around = cKDTree(at).query(at, k=5)[1][:, 1:]
+        around = scipy.spatial.cKDTree(at).query(at, k=5)[1][:, 1:]
         inside = np.linalg.norm(at - at[around].mean(axis=1), axis=1) < MAX_OFF_MIDDLE
         return cls(at, np.flatnonzero(inside), around[inside], 1e3 * pitch)
 

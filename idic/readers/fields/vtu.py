@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import meshio
 import numpy as np
 
 from idic.errors import InputError
@@ -22,6 +21,8 @@ def read_vtu(path: Path) -> Stage:
     InputError
         The file cannot be read, or has no displacement.
     """
+    import meshio
+
     try:
         mesh = meshio.read(path)
     except (Exception, SystemExit) as problem:  # noqa: BLE001  (meshio raises all kinds, and exits)

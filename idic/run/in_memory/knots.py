@@ -13,7 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from idic.errors import InputError
-from idic.experiment_file.laws.free_curves import BY_EVIDENCE, StatedCurve
+from idic.experiment_file.laws.free_curves import BY_EVIDENCE, StatedCurve, by_evidence
 from idic.experiment_file.toml_file import locate, read_toml, with_overrides
 from idic.identify.covariance import scaled_system
 from idic.identify.driver import log_progress
@@ -29,11 +29,6 @@ from idic.run.runs import SingleRun
 Say = Callable[[str], None]
 
 
-def by_evidence(experiment: Experiment) -> tuple[StatedCurve, ...]:
-    """The free curves whose knots are still to be chosen."""
-    return tuple(curve for curve in experiment.extras.get("free_curves", ()) if curve.by_evidence)
-
-
 def refuse_evidence(experiments: Iterable[Experiment]) -> None:
     """Refuse the choice where several experiments share a material (`InputError`)."""
     for experiment in experiments:
@@ -46,8 +41,6 @@ def refuse_evidence(experiments: Iterable[Experiment]) -> None:
 
 def with_chosen_knots(run: SingleRun, say: Say = lambda text: None) -> SingleRun:
     """The run with the knots that the evidence leaves; those of an earlier process where there was one."""
-    if not by_evidence(run.experiment):
-        return run
     if run.prepared:
         return replace(run, overrides=dict(experiments_of(run.store.run)[0].overrides))
     tables = with_overrides(read_toml(locate(run.path)), run.overrides)

@@ -25,10 +25,9 @@ from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, simulated_motion
 from idic.run.tasks import read_motion
 from idic.store.arrays import FrameArrays, read_array, rounded, write_array
-from idic.store.layout import BASE, group_name
+from idic.store.layout import BASE, FIELDS, group_name
 from idic.workers.runner import TaskRunner
 
-GROUP = "fields"
 MAX_FIELD_FRAMES = 60  # of a long test, evenly spread: each costs a free FE-DIC
 FRAMES_PER_TASK = 6
 _STATE = "state."
@@ -60,11 +59,11 @@ def field_frames(experiment: Experiment) -> tuple[int, ...]:
 def write_fields(job: PointJob, runner: TaskRunner) -> None:
     """Measure and simulate the fields of an accepted point, unless the store has them; nothing of a cross-section."""
     context = open_run(job.run)
-    if is_section(context.experiment) or context.store.finished(GROUP, {"evaluation": job.evaluation}) is not None:
+    if is_section(context.experiment) or context.store.finished(FIELDS, {"evaluation": job.evaluation}) is not None:
         return
     frames = field_frames(context.experiment)
     index = surface_of(context.experiment.mesh, context.experiment.surface).index
-    with context.store.building(GROUP, {"evaluation": job.evaluation}) as folder:
+    with context.store.building(FIELDS, {"evaluation": job.evaluation}) as folder:
         write_array(folder, "frames", np.array(frames, dtype=np.int64))
         write_array(folder, "nodes", np.asarray(index, dtype=np.int64))
         shared = correlation_context(context, context.experiment.parameters.with_values(job.values))
@@ -135,7 +134,7 @@ def write_states(job: FieldJob) -> None:
 
 def read_fields(context: RunContext, evaluation: int, experiment: Experiment) -> FieldSeries | None:
     """What `write_fields` stored of a point; None where there is nothing; experiment : at the identified geometry."""
-    folder = context.store.finished(GROUP, {"evaluation": evaluation})
+    folder = context.store.finished(FIELDS, {"evaluation": evaluation})
     if folder is None:
         return None
     frames, index = read_array(folder, "frames"), read_array(folder, "nodes")

@@ -14,11 +14,10 @@ from idic.dic.still import find_still_frames
 from idic.parameters import ParameterSet
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.store.arrays import FrameArrays, read_array, write_array
-from idic.store.layout import BASE, group_name
+from idic.store.layout import BASE, FLOOR, group_name
 from idic.store.run_store import RunStore
 from idic.workers.runner import TaskRunner
 
-GROUP = "floor"
 MAX_FINDER_NODES = 400  # whose motion in all frames tells which frames are at rest
 
 
@@ -34,7 +33,7 @@ class PointJob:
 def measured_floor(job: PointJob, runner: TaskRunner) -> CameraFloor | None:
     """The floor at an accepted point, from the store or measured now; None where no frame is at rest."""
     store = RunStore(job.run)
-    if store.finished(GROUP, {"evaluation": job.evaluation}) is None:
+    if store.finished(FLOOR, {"evaluation": job.evaluation}) is None:
         runner.map(measure_floor, [job], ["camera-floor"], retries=1)
     return read_floor(store)
 
@@ -43,7 +42,7 @@ def measure_floor(job: PointJob) -> None:
     """Measure the floor and store it (a task)."""
     context = open_run(job.run)
     floor = _floor(context, job.evaluation, context.experiment.parameters.with_values(job.values))
-    with context.store.building(GROUP, {"evaluation": job.evaluation}) as folder:
+    with context.store.building(FLOOR, {"evaluation": job.evaluation}) as folder:
         if floor is None:
             write_array(folder, "numbers", np.zeros(0))
             return
@@ -56,7 +55,7 @@ def measure_floor(job: PointJob) -> None:
 
 def read_floor(store: RunStore) -> CameraFloor | None:
     """What `measure_floor` stored; None where no frame is at rest, or in runs of earlier versions."""
-    folder = store.finished(GROUP)
+    folder = store.finished(FLOOR)
     if folder is None:
         return None
     numbers = read_array(folder, "numbers")

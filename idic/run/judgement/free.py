@@ -15,17 +15,17 @@ from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, simulated_motion
 from idic.run.judgement.shown_frames import shown_frames
 from idic.store.arrays import read_array, rounded, write_array
+from idic.store.layout import FREE
 from idic.store.run_store import RunStore
 from idic.workers.runner import TaskRunner
 
-GROUP = "free"
 DIGITS = 17  # binary ones of a measured motion: 1e-4 px of ten; its noise is 1e-3 px and more
 
 
 def measured_free(job: PointJob, runner: TaskRunner) -> FreeMotions | FreeFields | None:
     """The free FE-DIC at an accepted point, from the store or measured now; None where there is none of this kind."""
     store = RunStore(job.run)
-    if store.finished(GROUP, {"evaluation": job.evaluation}) is None:
+    if store.finished(FREE, {"evaluation": job.evaluation}) is None:
         runner.map(measure_free, [job], ["free-dic-of-shown-frames"], retries=1)
     return read_free(store, job.evaluation)
 
@@ -34,7 +34,7 @@ def measure_free(job: PointJob) -> None:
     """Measure and store it (a task)."""
     context = open_run(job.run)
     found = _free(context, job.evaluation, context.experiment.parameters.with_values(job.values))
-    with context.store.building(GROUP, {"evaluation": job.evaluation}) as folder:
+    with context.store.building(FREE, {"evaluation": job.evaluation}) as folder:
         write_array(folder, "frames", np.array(() if found is None else found.frames, dtype=np.int64))
         if found is not None:
             for name in ("difference_px", "u_full_px"):
@@ -47,7 +47,7 @@ def measure_free(job: PointJob) -> None:
 def read_free(store: RunStore, evaluation: int) -> FreeMotions | FreeFields | None:
     """What `measure_free` stored for this point, with residual maps in runs of earlier versions; None where nothing was
     measured."""
-    folder = store.finished(GROUP, {"evaluation": evaluation})
+    folder = store.finished(FREE, {"evaluation": evaluation})
     if folder is None:
         return None
     frames = tuple(read_array(folder, "frames").tolist())

@@ -12,11 +12,10 @@ from idic.identify.judgement.local_residual import ElementSums, LocalResidual, l
 from idic.identify.judgement.remedies import Remedy, try_remedies
 from idic.report.fit_words import NOISE_CHI2
 from idic.run.context import RunContext, correlation_context, open_run
-from idic.run.judgement.floor import GROUP as FLOOR
 from idic.run.judgement.floor import PointJob, floor_content, measure_floor, measured_floor, simulated_motion
-from idic.run.judgement.free import GROUP as FREE
 from idic.run.judgement.free import free_summary, measure_free, measured_free
 from idic.run.judgement.shown_frames import shown_frames
+from idic.store.layout import FLOOR, FREE
 from idic.workers.runner import TaskRunner
 
 

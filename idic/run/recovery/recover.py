@@ -11,13 +11,10 @@ from pathlib import Path
 from idic.errors import InputError
 from idic.fe.external.solver import sweep
 from idic.identify.step.state import LoopState
-from idic.run.judgement.fields import GROUP as FIELDS
-from idic.run.judgement.floor import GROUP as FLOOR
-from idic.run.judgement.free import GROUP as FREE
 from idic.run.prepare import write_description
 from idic.run.recovery.scan import damaged_groups
 from idic.store.checkpoint import load_checkpoint, remove_checkpoint, restore_checkpoint
-from idic.store.layout import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, SCRATCH, group_name
+from idic.store.layout import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, FIELDS, FLOOR, FREE, SCRATCH, group_name
 from idic.store.result_file import read_result
 from idic.store.run_store import RunStore
 from idic.store.stack import GROUP as IMAGES
