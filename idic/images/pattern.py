@@ -85,25 +85,40 @@ def _make(rng, sigma_px, low, high, extent_px, density, gain, inked) -> Pattern:
 
 @numba.njit(cache=True, nogil=True)
 def _evaluate(points, dots, cell, gain, inked, out):
-    n_cells, n_dots = dots.shape[0], dots.shape[2]
+    seen = np.empty((5, 9 * dots.shape[2]))  # dots of 3 x 3 cells: column and row of the cell, place in it, amplitude
+    terms = np.empty(seen.shape[1])
+    last_i, last_j = 0, 0
     for p in range(points.shape[0]):
         x = points[p, 0] / cell
         y = points[p, 1] / cell
         i0 = int(np.floor(x))
         j0 = int(np.floor(y))
+        if p == 0 or i0 != last_i or j0 != last_j:
+            last_i, last_j = i0, j0
+            _gather(dots, i0, j0, seen)
+        for k in range(terms.shape[0]):  # without a branch: several dots at a time
+            dx = x - seen[0, k] - seen[2, k]
+            dy = y - seen[1, k] - seen[3, k]
+            q = 1.0 - dx * dx - dy * dy
+            q = q * q if q > 0.0 else 0.0
+            terms[k] = seen[4, k] * q * q
         total = 0.0
-        for j in range(j0 - 1, j0 + 2):
-            row = j % n_cells
-            for i in range(i0 - 1, i0 + 2):
-                column = i % n_cells
-                for k in range(n_dots):
-                    dx = x - i - dots[row, column, k, 0]
-                    dy = y - j - dots[row, column, k, 1]
-                    q = 1.0 - dx * dx - dy * dy
-                    if q > 0.0:
-                        q = q * q
-                        total += dots[row, column, k, 2] * q * q
+        for k in range(terms.shape[0]):
+            total += terms[k]
         if inked:
             out[p] = np.exp(-gain * total)
         else:
             out[p] = 0.5 * (1.0 + np.tanh(gain * total))
+
+
+@numba.njit(cache=True, nogil=True)
+def _gather(dots, i0, j0, seen):
+    n_cells, n_dots = dots.shape[0], dots.shape[2]
+    at = 0
+    for j in range(j0 - 1, j0 + 2):
+        for i in range(i0 - 1, i0 + 2):
+            for k in range(n_dots):
+                seen[0, at], seen[1, at] = i, j
+                for c in range(3):
+                    seen[2 + c, at] = dots[j % n_cells, i % n_cells, k, c]
+                at += 1

@@ -185,10 +185,11 @@ def _material_points(samples, grid, plane, moved_px, carried, cells, camera):
     for block in cells:
         conn = np.ascontiguousarray(block.connectivity, dtype=np.int64)
         boxes = _boxes(moved_px[conn], first, last, nx, n)  # (nel, 4) fine-grid index ranges
-        element, xi = locate(block.cell, plane, conn, boxes, targets, nx * n, inside)
-        found = element >= 0
-        out[found] = carry(block.cell, carried, conn[element[found]], xi[found])
-        inside |= found
+        on_grid = (moved_px[conn] - np.array([0.0, float(first)]) + 0.5) * n - 0.5  # (nel, nn, 2)
+        element, xi = locate(block.cell, plane, conn, boxes, on_grid, targets, nx * n, inside)
+        found = np.flatnonzero(element >= 0)
+        out[found] = carry(block.cell, carried, conn, element[found], xi[found])
+        inside[found] = True
     return out[inside], inside
 
 

@@ -20,6 +20,7 @@ def _routine(library: str, name: str, n_arguments: int):
 _dgemm, _dgemv = _routine("blas", "dgemm", 13), _routine("blas", "dgemv", 11)
 _dtrsm, _dtrsv, _dsyrk = _routine("blas", "dtrsm", 11), _routine("blas", "dtrsv", 8), _routine("blas", "dsyrk", 10)
 _dgetrf, _dpotrf = _routine("lapack", "dgetrf", 6), _routine("lapack", "dpotrf", 5)
+_dlaswp = _routine("lapack", "dlaswp", 7)
 
 _kept_letters = {letter: ctypes.c_char(letter.encode()) for letter in "LRUNT"}
 _letter = {letter: ctypes.addressof(stored) for letter, stored in _kept_letters.items()}
@@ -27,6 +28,7 @@ _kept_numbers = (ctypes.c_double * 3)(1.0, -1.0, 0.0)
 _ONE, _MINUS_ONE, _ZERO = (ctypes.addressof(_kept_numbers) + 8 * k for k in range(3))
 _kept_step = ctypes.c_int(1)
 _STEP = ctypes.addressof(_kept_step)
+_L, _R, _U, _N = (_letter[letter] for letter in "LRUN")
 
 
 def _leading(matrix: np.ndarray) -> int:
@@ -72,14 +74,6 @@ def product(a: np.ndarray, b: np.ndarray, transposed: bool = False) -> np.ndarra
     return out
 
 
-def subtract_product(a: np.ndarray, b: np.ndarray, out: np.ndarray) -> None:
-    """out (m, n) less a b."""
-    sizes = (ctypes.c_int * 6)(*out.shape, a.shape[1], _leading(a), _leading(b), _leading(out))
-    at = ctypes.addressof(sizes)
-    _dgemm(_letter["N"], _letter["N"], at, at + 4, at + 8, _MINUS_ONE, a.ctypes.data, at + 12, b.ctypes.data, at + 16,
-           _ONE, out.ctypes.data, at + 20)
-
-
 def subtract_square(a: np.ndarray, out: np.ndarray) -> None:
     """Lower triangle of out (m, m) less a a^T."""
     sizes = (ctypes.c_int * 4)(len(out), a.shape[1], _leading(a), _leading(out))
@@ -95,9 +89,54 @@ def factorise_lower(matrix: np.ndarray) -> bool:
     return sizes[2] == 0
 
 
-def factorise_general(matrix: np.ndarray) -> np.ndarray | None:
-    """Overwrite a matrix (n, n) by L and U; the row, from 0, that each was exchanged with (n,), None: singular."""
-    pivots, sizes = np.empty(len(matrix), dtype=np.int32), (ctypes.c_int * 3)(len(matrix), _leading(matrix), 0)
-    at = ctypes.addressof(sizes)
-    _dgetrf(at, at, matrix.ctypes.data, at + 4, pivots.ctypes.data, at + 8)
-    return None if sizes[2] else pivots - np.int32(1)
+class LUOfFront:
+    """A front's factors where they are in memory: small fronts are many, and a view of each block takes longer than
+    the work on it.
+
+    s, b : pivots and boundary
+    blocks : (s (s + 2 b),) float64; F11 (s, s), F21 (b, s) and F12 (s, b), each column by column, then their factors
+    """
+
+    __slots__ = ("at", "b", "blocks", "lower", "lu", "numbers", "pivots", "s", "upper")
+
+    def __init__(self, s: int, b: int, blocks: np.ndarray):
+        self.s, self.b, self.blocks = s, b, blocks
+        self.numbers = np.empty(s + 3, dtype=np.int32)  # s, b, what LAPACK says, row exchanges from 1
+        self.numbers[:3] = s, b, 0
+        self.at = self.numbers.ctypes.data
+        self.pivots = self.at + 12
+        self.lu = blocks.ctypes.data
+        self.lower, self.upper = self.lu + 8 * s * s, self.lu + 8 * s * (s + b)
+
+    def eliminate(self, update: np.ndarray) -> bool:
+        """P F11 = L U; F12 becomes L^-1 P F12, F21 F21 U^-1, update (b b,) less their product; False: singular."""
+        s, b = self.at, self.at + 4
+        _dgetrf(s, s, self.lu, s, self.pivots, self.at + 8)
+        if self.numbers[2]:
+            return False
+        if self.b:
+            _dlaswp(b, self.upper, s, _STEP, s, self.pivots, _STEP)
+            if self.b == 1:
+                _dtrsv(_L, _N, _U, s, self.lu, s, self.upper, _STEP)
+            else:
+                _dtrsm(_L, _L, _N, _U, s, b, _ONE, self.lu, s, self.upper, s)
+            _dtrsm(_R, _U, _N, _N, b, s, _ONE, self.lu, s, self.lower, b)
+            _dgemm(_N, _N, b, b, s, _MINUS_ONE, self.lower, b, self.upper, s, _ONE, update.ctypes.data, b)
+        return True
+
+    def forward(self, x: int, share: int) -> None:
+        """x (s,) becomes L^-1 P x, share (b,) F21 U^-1 x; the addresses of both."""
+        s, b = self.at, self.at + 4
+        _dlaswp(_STEP, x, s, _STEP, s, self.pivots, _STEP)
+        _dtrsv(_L, _N, _U, s, self.lu, s, x, _STEP)
+        if self.b:
+            _dgemv(_N, b, s, _ONE, self.lower, b, x, _STEP, _ZERO, share, _STEP)
+
+    def carried(self, beyond: int, share: int) -> None:
+        """share (s,) becomes L^-1 P F12 beyond, beyond (b,); the addresses of both; b > 0."""
+        s, b = self.at, self.at + 4
+        _dgemv(_N, s, b, _ONE, self.upper, s, beyond, _STEP, _ZERO, share, _STEP)
+
+    def backward(self, x: int) -> None:
+        """x (s,) becomes U^-1 x; its address."""
+        _dtrsv(_U, _N, _N, self.at, self.lu, self.at, x, _STEP)

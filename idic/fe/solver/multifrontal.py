@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg.lapack import dlaswp
 
 from idic.fe.assembly.kernels import kernel
-from idic.fe.solver.lapack import factorise_general, product, solve_triangle, subtract_product
+from idic.fe.solver.lapack import LUOfFront, product, solve_triangle
 from idic.fe.solver.threads import pool_of_threads
 
 MAX_IMBALANCE = 1.1  # the longest of the threads over their mean
@@ -52,26 +52,33 @@ class Front:
     targets: np.ndarray
 
 
-@dataclass(frozen=True)
-class FrontFactor:
-    """Factors of a front: P F11 = L11 U11 in `lu` (s, s) with `pivots` (s,), `lower` F21 U11^-1 (b, s), `upper` L11^-1
-    P F12."""
+class FrontFactor(LUOfFront):
+    """Factors of a front: P F11 = L11 U11 in `lu` (s, s), F21 U11^-1 below it (b, s), L11^-1 P F12 beside it (s, b)."""
 
-    lu: np.ndarray
-    pivots: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
+    __slots__ = ()
+
+    def block(self, name: str) -> np.ndarray:
+        """One of "lu" (s, s), "lower" (b, s), "upper" (s, b)."""
+        s, b = self.s, self.b
+        if name == "lu":
+            return columns(self.blocks[:s * s], s)
+        return columns(self.blocks[s * s:s * (s + b)], b) if name == "lower" else columns(self.blocks[s * (s + b):], s)
+
+    @property
+    def exchanges(self) -> np.ndarray:
+        """The row, from 0, that each was exchanged with  # (s,)"""
+        return self.numbers[3:] - np.int32(1)
 
     def eliminate_from(self, x: np.ndarray) -> None:
         """x (s, m) becomes L11^-1 P x."""
-        x[:] = dlaswp(x, self.pivots)
-        solve_triangle(self.lu, x, right=False, lower=True, unit=True)
+        x[:] = dlaswp(x, self.exchanges)
+        solve_triangle(self.block("lu"), x, right=False, lower=True, unit=True)
 
     def substitute_in(self, x: np.ndarray, beyond: np.ndarray) -> None:
         """x (s, m) becomes U11^-1 (x - U12 beyond)."""
         if len(beyond):
-            x -= product(self.upper, beyond)
-        solve_triangle(self.lu, x, right=False, lower=False, unit=False)
+            x -= product(self.block("upper"), beyond)
+        solve_triangle(self.block("lu"), x, right=False, lower=False, unit=False)
 
 
 def analyse(ends: np.ndarray, children: Sequence[Sequence[int]], indptr: np.ndarray,
@@ -149,18 +156,10 @@ class Elimination:
         blocks[front.targets] = self.values[front.sources]
         for child, places in zip(front.children, front.embeddings, strict=True):
             extend(blocks, update, s, b, self.updates.pop(child), places)
-        lu = columns(blocks[:s * s], s)
-        pivots = factorise_general(lu)
-        if pivots is None:
+        factor = FrontFactor(s, b, blocks)
+        if not factor.eliminate(update):
             return False
-        lower, upper = columns(blocks[s * s:s * (s + b)], b), columns(blocks[s * (s + b):], s)
-        if b:
-            upper = dlaswp(upper, pivots, overwrite_a=1)
-            solve_triangle(lu, upper, right=False, lower=True, unit=True)
-            solve_triangle(lu, lower, right=True, lower=False, unit=False)
-            subtract_product(lower, upper, columns(update, b))
-        self.updates[k] = update
-        self.factors[k] = FrontFactor(lu, pivots, lower, upper)
+        self.updates[k], self.factors[k] = update, factor
         return True
 
 

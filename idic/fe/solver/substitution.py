@@ -40,10 +40,17 @@ def solve(fronts: Sequence[Front], factors: Sequence[FrontFactor], rhs: np.ndarr
 
 def _forward(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.ndarray) -> None:
     """Forward substitution."""
+    if x.shape[1] == 1:
+        column, share = x[:, 0], np.empty(max((f.b for f in factors), default=0))
+        at, there = x.ctypes.data, share.ctypes.data
+        for front, f in zip(fronts, factors, strict=True):
+            f.forward(at + 8 * front.first, there)
+            column[front.boundary] -= share[:f.b]
+        return
     for front, f in zip(fronts, factors, strict=True):
         f.eliminate_from(x[front.first:front.end])
         if len(front.boundary):
-            x[front.boundary] -= product(f.lower, x[front.first:front.end])
+            x[front.boundary] -= product(f.block("lower"), x[front.first:front.end])
 
 
 def _forward_beneath(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.ndarray,
@@ -54,7 +61,8 @@ def _forward_beneath(fronts: Sequence[Front], factors: Sequence[FrontFactor], x:
         front, f = fronts[k], factors[k]
         f.eliminate_from(x[front.first:front.end])
         if len(front.boundary):
-            share, inside = product(f.lower, x[front.first:front.end]), int(np.searchsorted(front.boundary, end))
+            share = product(f.block("lower"), x[front.first:front.end])
+            inside = int(np.searchsorted(front.boundary, end))
             x[front.boundary[:inside]] -= share[:inside]
             beyond.append((front.boundary[inside:], share[inside:]))
     return beyond
@@ -62,6 +70,16 @@ def _forward_beneath(fronts: Sequence[Front], factors: Sequence[FrontFactor], x:
 
 def _backward(fronts: Sequence[Front], factors: Sequence[FrontFactor], x: np.ndarray) -> None:
     """Backward substitution."""
+    if x.shape[1] == 1:
+        column, share = x[:, 0], np.empty(max((f.s for f in factors), default=0))
+        at, there = x.ctypes.data, share.ctypes.data
+        for front, f in zip(reversed(fronts), reversed(factors), strict=True):
+            if f.b:
+                beyond = column[front.boundary]
+                f.carried(beyond.ctypes.data, there)
+                column[front.first:front.end] -= share[:f.s]
+            f.backward(at + 8 * front.first)
+        return
     for front, f in zip(reversed(fronts), reversed(factors), strict=True):
         f.substitute_in(x[front.first:front.end], np.asfortranarray(x[front.boundary]))
 
@@ -70,16 +88,16 @@ def solve_transposed(fronts: Sequence[Front], factors: Sequence[FrontFactor], rh
     """Solutions with the transposed matrix for right-hand sides (n, m)."""
     x = np.array(rhs, dtype=float, order="F")
     for front, f in zip(fronts, factors, strict=True):
-        y = dtrsm(1.0, f.lu, x[front.first:front.end], trans_a=1)
+        y = dtrsm(1.0, f.block("lu"), x[front.first:front.end], trans_a=1)
         x[front.first:front.end] = y
         if len(front.boundary):
-            x[front.boundary] -= dgemm(1.0, f.upper, y, trans_a=1)
+            x[front.boundary] -= dgemm(1.0, f.block("upper"), y, trans_a=1)
     for front, f in zip(reversed(fronts), reversed(factors), strict=True):
         y = x[front.first:front.end]
         if len(front.boundary):
-            y = y - dgemm(1.0, f.lower, x[front.boundary], trans_a=1)
-        y = dtrsm(1.0, f.lu, y, lower=1, diag=1, trans_a=1)
-        x[front.first:front.end] = dlaswp(y, f.pivots, inc=-1)
+            y = y - dgemm(1.0, f.block("lower"), x[front.boundary], trans_a=1)
+        y = dtrsm(1.0, f.block("lu"), y, lower=1, diag=1, trans_a=1)
+        x[front.first:front.end] = dlaswp(y, f.exchanges, inc=-1)
     return x
 
 

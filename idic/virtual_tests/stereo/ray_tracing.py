@@ -68,7 +68,7 @@ def traced_image(scene: Scene, u: np.ndarray, camera: PinholeCamera, texture: Ca
                 if bare:
                     value[hit] = DARK_SHARE * sensor.background
                 else:
-                    value[hit] = texture(carry(block.cell, nodes, conn[face[hit]], xi[hit]))
+                    value[hit] = texture(carry(block.cell, nodes, conn, face[hit], xi[hit]))
         image[first:last] = value.reshape(last - first, n, nx, n).mean(axis=(1, 3))
     return image
 
