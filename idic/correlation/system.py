@@ -10,7 +10,7 @@ afterwards. Source: Neggers et al. 2015, equations 6, 7, 16 and 17.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -99,6 +99,8 @@ class FrameRecord:
     cameras: np.ndarray  # (n_cameras, 4) of each: pixels, lost ones, squared residuals in its own GV², len(brightness)
     channel_columns: np.ndarray  # (n_channels, n) derivative of the simulated values, local unknowns eliminated
     n_fitted: float = 0.0  # rows that the unknowns of the frame fit, of measured fields: they leave no residual
+    # (n_channels,) share of an error of a reading that its residual keeps, the local unknowns take the rest; (0,): all
+    channel_kept: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def brightness_of(self, number: int) -> np.ndarray:
         """Gain and offset per patch of one camera  # (nb,)"""
@@ -200,10 +202,11 @@ def eliminate(frame: int, names: Sequence[str], equations: FrameEquations, weigh
     rhs[n:n + m] += equations.local_precision @ equations.local_gap
 
     slope = np.zeros((size - n, n))
-    step = np.zeros(size - n)
+    step, kept = np.zeros(size - n), np.ones(len(columns))
     if size > n:
-        solved = solve_positive(whole[n:, n:], np.column_stack([whole[n:, :n], rhs[n:]]))
+        solved = solve_positive(whole[n:, n:], np.column_stack([whole[n:, :n], rhs[n:], columns[:, n:].T]))
         slope, step = solved[:, :n], solved[:, n]
+        kept -= weights.channels * (columns[:, n:] * solved[:, n + 1:].T).sum(axis=1)
     project = np.vstack([np.eye(n), -slope])  # column i of the projected problem
 
     phi = (weights.image * equations.rr + weights.channels @ equations.channels.residual**2
@@ -219,7 +222,7 @@ def eliminate(frame: int, names: Sequence[str], equations: FrameEquations, weigh
                          step[:m].copy(), -slope[:m].copy(), step[m:].copy(),
                          np.array([[n_pixels, n_lost, rr, size - n - m]]), columns @ project,
                          float(np.trace(solve_positive(whole[n:, n:], image[n:, n:]))) if equations.few and size > n
-                         else 0.0)
+                         else 0.0, kept)
     sums = None
     if equations.basis is not None and weights.generalised:
         sums = _open_sums(equations, weights.image, whole, rhs, noise, full_step, n)

@@ -229,11 +229,14 @@ def _among(system: CorrelationSystem, free: Sequence[str], place: Sequence[int],
 
     def among_channels(record: FrameRecord) -> FrameRecord:
         residual, columns = np.full(len(channels), np.nan), np.zeros((len(channels), 0))
+        kept = np.ones(len(channels))
         residual[channels] = record.channel_residual
+        if len(record.channel_kept):
+            kept[channels] = record.channel_kept
         if record.channel_columns.shape[1] == len(place):
             columns = np.zeros((len(channels), n))
             columns[np.ix_(channels, place)] = record.channel_columns
-        return replace(record, channel_residual=residual, channel_columns=columns)
+        return replace(record, channel_residual=residual, channel_columns=columns, channel_kept=kept)
 
     b = np.zeros(n)
     b[place] = system.b

@@ -15,7 +15,7 @@ LABEL = "system"
 _PER_FRAME = ("frame", "n_pixels", "n_lost", "rr", "channel_residual", "local_step", "local_slope", "brightness",
               "cameras", "channel_columns")
 
-_FITTED = "frame_n_fitted"  # missing in a RUN of an earlier version
+_FITTED, _KEPT = "frame_n_fitted", "frame_channel_kept"  # missing in a RUN of an earlier version
 
 
 def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
@@ -37,6 +37,7 @@ def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
         for name in _PER_FRAME:
             write_array(folder, f"frame_{name}", np.array([getattr(record, name) for record in system.frames]))
         write_array(folder, _FITTED, np.array([record.n_fitted for record in system.frames]))
+        write_array(folder, _KEPT, np.array([record.channel_kept for record in system.frames]))
 
 
 def load_evaluation(store: RunStore, number: int, names: tuple[str, ...]) -> Evaluation:
@@ -48,9 +49,10 @@ def load_evaluation(store: RunStore, number: int, names: tuple[str, ...]) -> Eva
     if "channel_columns" not in columns:  # a RUN of an earlier version: the correlation of its channels is not known
         columns["channel_columns"] = np.zeros((*columns["channel_residual"].shape, 0))
     fitted = read_array(folder, _FITTED) if (folder / _FITTED).exists() else np.zeros(len(columns["frame"]))
+    kept = read_array(folder, _KEPT) if (folder / _KEPT).exists() else np.zeros((len(columns["frame"]), 0))
     records = tuple(
         FrameRecord(int(columns["frame"][i]), int(columns["n_pixels"][i]), int(columns["n_lost"][i]),
-                    float(columns["rr"][i]), n_fitted=float(fitted[i]),
+                    float(columns["rr"][i]), n_fitted=float(fitted[i]), channel_kept=kept[i],
                     **{name: columns[name][i] for name in _PER_FRAME[4:]})
         for i in range(len(columns["frame"])))
     system = CorrelationSystem(names, read_array(folder, "M"), read_array(folder, "b"), float(phi[0]), float(phi[1]),

@@ -73,6 +73,34 @@ def test_a_standard_deviation_that_nobody_states_is_found(correlation):
     assert 0.8 < np.median(found) < 1.25
 
 
+def test_short_logs_whose_noise_nobody_states_have_true_error_bars():
+    """Nine readings of a ramp; their differences show less than half of the noise in every sixth log."""
+    rng, rows, by_differences, by_residual = np.random.default_rng(7), np.arange(1.0, 9.0)[:, None], [], []
+    for _ in range(200):
+        noise = rng.standard_normal(9)
+        error = rows[:, 0] @ noise[1:] / (rows[:, 0] @ rows[:, 0])
+        std = channel_noise(60.0 * np.arange(9.0) + noise)
+        left = noise[1:] - rows[:, 0] * error
+        found = channel_correlation(left, rows, range(1, 9), np.zeros((1, 1)), np.zeros(1), std, False)
+        sums = rows[:, 0] / (rows[:, 0] @ rows[:, 0])
+        by_differences.append(abs(error) < 1.96 * std * np.linalg.norm(sums))
+        by_residual.append(abs(error) < 1.96 * np.sqrt(sums @ found.covariance @ sums))
+    assert np.mean(by_differences) < 0.9
+    assert 0.9 < np.mean(by_residual) < 0.99  # 95 %, three standard errors of 200 answers
+
+
+def test_a_residual_that_a_frame_has_taken_is_given_back():
+    """Each frame fits its own reading to a quarter of the error: the noise is that of the readings all the same."""
+    rng, rows, kept, found = np.random.default_rng(8), 60.0 * np.arange(1.0, 9.0)[:, None], 0.25, []
+    for _ in range(60):
+        std = 0.5  # that the readings are weighted by; their noise is 1
+        beside = np.full(8, std**2 * (1.0 / kept - 1.0))
+        innovation = rng.standard_normal(8) + np.sqrt(beside) * rng.standard_normal(8)
+        found.append(channel_correlation(innovation, rows, range(8), np.zeros((1, 1)), np.zeros(1), std, False,
+                                         beside).covariance[0, 0])
+    assert 0.7 < np.sqrt(np.median(found)) < 1.4  # closed residuals, a quarter of these, show 0.33
+
+
 def test_frames_that_are_left_out_count_as_time_that_passes():
     rng = np.random.default_rng(4)
     noise, rows = autoregression(rng, 400, 0.9), np.zeros((400, 0))

@@ -57,6 +57,17 @@ def test_elimination_solves_the_same_least_squares_problem_as_all_unknowns_at_on
         assert np.allclose(record.local_step + record.local_slope @ step, solution[first:first + M], rtol=1e-6)
 
 
+def test_a_frame_tells_how_much_of_an_error_of_a_reading_its_residual_keeps():
+    rng = np.random.default_rng(11)
+    columns, channel = _design(rng)
+    r, local = rng.normal(size=PIXELS), np.zeros(M)
+    rho, more = np.ones(CHANNELS), np.full(CHANNELS, 0.7)
+    one, other = (eliminate(0, NAMES, _rows(columns, channel, r, own, local), WEIGHTS, PIXELS, 0).frames[0]
+                  for own in (rho, rho + more))
+    assert np.allclose(other.channel_residual - one.channel_residual, one.channel_kept * more, rtol=1e-9)
+    assert 0.0 < one.channel_kept[0] < 0.999
+
+
 def test_a_frame_without_local_unknowns_needs_no_elimination():
     rng = np.random.default_rng(2)
     columns, r = rng.normal(size=(PIXELS, N)), rng.normal(size=PIXELS)

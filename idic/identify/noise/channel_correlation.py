@@ -9,8 +9,10 @@ since its error does not average out. The residual of the channel at the accepte
 has lost what the parameters took. Its restricted likelihood, with S the derivatives of the channel by the parameters
 and M_rest the information of everything else, gives every covariance Sigma of a grid its probability. Few frames do not
 tell the correlation: the covariance is the mean over the grid, as no single one would count that uncertainty. Where the
-grid leaves independent noise at more than even odds, nothing is changed (Patterson & Thompson 1971,
-doi:10.1093/biomet/58.3.545; autoregressions: Box, Jenkins & Reinsel 2008, doi:10.1002/9781118619193).
+grid leaves independent noise at more than even odds, it is independent, and of the stated size; of a size that nobody
+states, the mean over the sizes is taken: differences of a short log show between a quarter of it and twice as much
+(Patterson & Thompson 1971, doi:10.1093/biomet/58.3.545; autoregressions: Box, Jenkins & Reinsel 2008,
+doi:10.1002/9781118619193).
 """
 
 from __future__ import annotations
@@ -21,12 +23,15 @@ from dataclasses import dataclass
 import numpy as np
 
 MIN_FRAMES = 8  # that a channel is compared in; fewer do not tell a correlation
+MIN_LEFT = 4.0  # readings that the parameters leave free; fewer do not tell the size of independent noise
 FIRST_ORDER = (0.15, 0.3, 0.45, 0.6, 0.7, 0.8, 0.9, 0.95)  # correlation of consecutive frames
 SECOND_ORDER = (0.3, 0.6, 0.8, 0.9), (-0.6, -0.3, 0.3, 0.6)  # the same, and partial correlation at two frames
 MIN_FRAMES_OF_SECOND_ORDER = 30
 PRIOR = {0: 0.5, 1: 0.35, 2: 0.15}  # of the orders; of those that are tried
 MAX_PROBABILITY_OF_INDEPENDENCE = 0.5
-STD_RATIOS = np.geomspace(0.5, 8.0, 25)  # of the standard deviation that third differences show, where none is stated
+STD_RATIOS = np.geomspace(0.5, 8.0, 25)  # of the standard deviation that differences show, where none is stated
+INDEPENDENT_RATIOS = np.geomspace(0.25, 32.0, 169)  # the same, of independent noise
+MIN_BESIDE = 1e-6  # of the variance of a reading: of a channel that no frame is fitted to
 BLOCK = 256  # frames whose correlation the likelihood counts; longer tests: block by block
 
 
@@ -35,7 +40,7 @@ class ChannelNoise:
     """The noise of one channel over its compared frames.
 
     std : of a reading; covariance : (T, T) of all readings; order : of the likeliest autoregression
-    correlation : of two consecutive frames, mean; independent : probability that the readings are independent
+    correlation : of two consecutive frames; independent : probability that the readings are independent
     """
 
     std: float
@@ -50,8 +55,9 @@ class ChannelNoise:
 
 
 def channel_correlation(residual: np.ndarray, rows: np.ndarray, frames: Sequence[int], rest: np.ndarray,
-                        rhs: np.ndarray, std: float, stated: bool) -> ChannelNoise | None:
-    """Covariance of the noise of a channel; None with too few frames.
+                        rhs: np.ndarray, std: float, stated: bool,
+                        beside: np.ndarray | None = None) -> ChannelNoise | None:
+    """Covariance of the noise of a channel; None where too few frames tell it.
 
     Parameters
     ----------
@@ -59,20 +65,65 @@ def channel_correlation(residual: np.ndarray, rows: np.ndarray, frames: Sequence
     rows : (T, n) derivatives of the simulated values by the unknowns
     frames : numbers of the T frames; those that are left out count as time that passes
     rest, rhs : (n, n), (n,) normal equations of everything but this channel
-    std : of a reading; stated : whether it is given, else it is that of third differences, and is estimated anew
+    std : of a reading; stated : whether it is given, else it is that of differences, and is estimated anew
+    beside : (T,) variance of the simulated values by what each frame alone is fitted with (measured edges); None: none
     """
-    n_frames = len(residual)
+    beside = np.maximum(np.zeros(len(residual)) if beside is None else beside, MIN_BESIDE * std**2)
+    equations = _Equations(residual, rows, rest, rhs, beside)
+    found = _over_autoregressions(equations, frames, std * (np.ones(1) if stated else STD_RATIOS))
+    if stated or (found is not None and found.is_correlated):
+        return found
+    return _independent(equations, std, 1.0 if found is None else found.independent)
+
+
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """Of a channel, and of everything else, as in `channel_correlation`."""
+
+    residual: np.ndarray
+    rows: np.ndarray
+    rest: np.ndarray
+    rhs: np.ndarray
+    beside: np.ndarray
+
+    def log_likelihoods(self, correlation: np.ndarray, stds: np.ndarray) -> np.ndarray:
+        """Restricted log-likelihood of every standard deviation, up to a constant  # (len(stds),)
+
+        Of B^(1/2) V (s^2 Lambda + 1) V^T B^(1/2), the covariance s^2 C + B of a block, the eigenvectors V serve all s.
+        """
+        n, columns, spread, log_det = len(self.rhs), [], [], 0.0
+        for first in range(0, len(self.residual), BLOCK):
+            own = slice(first, first + BLOCK)
+            scale = 1.0 / np.sqrt(self.beside[own])
+            values, vectors = np.linalg.eigh(correlation[own, own] * np.outer(scale, scale))
+            columns.append(vectors.T @ (np.column_stack([self.rows[own], self.residual[own]]) * scale[:, None]))
+            spread.append(values)
+            log_det -= 2.0 * float(np.log(scale).sum())
+        white, values = np.vstack(columns), np.concatenate(spread)
+        found = []
+        for std in stds:
+            variance = np.maximum(std**2 * values, 0.0) + 1.0
+            weighed = white.T / variance
+            whole, b = self.rest + weighed[:n] @ white[:, :n], self.rhs + weighed[:n] @ white[:, n]
+            own, vectors = np.linalg.eigh(0.5 * (whole + whole.T))
+            keep = own > 1e-12 * own.max(initial=1e-300)  # a direction that nothing determines is the same for all
+            along = vectors[:, keep].T @ b
+            found.append(-0.5 * (log_det + np.log(variance).sum() + np.log(own[keep]).sum()
+                                 + float(weighed[n] @ white[:, n]) - float(along**2 @ (1.0 / own[keep]))))
+        return np.array(found)
+
+
+def _over_autoregressions(equations: _Equations, frames: Sequence[int], stds: np.ndarray) -> ChannelNoise | None:
+    """The mean over all autoregressions of the grid; None with too few frames."""
+    n_frames = len(equations.residual)
     if n_frames < MIN_FRAMES:
         return None
     lags = np.abs(np.subtract.outer(np.asarray(frames), np.asarray(frames)))
-    stds = std * (np.ones(1) if stated else STD_RATIOS)
     entries, logs = [], []
     for order, course, prior in _autoregressions(n_frames, int(lags.max())):
         entries.append((order, course))
-        logs.append(np.log(prior) + _log_likelihoods(residual, rows, course[lags], rest, rhs, stds))
-    table = np.array(logs)
-    weights = np.exp(table - table.max())
-    weights /= weights.sum()
+        logs.append(np.log(prior) + equations.log_likelihoods(course[lags], stds))
+    weights = _probabilities(np.array(logs))
     covariance = sum(float(own @ stds**2) * course[lags] for own, (_, course) in zip(weights, entries, strict=True))
     orders = np.array([order for order, _ in entries])
     per_order = [float(weights[orders == order].sum()) for order in sorted(set(orders.tolist()))]
@@ -80,6 +131,24 @@ def channel_correlation(residual: np.ndarray, rows: np.ndarray, frames: Sequence
     next_to = sum(float(own @ stds**2) * course[1] for own, (_, course) in zip(weights, entries, strict=True))
     return ChannelNoise(float(np.sqrt(variance)), covariance, int(np.argmax(per_order)), float(next_to / variance),
                         per_order[0])
+
+
+def _independent(equations: _Equations, std: float, probability: float) -> ChannelNoise | None:
+    """Independent readings of a size that is not known; None where the parameters leave too few of them free."""
+    rows, n = equations.rows, len(equations.residual)
+    taken = (rows.T / (std**2 + equations.beside)) @ rows
+    if n - float(np.trace(np.linalg.pinv(equations.rest + taken, hermitian=True) @ taken)) < MIN_LEFT:
+        return None
+    stds = std * INDEPENDENT_RATIOS
+    weights = _probabilities(equations.log_likelihoods(np.eye(n), stds))
+    variance = float(weights @ stds**2)
+    return ChannelNoise(float(np.sqrt(variance)), variance * np.eye(n), 0, 0.0, probability)
+
+
+def _probabilities(logs: np.ndarray) -> np.ndarray:
+    """Of the entries of a grid, by their log-likelihoods."""
+    weights = np.exp(logs - logs.max())
+    return weights / weights.sum()
 
 
 def _autoregressions(n_frames: int, longest: int) -> Iterator[tuple[int, np.ndarray, float]]:
@@ -102,27 +171,3 @@ def _second_order(first: float, partial: float, longest: int) -> np.ndarray:
     for lag in range(2, longest + 1):
         course[lag] = first * (1.0 - partial) * course[lag - 1] + partial * course[lag - 2]
     return course
-
-
-def _log_likelihoods(residual: np.ndarray, rows: np.ndarray, correlation: np.ndarray, rest: np.ndarray,
-                     rhs: np.ndarray, stds: np.ndarray) -> np.ndarray:
-    """Restricted log-likelihood of every standard deviation, up to a constant  # (len(stds),)"""
-    n = len(rhs)
-    inner, moved, square, log_det = np.zeros((n, n)), np.zeros(n), 0.0, 0.0
-    for first in range(0, len(residual), BLOCK):
-        own = slice(first, first + BLOCK)
-        factor = np.linalg.cholesky(correlation[own, own])
-        white = np.linalg.solve(factor, np.column_stack([rows[own], residual[own]]))
-        inner += white[:, :n].T @ white[:, :n]
-        moved += white[:, :n].T @ white[:, n]
-        square += float(white[:, n] @ white[:, n])
-        log_det += 2.0 * float(np.log(np.diagonal(factor)).sum())
-    found = []
-    for std in stds:
-        whole, b = rest + inner / std**2, rhs + moved / std**2
-        values, vectors = np.linalg.eigh(0.5 * (whole + whole.T))
-        keep = values > 1e-12 * values.max(initial=1e-300)  # a direction that nothing determines is the same for all
-        along = vectors[:, keep].T @ b
-        found.append(-0.5 * (log_det + 2.0 * len(residual) * np.log(std) + np.log(values[keep]).sum()
-                             + square / std**2 - float(along**2 @ (1.0 / values[keep]))))
-    return np.array(found)

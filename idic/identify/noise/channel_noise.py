@@ -21,6 +21,8 @@ from idic.identify.step.state import Evaluation
 from idic.model.experiment import Experiment
 from idic.parameters import ParameterSet
 
+MIN_KEPT = 1e-3  # of a reading: the unknowns of a frame fit more of it, and it tells nothing
+
 
 def weighted_std(experiment: Experiment, number: int) -> float:
     """Standard deviation that a channel is weighted by: the stated one, else that of its course."""
@@ -28,7 +30,9 @@ def weighted_std(experiment: Experiment, number: int) -> float:
 
 
 def correlated_channels(experiment: Experiment, parameters: ParameterSet, point: Evaluation) -> dict[int, ChannelNoise]:
-    """The channels whose noise is correlated from frame to frame, by number; none where weights are not those of noise.
+    """The channels whose noise is correlated from frame to frame, or of a size that nobody states, by number.
+
+    None where weights are not those of noise.
 
     point : the accepted one, with the system of all free parameters
     """
@@ -44,11 +48,14 @@ def correlated_channels(experiment: Experiment, parameters: ParameterSet, point:
         rows = np.array([record.channel_columns[number] for record in compared])
         if not rows.any():
             continue
-        rows = rows * scaled.slopes
-        noise = channel_correlation(residual, rows, [record.frame for record in compared],
-                                    scaled.M - rows.T @ rows / std**2, scaled.b - rows.T @ residual / std**2, std,
-                                    bool(channel.noise_std))
-        if noise is not None and noise.is_correlated:
+        # what the unknowns of a frame have taken of a reading is given back: its residual by all others, less certain
+        kept = np.array([record.channel_kept[number] if len(record.channel_kept) else 1.0 for record in compared])
+        kept = np.maximum(kept, MIN_KEPT)
+        rows, residual, variance = (rows * scaled.slopes) / kept[:, None], residual / kept, std**2 / kept
+        weighed = (rows / variance[:, None]).T
+        noise = channel_correlation(residual, rows, [record.frame for record in compared], scaled.M - weighed @ rows,
+                                    scaled.b - weighed @ residual, std, bool(channel.noise_std), variance - std**2)
+        if noise is not None and (noise.is_correlated or not channel.noise_std):
             found[number] = noise
     return found
 
@@ -94,7 +101,8 @@ def channel_noise_notes(experiment: Experiment, noises: Mapping[int, ChannelNois
     """Notes for the result."""
     return [f"The noise of channel {experiment.channels[number].column} is correlated from frame to frame "
             f"({noise.correlation:.2f} between consecutive ones, standard deviation {noise.std:.3g}): it averages out "
-            "less over the frames. The error bars count this." for number, noise in noises.items()]
+            "less over the frames. The error bars count this."
+            for number, noise in noises.items() if noise.is_correlated]
 
 
 def _knows_channels(system: CorrelationSystem) -> bool:
