@@ -19,7 +19,6 @@ from idic.images.interpolate import evaluate, prefilter
 from idic.images.quality.noise_covariance import (
     MARGIN_PX,
     MIN_GOOD_TILES,
-    TILE_PX,
     NoiseCovariance,
     TileNoise,
     pooled,
@@ -40,7 +39,7 @@ def free_residual_noise(view: Experiment, reference: ReferenceImage, region: np.
     reference : its reference image, with the pixels of the mesh
     region : (ny, nx) bool, the specimen in it
     """
-    corners = tile_corners(scipy.ndimage.binary_erosion(region, iterations=MARGIN_PX))
+    corners, side = tile_corners(scipy.ndimage.binary_erosion(region, iterations=MARGIN_PX))
     chosen = [k for k in range(view.reference + 1, view.n_frames) if k not in view.excluded][:MAX_FRAMES]
     if len(corners) < MIN_GOOD_TILES or not chosen:
         return None
@@ -48,7 +47,7 @@ def free_residual_noise(view: Experiment, reference: ReferenceImage, region: np.
     motion = dic_stack(replace(view, excluded=tuple(sorted(others | set(view.excluded)))))
     followed = [k for k in chosen if motion.status[k] == "ok"]
     rng, still = np.random.default_rng(0), _raw(view, view.reference)
-    return pooled([_tiles(view, reference, frame, motion.u_px[frame], still, corners, rng) for frame in followed])
+    return pooled([_tiles(view, reference, frame, motion.u_px[frame], still, corners, side, rng) for frame in followed])
 
 
 def _raw(view: Experiment, frame: int) -> np.ndarray:
@@ -56,7 +55,7 @@ def _raw(view: Experiment, frame: int) -> np.ndarray:
 
 
 def _tiles(view: Experiment, reference: ReferenceImage, frame: int, u_px: np.ndarray, still: np.ndarray,
-           corners: np.ndarray, rng: np.random.Generator) -> list[TileNoise]:
+           corners: np.ndarray, side: int, rng: np.random.Generator) -> list[TileNoise]:
     """One frame against the reference image; tiles whose material is not followed are left out."""
     pixels, shape = reference.pixel_map, still.shape
     places = pixels.points() + pixels.interpolate(u_px)
@@ -71,7 +70,7 @@ def _tiles(view: Experiment, reference: ReferenceImage, frame: int, u_px: np.nda
     white = (rng.standard_normal(shape) - on_material(rng.standard_normal(shape))) / np.sqrt(2.0)
     found = []
     for row, column in corners:
-        own = slice(row, row + TILE_PX), slice(column, column + TILE_PX)
+        own = slice(row, row + side), slice(column, column + side)
         wide = tuple(slice(part.start - MARGIN_PX, part.stop + MARGIN_PX) for part in own)
         if np.isfinite(moved[wide]).all():
             found.append(_of_one_image(tile_noise(still[wide], moved[wide], white[own], view.options.lowpass_px)))

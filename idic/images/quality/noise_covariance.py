@@ -18,12 +18,12 @@ import scipy
 from idic.images.quality.lowpass import lowpass, lowpass_weights
 from idic.images.stack import Stack
 
-TILE_PX = 24
-TILE_STEP_PX = TILE_PX // 2
+TILES_PX = (24, 16, 12)  # sides of a tile: the largest of which enough lie on the specimen
 MAX_LAG_PX = 4  # of the covariance; noise of demosaicing and of compression is correlated over 2 to 3 px
 MAX_TILES = 48  # of one pair
 MAX_PAIRS = 6
 MIN_GOOD_TILES = 8  # tile differences; fewer tell nothing
+ENOUGH_TILES = 16  # of one pair; a narrow specimen holds fewer of a large side
 MIN_LAG_STANDARD_ERRORS = 3.0  # of a lag's correlation; below, it is chance
 MAX_SEARCH_PX = 4  # of a tile around the motion of its neighbourhood
 BEST_PAIRS_PART = 1 / 2  # of the pairs, those with the least scatter
@@ -65,7 +65,7 @@ def noise_covariance(stack: Stack, frames: Sequence[int], region: np.ndarray,
     region : (ny, nx) bool, the specimen in the first of them
     lowpass_px : low-pass of the images before correlation; the covariance is that before it
     """
-    corners = tile_corners(region)
+    corners, side = tile_corners(region)
     pairs = _chosen_pairs(len(frames))
     if len(corners) == 0 or not pairs:
         return None
@@ -75,10 +75,10 @@ def noise_covariance(stack: Stack, frames: Sequence[int], region: np.ndarray,
     for first in sorted(pairs):
         if first != last:
             now = np.asarray(stack.frame(frames[first]), np.float32)
-            moved, before, last = moved + _motion(before, now, moved), now, first
+            moved, before, last = moved + _motion(before, now, moved, side), now, first
         after = np.asarray(stack.frame(frames[first + 1]), np.float32)
-        step = _motion(before, after, moved)
-        found.append(_pair_noise(before, after, moved, step, lowpass_px))
+        step = _motion(before, after, moved, side)
+        found.append(_pair_noise(before, after, moved, step, side, lowpass_px))
         moved, before, last = moved + step, after, first + 1
     return pooled(found)
 
@@ -108,28 +108,42 @@ def _chosen_pairs(n: int) -> list[int]:
     return sorted({int(k) for k in np.linspace(0, n - 2, min(MAX_PAIRS, n - 1)).round()})
 
 
-def tile_corners(region: np.ndarray) -> np.ndarray:
-    """First pixels of the tiles that lie wholly on the specimen  # (n, 2) row, column"""
+def tile_corners(region: np.ndarray) -> tuple[np.ndarray, int]:
+    """First pixels of the tiles that lie wholly on the specimen, and their side: the largest with enough of them.
+
+    Returns
+    -------
+    array (n, 2) row, column, none where no tile fits; side (px)
+    """
     total = np.pad(np.cumsum(np.cumsum(region, axis=0, dtype=np.int64), axis=1), ((1, 0), (1, 0)))
-    ny, nx = region.shape
+    best, best_side = np.zeros((0, 2), int), TILES_PX[0]
+    for side in TILES_PX:
+        corners = _corners(total, side)
+        if len(corners) > len(best):
+            best, best_side = corners, side
+        if len(best) >= ENOUGH_TILES:
+            break
+    return best[np.unique(np.linspace(0, len(best) - 1, min(MAX_TILES, len(best))).astype(int))], best_side
+
+
+def _corners(total: np.ndarray, side: int) -> np.ndarray:
+    """All tiles of a side; total : (ny + 1, nx + 1) pixels of the specimen above and to the left  # (n, 2)"""
+    ny, nx = np.array(total.shape) - 1
     rows, columns = (g.ravel() for g in np.meshgrid(
-        np.arange(MARGIN_PX, ny - TILE_PX - MARGIN_PX, TILE_STEP_PX),
-        np.arange(MARGIN_PX, nx - TILE_PX - MARGIN_PX, TILE_STEP_PX), indexing="ij"))
-    if len(rows) == 0:
-        return np.zeros((0, 2), int)
-    inside = (total[rows + TILE_PX, columns + TILE_PX] - total[rows, columns + TILE_PX]
-              - total[rows + TILE_PX, columns] + total[rows, columns]) == TILE_PX**2
-    corners = np.stack([rows[inside], columns[inside]], axis=1)
-    return corners[np.unique(np.linspace(0, len(corners) - 1, min(MAX_TILES, len(corners))).astype(int))]
+        np.arange(MARGIN_PX, ny - side - MARGIN_PX, side // 2),
+        np.arange(MARGIN_PX, nx - side - MARGIN_PX, side // 2), indexing="ij"))
+    inside = (total[rows + side, columns + side] - total[rows, columns + side]
+              - total[rows + side, columns] + total[rows, columns]) == side**2
+    return np.stack([rows[inside], columns[inside]], axis=1)
 
 
-def _motion(one: np.ndarray, two: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def _motion(one: np.ndarray, two: np.ndarray, corners: np.ndarray, side: int) -> np.ndarray:
     """Motion of the tiles to the nearest pixel: of the whole picture first, then of each tile  # (n, 2)"""
     whole = _whole_motion(one, two)
     steps = np.zeros_like(corners)
     for i, (row, column) in enumerate(corners):
-        tile = _cut(one, row, column, 0)
-        wide = _cut(two, row + whole[0], column + whole[1], MAX_SEARCH_PX)
+        tile = _cut(one, row, column, side, 0)
+        wide = _cut(two, row + whole[0], column + whole[1], side, MAX_SEARCH_PX)
         if tile is None or wide is None:
             continue
         windows = np.lib.stride_tricks.sliding_window_view(wide, tile.shape)
@@ -150,20 +164,21 @@ def _whole_motion(one: np.ndarray, two: np.ndarray) -> np.ndarray:
     return np.where(place > np.array(one.shape) // 2, place - one.shape, place)
 
 
-def _cut(image: np.ndarray, row: int, column: int, margin: int) -> np.ndarray | None:
+def _cut(image: np.ndarray, row: int, column: int, side: int, margin: int) -> np.ndarray | None:
     low_row, low_column = row - margin, column - margin
-    size = TILE_PX + 2 * margin
+    size = side + 2 * margin
     if low_row < 0 or low_column < 0 or low_row + size > image.shape[0] or low_column + size > image.shape[1]:
         return None
     return image[low_row:low_row + size, low_column:low_column + size].astype(float)
 
 
-def _pair_noise(one: np.ndarray, two: np.ndarray, corners: np.ndarray, steps: np.ndarray,
+def _pair_noise(one: np.ndarray, two: np.ndarray, corners: np.ndarray, steps: np.ndarray, side: int,
                 lowpass_px: float) -> list[TileNoise]:
     tiles, rng = [], np.random.default_rng(0)  # the same white noise for every pair: it calibrates the fit
     for (row, column), step in zip(corners, steps, strict=True):
-        a, b = _cut(one, row, column, MARGIN_PX), _cut(two, row + step[0], column + step[1], MARGIN_PX)
-        white = rng.standard_normal((TILE_PX, TILE_PX))
+        a = _cut(one, row, column, side, MARGIN_PX)
+        b = _cut(two, row + step[0], column + step[1], side, MARGIN_PX)
+        white = rng.standard_normal((side, side))
         if a is not None and b is not None:
             tiles.append(tile_noise(a, b, white, lowpass_px))
     return tiles
@@ -172,7 +187,7 @@ def _pair_noise(one: np.ndarray, two: np.ndarray, corners: np.ndarray, steps: np
 def tile_noise(a: np.ndarray, b: np.ndarray, white: np.ndarray, lowpass_px: float) -> TileNoise:
     """a, b : (t + 2 m, t + 2 m) two tiles with a margin; white : (t, t) standard normal."""
     mean, inner = (a + b) / 2.0, (slice(MARGIN_PX, -MARGIN_PX),) * 2
-    y, x = np.meshgrid(*(np.linspace(-1.0, 1.0, TILE_PX),) * 2, indexing="ij")
+    y, x = np.meshgrid(*(np.linspace(-1.0, 1.0, len(white)),) * 2, indexing="ij")
     columns = [np.ones_like(x), mean[inner]]
     for axis in (0, 1):
         slope = _derivative(mean, FIRST, axis)[inner]
@@ -233,7 +248,7 @@ def pooled(pairs: Sequence[Sequence[TileNoise]]) -> NoiseCovariance | None:
     good = [tile for tiles in kept[:max(1, int(np.ceil(BEST_PAIRS_PART * len(kept))))] for tile in tiles]
     if not good:
         return None
-    independent = len(good) * TILE_STEP_PX**2  # pixels: tiles overlap
+    independent = len(good) * (len(good[0].square) // 2)**2  # pixels: tiles overlap
     lags, white, pattern = (np.sum([getattr(tile, name) for tile in good], axis=0)
                             for name in ("lags", "white_lags", "pattern"))
     correlation = _correlation(lags, white, independent)
@@ -273,7 +288,7 @@ def _given_back(tiles: Sequence[TileNoise], lags: np.ndarray) -> tuple[float, fl
     """
     some = tiles[::max(1, len(tiles) // MAX_CALIBRATED_TILES)]
     middle = MAX_LAG_PX, MAX_LAG_PX
-    overlap = TILE_PX - np.abs(np.arange(-MAX_LAG_PX, MAX_LAG_PX + 1))
+    overlap = len(some[0].square) - np.abs(np.arange(-MAX_LAG_PX, MAX_LAG_PX + 1))
     pixels = np.outer(overlap, overlap) * len(some)
     found = 0.5 * (lags + lags[::-1, ::-1]) * (len(some) / len(tiles))
     covariance = found / pixels
