@@ -1,6 +1,6 @@
 """The diagnosis of one identification: residual, location, screening, refits, judgement, the next round.
 
-    1  residual evidence of the identified model; side, onset and place of the mismatch
+    1  residual evidence of the identified model, with the error of its mesh; side, onset and place of the mismatch
     2  null refit: the identified model fitted to one of two thinned copies of the recording
     3  up to `MAX_ROUNDS` rounds: screening, refits of the shortlist, selection of a candidate; it joins the null model
     4  the enriched model fitted to the recording itself; excess of its residual; verdict
@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from idic.diagnose.channel_left import ChannelLeft, channels_left
+from idic.diagnose.discretisation import with_error
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
 from idic.diagnose.measured_motion import OutOfRegister
@@ -135,16 +136,17 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     clock = Clock()
     stage("residual evidence of the identified model")
     with clock.step("gather_s"):
-        before = residual_evidence(found, light=False)
+        source, here = with_error(source, found)
+        before = residual_evidence(here, light=False)
         grid = grid_of(before)
         whole = fit(before, grid)
     setting = Setting(refits, grid, seed, candidates() if library is None else library, stage, clock, watch, margin,
                       quick)
     stage("side, onset and place of the mismatch")
     with clock.step("locate_s"):
-        mismatch = located(found, before, margin)
-    first = null_refit(source, found, setting)
-    rounds, source, null, groups = selected_rounds(source, found, first, before, setting)
+        mismatch = located(here, before, margin)
+    first = null_refit(source, here, setting)
+    rounds, source, null, groups = selected_rounds(source, here, first, before, setting)
     final, after, active = _enriched(source, null, rounds, setting) if null is not first else (None, None, None)
     unit = float(power(before.evidence).sum())
     of_camera = {"margin_px": margin.px, "camera_px": margin.camera_px}

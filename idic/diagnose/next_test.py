@@ -207,7 +207,8 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
                              rates=None if c.rates is None else np.concatenate([c.rates, np.zeros(n)]))
                      for c in experiment.channels)
     prescribed = tuple(carried(entry) for entry in experiment.prescribed)
-    return replace(experiment, times=np.concatenate([experiment.times, times]), camera=_held(experiment.camera, n),
+    return replace(experiment, motion_error=None, times=np.concatenate([experiment.times, times]),
+                   camera=_held(experiment.camera, n),
                    channels=channels, prescribed=prescribed,
                    loads=tuple(carried(entry) for entry in experiment.loads),
                    temperatures=tuple(carried(entry) for entry in experiment.temperatures),

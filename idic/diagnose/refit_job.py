@@ -15,12 +15,13 @@ from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT, thinned
 from idic.identify.step.state import ORDINARY
 from idic.model.experiment import Experiment
+from idic.model.motion_error import MotionError
 
 
 class ExperimentSource(Protocol):
     """Where a diagnosis gets its experiments from; plain data, so that it travels to a worker.
 
-    edits : overrides of experiment.toml that belong to the present null model
+    edits : overrides of experiment.toml that belong to the present null model; motion_error : that its simulation lacks
     """
 
     @property
@@ -34,8 +35,15 @@ class ExperimentSource(Protocol):
         """The experiment with the present edits and further ones."""
         ...
 
+    @property
+    def motion_error(self) -> MotionError | None: ...
+
     def with_edits(self, edits: Mapping[str, Any]) -> ExperimentSource:
         """The same source with more edits in its null model."""
+        ...
+
+    def with_motion_error(self, error: MotionError) -> ExperimentSource:
+        """The same source whose experiments know what their simulation lacks."""
         ...
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from idic.images.stack import Stack
 from idic.model.free_course import knot_name
 from idic.model.gauges import Gauge
 from idic.parameters import ParameterSet
+
+if TYPE_CHECKING:  # it knows the frames of a simulation, which know no experiment
+    from idic.model.motion_error import MotionError
 
 
 @dataclass(frozen=True)
@@ -408,6 +411,7 @@ class Experiment:
     averaged: tuple[int, ...] = ()  # frames at rest whose mean is the reference image, `reference` the last; () = that
     points: FieldPoints | None = None  # of a measured field: then a frame of the stack is (n_points, 2), in µm
     gauges: tuple[Gauge, ...] = ()  # where the report reads fields off
+    motion_error: MotionError | None = None  # what the simulation is known to lack, added to it
 
     def at_geometry(self, parameters: ParameterSet) -> Experiment:
         """The experiment with the mesh morphed to these parameters; itself where the geometry is that of the mesh.

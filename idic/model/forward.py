@@ -305,10 +305,13 @@ class ForwardModel:
                       or march(*arguments, substeps=substeps, **ways))
         if frames is not None:
             states = (replace(state, frame=int(frames[state.frame])) for state in states)
+        error, first = self.experiment.motion_error, self.experiment.reference
+        if error is not None:
+            states = (error.added(state, first + state.frame) for state in states)
         if self.readings is None:
             yield from states
             return
-        loads, first = self.drives.loads, self.experiment.reference
+        loads = self.drives.loads
         values = loads.values(parameters, None if local is None else local[:, len(self.drives.local):])
         changes = [loads.derivative(name, parameters) if name in loads.names() else np.zeros_like(values)
                    for name in names]

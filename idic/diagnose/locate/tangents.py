@@ -71,10 +71,10 @@ def tangents(found: Identification, residual: ResidualEvidence) -> Iterator[Tang
     start = found.experiment.reference
     times = found.experiment.times[start:]
     system = discretise(model)
-    states, before, factor, matrices = system.rest(), 0, None, ()
+    states, before, factor, matrices, solved = system.rest(), 0, None, (), residual.solved_u
     for index, number in enumerate(residual.evidence.frames):
         frame = int(number) - start
-        ev = assembly.evaluate(system, params, np.ascontiguousarray(residual.u[index][:, :model.mesh.n_dim]), states,
+        ev = assembly.evaluate(system, params, np.ascontiguousarray(solved[index]), states,
                                times[frame] - times[before],
                                drives_at(model, times, times[frame]), guesses=states if before else None)
         if ev.trouble:

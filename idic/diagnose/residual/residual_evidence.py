@@ -67,6 +67,13 @@ class ResidualEvidence:
         """Of the main camera."""
         return self.cameras[0].view
 
+    @property
+    def solved_u(self) -> np.ndarray:
+        """The motion that is in equilibrium on the given mesh: u without a known error  # (T, n_nodes, dim) mm"""
+        experiment = self.context.experiment
+        u = self.u[..., :experiment.n_dim]
+        return u if experiment.motion_error is None else u - experiment.motion_error.u[self.evidence.frames]
+
     def at_seen(self, of_camera: Callable[[CameraResidual], np.ndarray]) -> np.ndarray:
         """Image fields of all cameras at the seen dofs  # of_camera: (n_components n_nodes, ...) -> (n_seen, ...)"""
         parts = [of_camera(camera) for camera in self.cameras]

@@ -99,9 +99,9 @@ def _stepped(found: Identification, residual: ResidualEvidence, trials: Sequence
         moved.append(_node_motion(experiment, variant))
     first = {one.pattern: one for _, one in reversed(shared)}
     of_patterns = [answers.position(one.unit, unit_values(one)) for one in first.values()]
-    start, dim = found.experiment.reference, found.experiment.n_dim
+    start = found.experiment.reference
     frames = [int(k) - start for k in residual.evidence.frames]
-    responses = first_responses(answers.base, found.experiment.times[start:], frames, residual.u[..., :dim],
+    responses = first_responses(answers.base, found.experiment.times[start:], frames, residual.solved_u,
                                 answers.others)
     picked = [i for _, _, i, _ in others] + of_patterns
     nulls = [k for k, (_, _, _, null) in enumerate(others) if null is not None]

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.channel_left import smallest_reading
+from idic.diagnose.discretisation import change_matters, motion_error
 from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.refit import Refit, identification_at, refit_residual
-from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told
+from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.excess_left import effect
@@ -113,6 +114,8 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
     bends, place = has_state(found, YIELD_STATES), _workplace(setting)
     unit = float(power(whole.evidence).sum()) / COPY_VARIANCE_FACTOR if holds_motion(found.experiment) else np.inf
     for number in range(1, 2 if setting.quick else MAX_ROUNDS + 1):
+        if rounds:
+            source, null, whole = with_new_error(source, null, whole, setting)
         far = effect(null.judgement, unit) > MAX_REGISTER_PX  # type: ignore[arg-type]
         one = _round(source, null, number, rounds, setting, bends, far)
         if one.winner is not None and not setting.quick:
@@ -129,6 +132,22 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
         source, null = last.source.with_edits(edits_of(last.winner, last.screening)), last.winner.refitted
     rounds = [with_imitated(one, whole.u) for one in rounds]
     return rounds, source, null, [_group(one) for one in rounds if one.winner is not None and one.equals]
+
+
+def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidence,
+                   setting: Setting) -> tuple[ExperimentSource, Refit, ResidualEvidence]:
+    """The model that a cause has joined with the error of its own mesh, where that differs from the one before.
+
+    whole : its residual on the recording itself
+    """
+    with setting.clock.step("mesh_s"):
+        error = motion_error(identification_at(source.load(), null.values, null.local, null.steps))
+        if error is None or not change_matters(whole, source.motion_error, error):
+            return source, null, whole
+        there = source.with_motion_error(error)
+        setting.stage("fit with the error of the mesh")
+        (again,) = setting.refits([refit_of_one(there, "null", null, setting.grid, setting.seed)])
+        return (there, again, refit_residual(there.load(), again)) if again.usable else (source, null, whole)
 
 
 def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[Round], setting: Setting,

@@ -68,7 +68,7 @@ def is_counted(experiment: Experiment) -> bool:
     return (raised or can_halve(mesh)) and (4 if raised else 7) * mesh.n_nodes <= MAX_NODES
 
 
-def _projection(mesh: Mesh, carry: sparse.csr_array) -> Callable[[np.ndarray], np.ndarray]:
+def projection(mesh: Mesh, carry: sparse.csr_array) -> Callable[[np.ndarray], np.ndarray]:
     """Mean-square projection of nodal fields of a finer mesh onto the functions of the given one.
 
     carry : (n_fine, n_given) the given functions at the fine nodes
@@ -112,7 +112,7 @@ def mesh_error(experiment: Experiment, forward: ForwardModel, parameters: Parame
     try:
         coarse = replace(forward, control=LOOSE).march_at(parameters, local, steps, guesses)
         fine = replace(there, control=LOOSE).march_at(parameters, start, steps)  # carried guesses cost more: they fold
-        onto_given = _projection(finer.experiment.mesh, finer.carry)
+        onto_given = projection(finer.experiment.mesh, finer.carry)
         found = {first + a.frame: (onto_given(b.seen_u - finer.carry @ a.seen_u), b.channels - a.channels)
                  for a, b in zip(coarse, fine, strict=True)}
     except NotConverged:

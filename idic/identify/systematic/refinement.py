@@ -52,7 +52,7 @@ def refined(experiment: Experiment, raise_bricks: bool = False) -> Refined:
         raise InputError("these elements are not refined", expected="triangles, quadrilaterals, bricks, tet4",
                          found=", ".join(block.cell for block in mesh.blocks),
                          remedy="use such elements, or compare with an identification on a finer mesh")
-    made = replace(experiment, mesh=fine)
+    made = replace(experiment, mesh=fine, motion_error=None)
     prescribed = tuple(_carried_shapes(experiment, made, carry, entry) for entry in experiment.prescribed)
     temperatures = tuple(
         replace(entry, drive=replace(entry.drive, values=(carry @ entry.drive.values.T).T))

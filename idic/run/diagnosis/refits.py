@@ -105,5 +105,7 @@ def job_hash(job: RefitJob) -> str:
              "swapped": job.swapped, "borrowed": job.borrowed, "estimator": job.estimator,
              "to_its_end": job.unlimited, "seed": job.seed} | ({"whole_std": True} if job.whole_std else {})
     text = json.dumps(plain, sort_keys=True, default=repr)
-    arrays = (job.local, job.grid.at, job.grid.low, job.grid.extent, job.grid.cells)
+    error = job.source.motion_error
+    arrays = (job.local, job.grid.at, job.grid.low, job.grid.extent, job.grid.cells,
+              *(() if error is None else (error.u, error.channels)))
     return hashlib.sha256(text.encode() + b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()[:16]

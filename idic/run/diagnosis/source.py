@@ -6,7 +6,7 @@ Images stay where the identification put them (`run.zarr`); nothing is identifie
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from idic.experiment_file.toml_file import locate, read_toml, validated, with_ov
 from idic.fe.mesh.mesh import Mesh
 from idic.identify.in_memory import Identification
 from idic.model.experiment import Experiment, Parametrised, Prescribed
+from idic.model.motion_error import MotionError
 from idic.readers.logs import MatchedLog
 from idic.run.session import open_session
 from idic.run.context import RunContext, open_run, stored_start
@@ -39,11 +40,13 @@ from idic.workers.runner import SerialRunner
 class Source:
     """Where a diagnosis gets its experiments from; plain data, so that it travels to a worker.
 
-    run : the RUN folder; edits : overrides of experiment.toml that belong to the present null model
+    run : the RUN folder; edits : overrides of experiment.toml that belong to the present null model; motion_error : of
+    the mesh, added to every simulation
     """
 
     run: str
     edits: Mapping[str, Any]
+    motion_error: MotionError | None = field(default=None, repr=False)
 
     @property
     def context(self) -> RunContext:
@@ -72,10 +75,13 @@ class Source:
                         in zip(experiment.cameras, identified.cameras, strict=True))
         experiment = with_stored_noise(replace(experiment, stack=identified.stack, cameras=cameras), settings)
         experiment = with_boundary_start(experiment, _of_edges(experiment, stored_start(context.store, settings)))
-        return replace(experiment, excluded=tuple(settings["excluded"]))
+        return replace(experiment, excluded=tuple(settings["excluded"]), motion_error=self.motion_error)
 
     def with_edits(self, edits: Mapping[str, Any]) -> Source:
         return replace(self, edits={**self.edits, **edits})
+
+    def with_motion_error(self, error: MotionError) -> Source:
+        return replace(self, motion_error=error)
 
 
 def _of_edges(experiment: Experiment, start: BoundaryStart) -> BoundaryStart:

@@ -24,6 +24,7 @@ from idic.identify.in_memory import Identification, identify
 from idic.identify.input_noise import measured_noise
 from idic.images.stack import ArrayStack, Stack
 from idic.model.experiment import Experiment, Noise
+from idic.model.motion_error import MotionError
 from idic.run.diagnosis.files import diagnosis_content, free_parameters
 from idic.run.diagnosis.refits import run_refits
 from idic.run.diagnosis.source import EditedFolder
@@ -45,6 +46,7 @@ class FolderSource:
     stack: Stack = field(repr=False)
     edits: Mapping[str, Any] = field(default_factory=dict)
     noise: Noise | None = None
+    motion_error: MotionError | None = field(default=None, repr=False)
 
     def document(self) -> dict:
         """Tables of experiment.toml with the present edits."""
@@ -56,7 +58,7 @@ class FolderSource:
         raw = with_overrides(read_toml(file), {**self.edits, **(edits or {})})
         kept = READ_FOLDERS.setdefault(self.folder, {})
         stated = _Folder(file, file.parent.resolve(), validated(raw, file), raw, kept, self.stack).experiment()
-        return stated if self.noise is None else replace(stated, noise=self.noise)
+        return replace(stated, noise=self.noise or stated.noise, motion_error=self.motion_error)
 
     def with_measured_noise(self) -> FolderSource:
         """With the noise that a RUN of this folder would count (`idic.identify.input_noise`)."""
@@ -64,6 +66,9 @@ class FolderSource:
 
     def with_edits(self, edits: Mapping[str, Any]) -> FolderSource:
         return replace(self, edits={**self.edits, **edits})
+
+    def with_motion_error(self, error: MotionError) -> FolderSource:
+        return replace(self, motion_error=error)
 
 
 @dataclass(frozen=True)
