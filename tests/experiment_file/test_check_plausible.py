@@ -116,8 +116,34 @@ def test_a_roi_over_background_is_told_as_such_and_not_as_exposure(folder):
 def test_speckle_too_fine_or_too_coarse_is_told_with_the_remedy(folder):
     show(folder, speckle(sigma=0.3))
     assert "too fine for the pixels" in warnings(folder) and "lowpass_px" in warnings(folder)
-    show(folder, speckle(sigma=5.5))
-    assert "out of focus" in warnings(folder)
+    rows, columns = (np.arange(n) // 15 % 2 * 60.0 for n in (50, 60))
+    show(folder, 60.0 + np.add.outer(rows, columns))  # sharp tiles
+    told = warnings(folder)
+    assert "few edges carry the motion" in told and "focus" not in told and "background" not in told
+
+
+@pytest.mark.parametrize("blur_px, told", [(1.0, False), (3.0, True)])
+def test_an_image_out_of_focus_is_told_by_its_edges(folder, blur_px, told):
+    show(folder, gaussian_filter(np.kron(np.random.default_rng(2).choice([60.0, 200.0], (10, 12)), np.ones((5, 5))),
+                                 blur_px))
+    assert ("the edges of the speckle are blurred over" in warnings(folder)) == told
+
+
+@pytest.mark.parametrize("pixel_size_mm, told", [
+    (0.045, "the mesh spans 89 x 67 px, the image 60 x 50 px; 100% of its elements are seen"),
+    (0.06, None),  # longer than the image, but not wider: the camera sees the middle of a strip
+])
+def test_a_mesh_larger_than_the_image_is_told_alone(folder, pixel_size_mm, told):
+    """And nothing of the pattern below it, which is that of another place."""
+    change(folder, "experiment.toml", "pixel_size_mm = 0.1", f"pixel_size_mm = {pixel_size_mm}")
+    change(folder, "experiment.toml", "origin_px = [10.0, 40.0]", "origin_px = [-14.0, 58.0]")
+    found = check(load_experiment(folder), draw=False).warnings
+    assert (len(found) == 1 and told in found[0]) if told else not any("mesh spans" in one for one in found)
+
+
+def test_a_saturated_image_is_told_with_what_can_be_done(folder):
+    show(folder, speckle() * 2.2)
+    assert "of the pixels in the ROI are saturated" in warnings(folder) and "a mask without them" in warnings(folder)
 
 
 def pull(folder, top_px, bottom_px):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
+from scipy.special import erf
 
-from idic.images.quality.speckle import speckle_size
+from idic.images.quality.speckle import edge_blur, speckle_size
 
 WIDTH = 2.0 * np.sqrt(2.0 * np.log(2.0))  # full width at half maximum of a Gaussian over its standard deviation
 
@@ -54,3 +55,11 @@ def test_without_a_pattern_there_is_no_size():
     assert speckle_size(blurred_noise(2.0), np.zeros((400, 500), bool)) is None
     ramp = np.tile(np.linspace(0.0, 1.0, 400), (400, 1))
     assert speckle_size(ramp, np.ones_like(ramp, bool)) is None
+
+
+@pytest.mark.parametrize("blur_px", [0.7, 2.0, 3.5])
+def test_the_blur_of_the_edges_is_that_of_a_blurred_step_under_noise(blur_px):
+    generator = np.random.default_rng(1)
+    step = 120.0 + 80.0 * erf((np.arange(200.0) - 99.5) / (np.sqrt(2.0) * blur_px))
+    image = step + generator.normal(0, 3, (200, 200))
+    assert edge_blur(image, np.ones(image.shape, dtype=bool), 3.0) == pytest.approx(blur_px, abs=0.1)

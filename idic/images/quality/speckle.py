@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 MAX_SHIFT_PX = 60  # of the autocorrelation: a coarser pattern is not a speckle
+SMOOTHING_PX = 1.0  # standard deviation, before the slopes of edges are taken
 MIN_PIXELS = 400  # of the region, for an autocorrelation
 
 
@@ -46,6 +48,45 @@ def speckle_size(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) 
     k = int(below[0])
     before = top if k == 1 else correlation[k - 1]
     return 2.0 * float(k - 1 + (before - 0.5 * top) / (before - correlation[k]))
+
+
+def edge_blur(image: np.ndarray, region: np.ndarray, noise_std: float = 0.0) -> float | None:
+    """Blur of the edges of a pattern, whatever the size of its speckles: 0.3 to 0.9 px in focus.
+
+    A step that is blurred by a Gaussian of standard deviation s has the slope of that Gaussian, for which the root mean
+    square of the first derivative is sqrt(2) s times that of the second; s^2 less that of the smoothing is returned as
+    its root. The variance that noise adds to both derivatives is taken off.
+
+    Parameters
+    ----------
+    image : (ny, nx)
+    region : (ny, nx) bool
+        The pattern.
+    noise_std : float
+        Standard deviation of the noise of this image, in its unit.
+
+    Returns
+    -------
+    float or None
+        px; None where there is no pattern.
+    """
+    image, seen = np.asarray(image, dtype=float), np.asarray(region, dtype=bool)
+    seen = scipy.ndimage.binary_erosion(seen & np.isfinite(image), iterations=4)
+    if np.count_nonzero(seen) < MIN_PIXELS:
+        return None
+    reach = np.arange(-4.0, 5.0)
+    bell = np.exp(-0.5 * (reach / SMOOTHING_PX) ** 2)
+    bell /= bell.sum()
+    filled, squares = np.where(np.isfinite(image), image, 0.0), []
+    for difference in (np.array([-0.5, 0.0, 0.5]), np.array([1.0, -2.0, 1.0])):
+        taps = np.convolve(bell, difference)
+        added = noise_std**2 * (taps**2).sum() * (bell**2).sum()
+        found = [scipy.ndimage.correlate1d(scipy.ndimage.correlate1d(filled, taps, axis=axis), bell, axis=1 - axis)
+                 for axis in (0, 1)]
+        squares.append(sum(float((part[seen] ** 2).mean()) for part in found) - 2.0 * added)
+    if not min(squares) > 0.0:
+        return None
+    return float(np.sqrt(max(0.5 * squares[0] / squares[1] - SMOOTHING_PX**2, 0.0)))
 
 
 def _by_radius(detail: np.ndarray, seen: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from scipy.ndimage import binary_erosion
 
 from idic.identify.step.increments import planned_increments
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
-from idic.model.experiment import Experiment, Noise
+from idic.model.experiment import Experiment, Measured, Noise
 from idic.model.mode_names import in_words
 from idic.readers.fields.sound_stages import check_stages
 from idic.report.evidence.cost import Cost, expected_cost
@@ -170,7 +170,7 @@ def _check_camera(experiment: Experiment, draw: bool) -> CheckReport:
         float(areas.mean()), float(areas.min()), experiment.length_unit, experiment.parameters.free,
         tuple(channel.column for channel in experiment.channels), noise, float(np.nanstd(reference[roi])),
         (*experiment.notes, *_margin_note(experiment), *planned_increments(experiment)),
-        (*_scale_warnings(experiment, corners, visible), *_warnings(experiment, reference, roi, areas, noise))
+        _warnings_of_images(experiment, reference, corners, visible, roi, areas)
         if experiment.points is None else tuple(_field_warnings(experiment, corners, visible)), picture,
         experiment.camera_name,
         value_unit=experiment.value_unit, points=_points_line(experiment), starts=start_values(experiment))
@@ -203,43 +203,58 @@ def _sets_px(experiment: Experiment, points: np.ndarray) -> dict[str, np.ndarray
     return {name: experiment.camera.project(points[experiment.mesh.node_sets[name]]) for name in names}
 
 
-def _warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise):
+def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise):
+    """What is wrong with the pattern below a mesh that lies where it belongs."""
     if areas.mean() < _MIN_ELEMENT_PX and experiment.surface is None:
         yield (f"only {areas.mean():.0f} px per element: enough for the identification, too few for the free FE-DIC of "
                "the report; larger elements would do for both")
-    if reference.dtype.kind == "u":
-        share = float((reference[roi] >= np.iinfo(reference.dtype).max).mean())
-        if share > _MAX_SATURATED_SHARE:
-            yield f"{100 * share:.1f} % of the pixels in the ROI are saturated: reduce the exposure"
     if experiment.quantity == "grey":
         yield from pattern_warnings(reference, roi, noise.std_gv, float(areas.mean()))
         yield from mirrored_axes(experiment, reference, roi)
         yield from ends_that_move_otherwise(experiment, reference)
-        yield from misplaced_still_frames(experiment, roi)
     contrast = float(np.nanstd(reference[roi]))
-    inner = binary_erosion(roi, iterations=2)  # outside the specimen there is no height
-    gaps = float(np.isnan(reference[inner]).mean()) if reference.dtype.kind == "f" and inner.any() else 0.0
-    if gaps > _MAX_GAP_SHARE:
-        yield (f"{100 * gaps:.0f} % of the reference image in the ROI has no value, and interpolation also loses the "
-               "neighbours of each gap: fill the gaps, or mask them")
     if contrast == 0.0:
         yield "the ROI has no pattern, so nothing can be correlated: check mask, mesh and reference image"
     elif noise.std_gv is not None and contrast < _MIN_CONTRAST * noise.std_gv:
         yield (f"the pattern ({contrast:.3g}) is less than {_MIN_CONTRAST:g} times the noise ({noise.std_gv:.3g}): "
                "expect large error bars; improve contrast or lighting")
+
+
+def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray):
+    """What is wrong with the images; every one is decoded."""
+    if reference.dtype.kind == "u":
+        share = float((reference[roi] >= np.iinfo(reference.dtype).max).mean())
+        if share > _MAX_SATURATED_SHARE:
+            yield (f"{100 * share:.1f} % of the pixels in the ROI are saturated: the pattern is cut there. A shorter "
+                   "exposure next time; now a mask without them")
+    if experiment.quantity == "grey":
+        yield from misplaced_still_frames(experiment, roi)
+    inner = binary_erosion(roi, iterations=2)  # outside the specimen there is no height
+    gaps = float(np.isnan(reference[inner]).mean()) if reference.dtype.kind == "f" and inner.any() else 0.0
+    if gaps > _MAX_GAP_SHARE:
+        yield (f"{100 * gaps:.0f} % of the reference image in the ROI has no value, and interpolation also loses the "
+               "neighbours of each gap: fill the gaps, or mask them")
     mean = float(reference[roi].mean())
     for k in range(experiment.stack.n_frames):
         frame = experiment.stack.frame(k)  # decodes every image: damaged ones are found here
         jump = abs(float(frame[roi].mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
         if jump and k not in experiment.excluded and experiment.quantity == "grey":
             yield (f"{experiment.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} "
-                   f"% "
-                   "from the reference: check lighting and exposure, or exclude the frame")
+                   "% from the reference: check lighting and exposure, or exclude the frame")
+
+
+def _warnings_of_images(experiment: Experiment, reference: np.ndarray, corners: list[np.ndarray], visible: np.ndarray,
+                        roi: np.ndarray, areas: np.ndarray) -> tuple[str, ...]:
+    """Scale first: the pattern below a mesh of another size tells nothing."""
+    scale = tuple(_scale_warnings(experiment, corners, visible))
+    place = () if scale else tuple(_place_warnings(experiment, reference, roi, areas, experiment.noise))
+    return (*scale, *place, *_image_warnings(experiment, reference, roi))
 
 
 def _scale_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
     every = np.vstack(corners)
-    return implausible_scale(np.ptp(every, axis=0), experiment.image_shape, float(visible.mean()))
+    part = any(isinstance(one.drive, Measured) for one in experiment.prescribed)
+    return implausible_scale(np.ptp(every, axis=0), experiment.image_shape, float(visible.mean()), part)
 
 
 def _points_line(experiment: Experiment) -> str:

@@ -8,15 +8,18 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.ndimage import maximum_filter, uniform_filter
 
-from idic.images.quality.speckle import speckle_size
+from idic.images.quality.speckle import edge_blur, speckle_size
 from idic.materials import law_for
 from idic.model.experiment import Column, Experiment
 
 MAX_FROM_TYPICAL = 200.0    # ratio of a stress-like value to the typical one of its law; GPa read as MPa is 1000
 MIN_VISIBLE = 0.5           # of the elements: with fewer, scale or origin is suspect
+MIN_LARGER = 1.3            # mesh over image, in both directions
 MIN_EXTENT = 0.1            # of the image, in both directions
 MIN_SPECKLE_PX, MAX_SPECKLE_PX = 2.0, 15.0  # width of the autocorrelation; the guide of good practice asks for 3 to 5
-WINDOW_PX = 15              # of a local standard deviation: three speckles
+MAX_EDGE_BLUR_PX = 1.7      # six real and rendered recordings in focus: at most 0.9; blurred by 3 px: at least 1.88
+WINDOW_PX = 15              # of a local standard deviation: three speckles, two coarse ones
+MAX_WINDOW_PX = 31          # where background makes the speckle look wider than it is
 MAX_PLAIN_SHARE = 0.1       # of the ROI without pattern
 PLAIN = 0.2                 # of the usual local standard deviation: less is no pattern
 MAX_OPPOSED = -0.5          # correlation of a force and the motion that it causes: below, the log has the other sign
@@ -74,7 +77,8 @@ def opposed_forces(experiment: Experiment) -> Iterator[str]:
                    f"force")
 
 
-def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: float) -> Iterator[str]:
+def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: float,
+                      part: bool = False) -> Iterator[str]:
     """A mesh much larger or smaller than the image.
 
     Parameters
@@ -84,6 +88,8 @@ def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: fl
     shape : (rows, columns) of the image
     visible : float
         Share of the elements that lie in the image.
+    part : bool
+        Whether the camera sees a part of the specimen on purpose: an end in view is measured.
     """
     image = np.array(shape[::-1], dtype=float)
     size = f"the mesh spans {extent_px[0]:.0f} x {extent_px[1]:.0f} px, the image {image[0]:.0f} x {image[1]:.0f} px"
@@ -92,6 +98,9 @@ def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: fl
         yield (f"{size}; {visible:.0%} of its elements are seen: " + (
             f"pixel_size_mm may be {larger:.1f} times too small, or mesh_unit is another" if larger > 1.5 else
             "origin_px or axes place it beside the image, or an axis is mirrored"))
+    elif not part and (extent_px > MIN_LARGER * image).all():
+        yield (f"{size}; {visible:.0%} of its elements are seen: pixel_size_mm may be too small, or mesh_unit is "
+               "another. Where the camera is meant to see a part alone, nothing needs to be done")
     elif (extent_px < MIN_EXTENT * image).all():
         yield f"{size}: pixel_size_mm may be too large (by ten?), or mesh_unit is another"
 
@@ -113,11 +122,15 @@ def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
         yield (f"the speckle is {width:.1f} px wide, too fine for the pixels: interpolation errs and the result is "
                f"biased. "
                "Coarser speckle or a closer camera next time; now lowpass_px = 1 under [options]")
+        return
+    blur = edge_blur(image, roi, noise_gv or 0.0)
+    if blur is not None and blur > MAX_EDGE_BLUR_PX:
+        yield (f"the edges of the speckle are blurred over {blur:.1f} px (standard deviation; in focus at most 0.9): "
+               "the image is out of focus, or the pattern is soft. Error bars are large; focus next time, now larger "
+               "elements")
     elif width is not None and width > min(MAX_SPECKLE_PX, np.sqrt(pixels_per_element)):
         yield (f"the speckle is {width:.0f} px wide, an element {np.sqrt(pixels_per_element):.0f} px: few edges carry "
-               f"the motion, so "
-               "error bars are large, or the image is out of focus. Finer speckle or focus next time; now larger "
-               "elements")
+               "the motion, so error bars are large. Finer speckle next time; now larger elements")
 
 
 def without_pattern(image: np.ndarray, roi: np.ndarray, noise_gv: float | None) -> np.ndarray:
@@ -128,11 +141,13 @@ def without_pattern(image: np.ndarray, roi: np.ndarray, noise_gv: float | None) 
     (n_roi,) bool
     """
     values = np.asarray(image, dtype=float)
-    mean, square = uniform_filter(values, WINDOW_PX), uniform_filter(values**2, WINDOW_PX)
+    width = speckle_size(image, roi, noise_gv or 0.0)
+    window = int(np.clip(2.0 * (width or 0.0), WINDOW_PX, MAX_WINDOW_PX))
+    mean, square = uniform_filter(values, window), uniform_filter(values**2, window)
     local = np.sqrt(np.maximum(square - mean**2, 0.0))[roi]
     usual = float(np.percentile(local, 75)) if len(local) else 0.0
     if not usual > 3.0 * (noise_gv or 0.0) or usual == 0.0:
         return NO_PATTERN
     middle = np.zeros(values.shape, dtype=bool)
     middle[roi] = local < max(PLAIN * usual, 1.5 * (noise_gv or 0.0))
-    return maximum_filter(middle, WINDOW_PX)[roi]
+    return maximum_filter(middle, window)[roi]
