@@ -56,9 +56,9 @@ def outline_caution(share: float | None, word: str) -> list[str]:
     """
     if share is None or word in ("none", "blind"):
         return []
-    return [f"The mesh is the outline of the points, whose narrowest width may be off by {share:.1%}. A wrong outline "
-            "looks like a wrong thickness, force scale or stiffness, and like another stiffness at notches and holes: "
-            "all that was found may be that. Draw the outline (outline_mm in mesh) and diagnose again."]
+    return [f"The mesh is the outline of the points, whose narrowest width may be off by {share:.1%}. A wrong "
+            f"outline looks like a wrong thickness, force scale or stiffness, and like another stiffness at notches "
+            f"and holes: it may explain the whole finding. Draw the outline (outline_mm in mesh) and diagnose again."]
 
 
 def channel_cautions(channels: Sequence[ChannelLeft]) -> list[str]:
@@ -152,9 +152,9 @@ def softening_caution(rounds: Sequence[Round]) -> list[str]:
     selected = [one.winner.ranked.candidate for one in rounds if one.winner is not None]
     if all(candidate.family != "damage" for candidate in selected):
         return []
-    return ["A damaged body tears in one row of elements: beyond the highest load its force and motion, and the "
-            "parameters of damage, belong to this mesh. A length in the law (material.SET.length, crack band) makes "
-            "the work of a crack independent of it."]
+    return ["Damage localises in one row of elements: beyond the highest load force, motion and damage parameters "
+            "depend on this mesh. A length in the law (material.SET.length, crack band) makes the dissipated work "
+            "independent of it."]
 
 
 def _not_simulated(diagnosis: Diagnosis) -> list[str]:

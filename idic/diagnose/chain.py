@@ -42,8 +42,8 @@ from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 
 SEED = 20260
-DRAW_FIRST = ("draw the outline of the specimen (outline_mm in mesh) and diagnose again; that of the points may be all "
-              "that was found")
+DRAW_FIRST = ("draw the outline of the specimen (outline_mm in mesh) and diagnose again; the outline of the points "
+              "may explain the whole finding")
 
 
 @dataclass(frozen=True, eq=False)

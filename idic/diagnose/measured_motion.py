@@ -74,7 +74,8 @@ class OutOfRegister:
         """What it means for the diagnosis."""
         worst = int(np.argmax(self.gap_px))
         return (f"The identified model is up to {self.gap_px[worst]:.2g} px (rms, frame {worst}) off the motion that a "
-                "free FE-DIC measures: the images are out of register, and their residual tells nothing of the motion. "
+                "free FE-DIC measures: the images are out of register, and their residual gives no information on "
+                "the motion. "
                 f"This diagnosis compares with the measured motion instead; its error is taken as {MOTION_STD_PX:g} px "
                 f"per node.{self._on_images}")
 

@@ -124,8 +124,8 @@ def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | Non
         if one.equals:
             return _separating(one.winner.ranked.candidate)
     if word == "outside_library" and not in_motions:
-        return ("hang a dead weight on the load cell and repeat the test at another speed: a reading that no motion "
-                "goes with comes from the load train, its clock or the rate")
+        return ("hang a dead weight on the load cell and repeat the test at another speed: a reading without a "
+                "corresponding motion comes from the load train, its clock or the rate")
     if word == "outside_library":
         return ("repeat the test and unload to zero once: motion that stays is inelastic" if unloads is False else
                 "repeat the test with the specimen, or a second one, mounted end for end: unexplained motion that "

@@ -123,7 +123,7 @@ def images(result: Mapping) -> tuple[str, str, str]:
                 f"The residual maps show where.{local}")
     if chi2 > NOISE_CHI2[1]:
         if free is not None and free.follows:
-            return ("look", "Look closer: the model follows as well as any motion does; light or aliasing is left",
+            return ("look", "Look closer: the model fits as well as any motion can; light or aliasing is left",
                     f"The image residual is larger than camera noise ({numbers}), for a free motion too: no law "
                     f"explains it. {remedies(result)}{local}".rstrip())
         return ("look", f"Look closer: the image residual has {chi2:.3g} times the variance of the noise",

@@ -51,7 +51,7 @@ def held_stresses(result: Mapping) -> str:
         return ""
     listed = ", ".join(f"{name.rpartition('.')[2]} = {result['parameters'][name]['value']:g} "
                        f"{result['parameters'][name]['unit']}" for name in bases)
-    return f"No force was recorded. Stresses are ratios to {listed}, held and not measured."
+    return f"No force was recorded. Stresses are ratios to {listed}, given and not measured."
 
 
 def _held(result: Mapping) -> dict[str, str]:

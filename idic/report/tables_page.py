@@ -135,7 +135,8 @@ def joint_page(result: Mapping) -> str:
                      Cell(_plain(part["noise"]["std_gv"], part["noise"]["unit"]))))
     tables = [
         Table("Parameters", ("parameter", "value", "unit", "start"), parameters,
-              "Of a material: shared by all experiments. With the name of an experiment in front: of that one alone."),
+              "Material parameters are shared by all experiments. A name that begins with an experiment belongs to "
+              "that one alone."),
         Table("Experiments", ("experiment", "title", "frames explained", "χ² per pixel", "χ² of the channels",
                               "image noise"), tuple(rows), "The report of each shows its images, fields and channels."),
     ]

@@ -91,7 +91,7 @@ def discrepancy(result: Mapping) -> str:
     if "significant" not in found:
         return ""
     if not found["significant"]:
-        return "Nothing beyond noise is left that would widen the intervals."
+        return "No error beyond noise widens the intervals."
     return (f"The model leaves something unexplained (twice the gain in log-likelihood: "
             f"{found['likelihood_ratio']:.0f}; {_left_unexplained(found)}): the intervals count it.")
 
@@ -185,8 +185,8 @@ def undetermined(result: Mapping) -> str:
     if modes:
         reasons[MODES_OPEN] = modes
     if hardly := hardly_determined(result):
-        reasons["the 95 % interval reaches zero: the value is where the misfit of the model has taken it; hold it at a "
-                "known value, or add a test that loads it"] = [names[name] for name in hardly]
+        reasons["the 95 % interval reaches zero: the error of the model decides the value; fix it at a known value, "
+                "or add a test that loads it"] = [names[name] for name in hardly]
     items = [f"{', '.join(group)} ({reason})" for reason, group in reasons.items()]
     return f"Not determined by this test: {'; '.join(items)}." if items else ""
 

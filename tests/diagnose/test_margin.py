@@ -37,7 +37,7 @@ def test_without_still_frames_the_margin_is_an_assumption_and_says_so():
 def test_a_camera_that_shows_more_than_the_assumption_sets_the_margin():
     noisy = Margin(floor(0.02))
     assert noisy.px == noisy.inclusion_px == noisy.smallest_effect_px == pytest.approx(FLOOR_FACTOR * 0.02)
-    assert "0.02 px" in noisy.words and "not blamed on a law" in noisy.words
+    assert "0.02 px" in noisy.words and "not attributed to a law" in noisy.words
 
 
 def test_a_quiet_camera_does_not_lower_the_margin_as_still_frames_show_no_interpolation():

@@ -43,18 +43,17 @@ def test_a_sound_experiment_is_told_nothing_but_its_start_values(folder):
 def test_a_modulus_of_another_unit_is_told_with_the_typical_one(folder):
     change(folder, "experiment.toml", 'value = 70, unit = "GPa"', 'value = 70, unit = "MPa"')
     change(folder, "experiment.toml", "bounds = [10, 200], prior = { mean = 70, std = 5 }", "bounds = [10, 200]")
-    assert ("SPECIMEN.E = 70 MPa; typical of elastic: 70 000 MPa. Check its unit; if it is meant, nothing needs to be "
-            "done"
+    assert ("SPECIMEN.E = 70 MPa; typical of elastic: 70 000 MPa. Check its unit; if the value is intended, do nothing"
             in warnings(folder))
 
 
 def test_a_force_of_the_other_sign_is_told_at_the_moving_and_at_the_held_end(folder):
     change(folder, "experiment.toml", 'reaction = "TOP"', 'reaction = "BOTTOM"')
-    assert "goes against the motion of TOP, grip_um; the log shows the contrary. factor = -1" in warnings(folder)
+    assert "goes against the motion of TOP, grip_um; the log shows the opposite. factor = -1" in warnings(folder)
     change(folder, "experiment.toml", 'component = "y" }', 'component = "y", factor = -1.0 }')
     assert not warnings(folder)
     change(folder, "experiment.toml", 'reaction = "BOTTOM"', 'reaction = "TOP"')
-    assert "goes with the motion of TOP, grip_um; the log shows the contrary. factor = 1" in warnings(folder)
+    assert "goes with the motion of TOP, grip_um; the log shows the opposite. factor = 1" in warnings(folder)
 
 
 def test_the_modulus_of_a_polymer_is_not_doubted(folder):

@@ -64,7 +64,7 @@ def test_a_blind_test_is_explained_by_its_parameters_or_its_noise():
                                "next_experiment": "load it 3 times as far"}
     assert "parameters imitate the effect of every candidate" in sentence(said | {"candidates": [hidden]}, TITLES)
     text = sentence(said | {"candidates": [hidden, seen]}, TITLES)
-    assert "would be lost in it" in text and text.endswith("Next: load it 3 times as far.")
+    assert "would hide a candidate of plausible size" in text and text.endswith("Next: load it 3 times as far.")
     assert "2 candidates tested, 1 of them excluded with a bound, 1 that this test cannot see" in text
 
 

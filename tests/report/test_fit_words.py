@@ -34,7 +34,7 @@ def judged(chi2=1.004, free=None, shown=None, local=None, remedies=()):
 def test_a_model_that_follows_as_well_as_a_free_motion_is_not_said_to_lack_an_effect():
     result = judged(1.31, free=1.29, remedies=(PATCH, LOWPASS))
     level, text = words.verdict(result)
-    assert level == "look" and "as well as any motion does; light or aliasing is left" in text
+    assert level == "look" and "as well as any motion can; light or aliasing is left" in text
     said = words.explained(result)
     assert "lacks an effect" not in said and "falls from χ² = 1.31 to 1.05" in said and 'brightness = "patch"' in said
     page = render_page(make_record(result=result), ())
@@ -95,7 +95,7 @@ def test_without_a_force_a_stress_is_a_ratio_to_the_held_one():
     result = held_modulus()
     first, second, *_ = words.headline(result)
     assert "yield_stress/E = 0.0028543 ± 0.0000034" in first and "MPa" not in first
-    assert second == "No force was recorded. Stresses are ratios to E = 70 GPa, held and not measured."
+    assert second == "No force was recorded. Stresses are ratios to E = 70 GPa, given and not measured."
     entry = in_ratios(result)["parameters"]["sheet.yield_stress/E"]
     assert entry["unit"] == "" and entry["ci95"][0] < entry["value"] < entry["ci95"][1]
     assert "sheet.yield_stress/E" in in_ratios(result)["correlation"]["names"]

@@ -51,8 +51,8 @@ register(Candidate(
     rivals={"poisson_ratio": "both change the contraction across the load",
             "kinematic_hardening": "a back stress makes directions differ, too",
             "pressure_dependence": "a yield stress that depends on the state of stress",
-            "hardening_curvature": "regions of another state of stress yield later or sooner"},
+            "hardening_curvature": "regions of another state of stress yield later or earlier"},
     separating_tests=("a second specimen, cut across the first", "a specimen with holes or notches",
                       "measure the thickness after the test"),
     variants=variants, has_onset=True,
-    paraphrase="Hill 1948: the sheet yields and thins otherwise along than across", hidden_by_yield_law=True))
+    paraphrase="Hill 1948: yield stress and thinning of the sheet depend on direction", hidden_by_yield_law=True))

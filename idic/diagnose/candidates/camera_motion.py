@@ -35,7 +35,7 @@ register(Candidate(
     "camera_motion", "camera", "camera motion", "a camera at rest",
     rivals={"grip_slip": "both shift the specimen in the image: a slip strains it, too",
             "grip_rotation": "both turn it: a grip that turns bends it, too"},
-    separating_tests=("record a mark beside the specimen", "record still frames",
+    separating_tests=("record a mark next to the specimen", "record still frames",
                       "fix the camera to the machine's frame"),
     variants=variants,
     paraphrase="the whole image shifts and turns from frame to frame"))

@@ -24,8 +24,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 register(Candidate(
     "camera_rotation", "camera", "rotated camera", "the rotation in the file",
-    rivals={"grip_rotation": "a pull that is askew in the image: by the camera, or by the grip",
-            "orthotropy": "a material whose axes are askew shears under tension, too",
+    rivals={"grip_rotation": "a load at an angle in the image: by the camera, or by the grip",
+            "orthotropy": "a material with oblique axes shears under tension, too",
             "origin": "both misplace the mesh on the specimen"},
     separating_tests=("measure the angle of the specimen's edges in the reference image",
                       "move the unloaded specimen along the axis of the machine: its path in the image is the axis"),

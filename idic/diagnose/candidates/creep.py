@@ -42,9 +42,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 register(Candidate(
     "creep", "rate", "creep", "a creep rate of zero",
-    rivals={"viscoelasticity": "the same while a load is held; viscoelastic strain comes back after unloading",
+    rivals={"viscoelasticity": "the same while a load is held; viscoelastic strain recovers after unloading",
             "plasticity": "both leave strain behind after unloading",
-            "force_drift": "a force that sinks with time",
+            "force_drift": "a force that falls with time",
             "thermal_expansion": "a strain that grows with time",
             "machine_compliance": "a grip that creeps"},
     separating_tests=("hold the load for as long as the test lasted", "unload to zero and wait", "hold at zero load"),

@@ -39,7 +39,7 @@ def untestable(situation: Situation) -> str:
     experiment = situation.experiment
     if experiment.channels or experiment.loads or comes_back(situation.u):
         return ""
-    return "without a force, and without unloading, the images show a stiffness that is lost as they show plastic flow"
+    return "without a force, and without unloading, loss of stiffness and plastic flow look the same in the images"
 
 
 register(Candidate(
@@ -49,4 +49,4 @@ register(Candidate(
             "geometric_nonlinearity": "a stiffness that changes with the load"},
     separating_tests=("unload to zero once", "load again: is the slope that of the first loading?"),
     variants=variants, has_onset=True,
-    paraphrase="stiffness that is lost for good beyond a strain", slow=True, untestable=untestable))
+    paraphrase="permanent loss of stiffness beyond a strain", slow=True, untestable=untestable))

@@ -24,7 +24,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 register(Candidate(
     "focal_length", "camera", "wrong focal length", "the focal length of the calibration",
     rivals={"placement": "a distance and a focal length both scale the image",
-            "heterogeneity": "both change strain from place to place: a mesh of another size lies beside the specimen",
+            "heterogeneity": "both change strain from place to place: a mesh of another size does not lie on the "
+                             "specimen",
             "specimen_motion": "a scale that changes during the test, not one that is wrong from the start"},
     separating_tests=("calibrate again, with focus and aperture as in the test", "measure the specimen in the image"),
     variants=variants,

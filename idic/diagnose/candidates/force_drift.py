@@ -42,7 +42,7 @@ def _from(situation: Situation, number: int, start: float) -> list[dict]:
 
 register(Candidate(
     "force_drift", "force", "force drift", "a drift of zero",
-    rivals={"force_offset": "both are there at zero load: one from the start, one growing",
+    rivals={"force_offset": "both are present at zero load: one is constant, one grows",
             "viscoelasticity": "both let the force go down while the motion is held",
             "creep": "both let the force go down while the motion is held",
             "thermal_expansion": "a temperature that rises with time strains a held specimen"},

@@ -27,7 +27,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 register(Candidate(
     "force_offset", "force", "force offset", "an offset of zero",
-    rivals={"force_drift": "both are there at zero load: one from the start, one growing",
+    rivals={"force_drift": "both are present at zero load: one is constant, one grows",
             "plasticity": "a force that is missing after unloading"},
     separating_tests=("record the force at zero load, before and after", "unload to zero once"),
     variants=variants,

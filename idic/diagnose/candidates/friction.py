@@ -26,11 +26,12 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 register(Candidate(
     "friction", "force", "friction in the load train", "no friction",
-    rivals={"viscoelasticity": "a loop of force over motion: friction does not depend on the speed and does not relax",
-            "plasticity": "a loop of force over motion: friction leaves no strain",
+    rivals={"viscoelasticity": "hysteresis of force over motion: friction does not depend on the speed and does not "
+                               "relax",
+            "plasticity": "hysteresis of force over motion: friction leaves no strain",
             "frame_time_offset": "a force that lags behind the motion",
-            "force_offset": "both are there at zero load; friction turns its sign with the motion"},
-    separating_tests=("stop and go back a little way: friction turns the force at once", "repeat at another speed",
-                      "mount the load cell beside the specimen, before guides and seals"),
+            "force_offset": "both are present at zero load; friction changes sign with the direction of motion"},
+    separating_tests=("stop and reverse slightly: friction reverses the force at once", "repeat at another speed",
+                      "mount the load cell next to the specimen, before guides and seals"),
     variants=variants,
-    paraphrase="hysteresis of the force that turns its sign with the motion"))
+    paraphrase="hysteresis of the force that changes sign with the direction of motion"))

@@ -74,9 +74,9 @@ def _held_across(situation: Situation, nodes: str, component: str) -> bool:
 
 register(Candidate(
     "grip_rotation", "boundary", "grip rotation or misalignment", "no rotation, no motion across",
-    rivals={"orthotropy": "a material whose axes are askew shears under tension, too",
+    rivals={"orthotropy": "a material with oblique axes shears under tension, too",
             "heterogeneity": "a specimen softer on one side bends",
             "camera_motion": "a camera that turns: then the whole image does"},
     separating_tests=("turn the specimen around and repeat", "film the grips: pixels on both sides of the edge"),
     variants=variants,
-    paraphrase="a grip that turns, or pulls askew"))
+    paraphrase="a grip that rotates, or pulls at an angle"))

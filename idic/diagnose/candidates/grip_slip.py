@@ -35,7 +35,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 register(Candidate(
     "grip_slip", "boundary", "grip slip", "a slip of zero",
-    rivals={"plasticity": "both let the force fall behind the motion: near the grip only the place differs",
+    rivals={"plasticity": "in both the force lags behind the motion: near the grip only the place differs",
             "machine_compliance": "a motion that is missing in proportion to the force",
             "creep": "a motion that grows while the force is held"},
     separating_tests=("film the grips: pixels on both sides of the edge", "unload to zero once", "tighten the grip"),

@@ -75,10 +75,10 @@ def _recovery(situation: Situation, name: str) -> list[Variant]:
 
 
 register(Candidate(
-    "hardening_curvature", "plasticity", "nonlinear hardening", "a straight line of hardening (Voce's Q = 0)",
-    rivals={"plasticity": "a yield stress that is off bends the onset too",
-            "kinematic_hardening": "a back stress that saturates bends the loading curve alike",
+    "hardening_curvature", "plasticity", "nonlinear hardening", "linear hardening (Voce's Q = 0)",
+    rivals={"plasticity": "a wrong yield stress curves the onset too",
+            "kinematic_hardening": "a back stress that saturates curves the loading curve in the same way",
             "rate_dependence": "overstress that changes with the rate of straining"},
     separating_tests=("strain further", "unload and load again at another speed", "reverse the load"),
     variants=variants, has_onset=True,
-    paraphrase="a hardening curve that bends, or another slope or exponent", hidden_by_yield_law=True))
+    paraphrase="nonlinear hardening, or another slope or exponent", hidden_by_yield_law=True))

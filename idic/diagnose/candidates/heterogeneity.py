@@ -88,7 +88,7 @@ register(Candidate(
     "heterogeneity", "heterogeneity", "heterogeneous stiffness", "a stiffness of one everywhere",
     rivals={"plasticity": "both are soft where stress is high: plasticity leaves strain after unloading",
             "damage": "both are soft where stress is high",
-            "lens_distortion": "both bend a field that should be even",
+            "lens_distortion": "both distort a field that should be uniform",
             "grip_rotation": "a specimen that is softer on one side bends"},
     separating_tests=("load the specimen in another direction", "unload to zero once",
                       "measure the thickness on a grid"),

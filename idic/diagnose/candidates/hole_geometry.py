@@ -30,9 +30,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 register(Candidate(
     "hole_geometry", "heterogeneity", "hole of another size or place", "the holes of the mesh",
-    rivals={"heterogeneity": "more or less material beside the hole",
+    rivals={"heterogeneity": "more or less material next to the hole",
             "pixel_size": "a hole of another size in the image: with everything else, or alone",
-            "origin": "a hole beside its place: with the whole mesh, or alone"},
+            "origin": "a misplaced hole: with the whole mesh, or alone"},
     separating_tests=("measure the hole in the reference image", "measure the hole with a gauge"),
     variants=variants,
     paraphrase="radius or place of a hole differ from the mesh"))

@@ -27,7 +27,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 register(Candidate(
     "lens_distortion", "camera", "lens distortion", "the radial distortion that the file gives",
-    rivals={"heterogeneity": "both bend a field that should be even",
+    rivals={"heterogeneity": "both distort a field that should be uniform",
             "magnification": "both change lengths in the image"},
     separating_tests=("shift the specimen through the field of view, unloaded", "record a calibration grid"),
     variants=variants,

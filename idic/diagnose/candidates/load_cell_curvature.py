@@ -20,7 +20,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 register(Candidate(
     "load_cell_curvature", "force", "nonlinear load cell", "a straight calibration line",
-    rivals={"nonlinear_elasticity": "a force that bends over the motion: by the cell, or by the material",
+    rivals={"nonlinear_elasticity": "a nonlinear force over motion: by the load cell, or by the material",
             "force_scale": "a factor: the same at one load",
             "geometric_nonlinearity": "a stiffness that changes with the load"},
     separating_tests=("calibrate the load cell at several loads", "hang dead weights on the load cell"),

@@ -35,8 +35,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 register(Candidate(
     "machine_compliance", "boundary", "machine compliance", "a compliance of zero",
     rivals={"force_scale": "both change the slope of force against motion",
-            "grip_slip": "a motion that is missing without regard to the force",
-            "plasticity": "both let the force fall behind the motion; the machine gives it back on unloading"},
+            "grip_slip": "a missing motion that does not depend on the force",
+            "plasticity": "in both the force lags behind the motion; the machine recovers it on unloading"},
     separating_tests=("measure the motion at the specimen: `measured` in [[boundary]]", "test a stiff bar",
                "unload to zero once"),
     variants=variants,

@@ -42,7 +42,7 @@ def changing_columns(situation: Situation) -> list[str]:
 
 register(Candidate(
     "magnification", "camera", "change of magnification", "a magnification that stays",
-    rivals={"thermal_expansion": "the same field: an even growth of all lengths",
+    rivals={"thermal_expansion": "the same field: a uniform growth of all lengths",
             "poisson_ratio": "a contraction across the load",
             "lens_distortion": "both change lengths in the image"},
     separating_tests=("record still frames of the unloaded specimen over the same time", "use a telecentric lens",

@@ -24,10 +24,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 register(Candidate(
     "nonlinear_elasticity", "elastic_form", "nonlinear elasticity", "a stress in proportion to the strain",
-    rivals={"damage": "both soften: damage is lost for good, a nonlinear elastic body unloads on the path of its "
-                      "loading",
+    rivals={"damage": "both soften: damage is permanent, a nonlinear elastic body unloads along its loading curve",
             "plasticity": "both soften: plastic flow leaves strain behind",
-            "load_cell_curvature": "a force that bends over the motion: by the cell, or by the material",
+            "load_cell_curvature": "a nonlinear force over motion: by the load cell, or by the material",
             "geometric_nonlinearity": "a stiffness that changes with the load"},
     separating_tests=("unload to zero once", "load again: is the path that of the first loading?"),
     variants=variants,

@@ -22,7 +22,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 register(Candidate(
     "origin", "camera", "wrong origin of the mesh in the image", "the origin in the file",
-    rivals={"hole_geometry": "a hole beside its place: with the whole mesh, or alone",
+    rivals={"hole_geometry": "a misplaced hole: with the whole mesh, or alone",
             "heterogeneity": "both change strain from place to place",
             "pixel_size": "both misplace the mesh on the specimen"},
     separating_tests=("measure edges and holes of the specimen in the reference image",),

@@ -51,7 +51,7 @@ def _variant(situation: Situation, name: str, label: str, angle: float, probe: d
 
 register(Candidate(
     "orthotropy", "elastic_form", "orthotropic elasticity", "equal stiffness in all directions",
-    rivals={"grip_rotation": "grips that pull askew shear the body too",
+    rivals={"grip_rotation": "grips that pull at an angle shear the specimen too",
             "poisson_ratio": "another contraction across the load",
             "heterogeneity": "more stiffness on one side"},
     separating_tests=("turn a second specimen by 45 degrees", "mount the specimen again"),

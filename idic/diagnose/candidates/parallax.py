@@ -27,7 +27,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 register(Candidate(
     "parallax", "camera", "parallax of a tilted camera", "a camera that looks along the normal of the specimen",
     rivals={"heterogeneity": "a gradient of strain from one side to the other",
-            "lens_distortion": "both bend a field that should be even",
+            "lens_distortion": "both distort a field that should be uniform",
             "grip_rotation": "more strain on one side than on the other"},
     separating_tests=("photograph a calibration grid in the plane of the specimen",
                       "shift the unloaded specimen through the field of view"),

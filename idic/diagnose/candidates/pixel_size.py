@@ -22,7 +22,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 register(Candidate(
     "pixel_size", "camera", "wrong pixel size", "the pixel size in the file",
-    rivals={"heterogeneity": "both change strain from place to place: a mesh of another size lies beside the specimen",
+    rivals={"heterogeneity": "both change strain from place to place: a mesh of another size does not lie on the "
+                             "specimen",
             "hole_geometry": "a hole of another size in the image",
             "force_scale": "both change the ratio of force and strain",
             "magnification": "a scale that changes during the test, not one that is wrong from the start"},

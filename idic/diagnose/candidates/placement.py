@@ -27,7 +27,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 register(Candidate(
     "placement", "camera", "wrong place of the mesh", "the place in the file",
     rivals={"focal_length": "a distance and a focal length both scale the image",
-            "hole_geometry": "a hole beside its place: with the whole mesh, or alone",
+            "hole_geometry": "a misplaced hole: with the whole mesh, or alone",
             "heterogeneity": "both change strain from place to place"},
     separating_tests=("click more points of the specimen in the reference images of all cameras",),
     variants=variants,

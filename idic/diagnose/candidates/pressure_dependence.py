@@ -23,6 +23,6 @@ register(Candidate(
     rivals={"kinematic_hardening": "both make tension and compression differ",
             "grip_rotation": "more load on one side than on the other",
             "hardening_curvature": "points under high tension yield first"},
-    separating_tests=("a compression test", "a notched specimen beside a smooth one", "a biaxial test"),
+    separating_tests=("a compression test", "a notched specimen in addition to a smooth one", "a biaxial test"),
     variants=variants, has_onset=True,
     paraphrase="Drucker and Prager: the yield stress grows with the pressure", hidden_by_yield_law=True))

@@ -68,9 +68,9 @@ def _from_elastic(situation: Situation, name: str, law: str) -> list[Variant]:
 register(Candidate(
     "rate_dependence", "rate", "viscoplasticity", "no viscosity (eta = 0)",
     rivals={"plasticity": "the same where the speed hardly changes",
-            "creep": "both flow on under a held load",
+            "creep": "both continue to flow under a held load",
             "viscoelasticity": "both relax; only this one keeps its strain after unloading",
-            "hardening_curvature": "another course of the flow stress over the strain"},
+            "hardening_curvature": "another curve of flow stress over strain"},
     separating_tests=("hold the motion once", "jump to ten times the speed", "unload to zero and wait"),
     variants=variants, has_onset=True, limits=("plasticity",),
     paraphrase="plastic flow with an overstress that depends on the rate"))

@@ -29,9 +29,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 
 register(Candidate(
-    "seating", "boundary", "machine seating", "no way lost under the first load",
+    "seating", "boundary", "machine seating", "no displacement lost under the first load",
     rivals={"machine_compliance": "a motion that is missing in proportion to the force, also at high load",
-            "grip_slip": "a motion that is missing for good",
+            "grip_slip": "a permanently missing motion",
             "force_offset": "both shift the beginning of the force",
             "nonlinear_elasticity": "a stiffness that rises with the load"},
     separating_tests=("load to a tenth and unload a few times before the test",

@@ -43,7 +43,7 @@ def _course(situation, ending, course, more, ends) -> list[Variant]:
 register(Candidate(
     "specimen_motion", "camera", "approach and tilt of the specimen", "a specimen that stays in its plane",
     rivals={"poisson_ratio": "an approach stretches the image in both directions, as another contraction does",
-            "thermal_expansion": "the same field: an even growth of all lengths",
+            "thermal_expansion": "the same field: a uniform growth of all lengths",
             "focal_length": "a scale that is wrong from the start, not one that changes"},
     separating_tests=("a second camera at an angle", "record still frames of the unloaded specimen over the same time"),
     variants=variants,

@@ -67,9 +67,9 @@ def _variant(situation: Situation, name: str, label: str, temperature: dict[str,
 
 register(Candidate(
     "thermal_expansion", "environment", "thermal expansion", "no expansion (alpha dT = 0)",
-    rivals={"magnification": "the same field in the image: only a force between the grips tells them apart",
-            "force_drift": "a specimen between grips that warms loses force",
-            "viscoelasticity": "a force that sinks while the motion is held",
+    rivals={"magnification": "the same field in the image: only a force between the grips separates them",
+            "force_drift": "a warming specimen between grips loses force",
+            "viscoelasticity": "a force that falls while the motion is held",
             "creep": "a strain that grows with time",
             "poisson_ratio": "the same strain in both directions"},
     separating_tests=("log the temperature of the specimen",

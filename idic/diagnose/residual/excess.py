@@ -138,15 +138,15 @@ class _Sums:
                     f"deviations)")
 
     def whiteness(self) -> list[ExcessTest]:
-        words = {"motion": "the residual times the gradient resembles itself pixels further on: motion is left",
-                 "gain": "the residual times the brightness resembles itself pixels further on: a gain is left",
-                 "offset": "the residual resembles itself pixels further on: an offset is left"}
+        words = {"motion": "the residual times the gradient is correlated over several pixels: motion is left",
+                 "gain": "the residual times the brightness is correlated over several pixels: a gain is left",
+                 "offset": "the residual is correlated over several pixels: an offset is left"}
         tests = []
         for name, (total, squares) in self.products.items():
             if squares > 0.0:
                 z = total / np.sqrt(squares * PRODUCT_VARIANCE_FACTOR)
                 tests.append(ExcessTest(f"whiteness, {name}", float(stats.norm.sf(z)),
-                                  words[name] if z > 3.0 else f"no {name} is left that pixels would share"))
+                                  words[name] if z > 3.0 else f"no {name} is left that neighbouring pixels share"))
         return tests
 
 

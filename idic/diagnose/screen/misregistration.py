@@ -15,8 +15,8 @@ from idic.diagnose.screen.candidate import Variant
 
 MAX_LOST_CONTRAST_CHI2 = 25.0  # five standard deviations of a gain: more and effects of grey values wait for the motion
 
-HIDDEN_BY_MOTION = ("the motion that is left takes contrast from the images and looks the same: not tested while it is "
-                    "there")
+HIDDEN_BY_MOTION = ("the remaining motion reduces the contrast of the residual and looks the same: not tested while "
+                    "it remains")
 
 
 def lost_contrast_chi2(residual: ResidualEvidence, motions: Fit) -> float:

@@ -238,6 +238,7 @@ def courses(record: DiagnosisRecord) -> Picture | None:
             axis.set(title=f"{title}: {one['parameter']}, course {how}", ylabel=f"[{one['unit'] or '–'}]")
         label_frames(axes[-1], record.time_label)
         axes[0].legend(ncols=3, loc="best")
-        return to_picture(figure, "diagnosis_courses", "Course of what is no material",
-                          "Amplitude of the cause in every frame. A course of the candidate is a ramp, a jump or in "
-                          "proportion; where it left something, the data give it, linear between knots.")
+        return to_picture(figure, "diagnosis_courses", "Time course of a cause other than the material",
+                          "Amplitude of the cause in every frame. A candidate acts as a ramp, a jump or in "
+                          "proportion; where this leaves a residual, the time course is identified, linear between "
+                          "knots.")

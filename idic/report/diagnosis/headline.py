@@ -55,7 +55,7 @@ def left_over(content: Mapping) -> str | None:
     if not parts:
         return None
     small = content["verdict"] in ("single", "set", "multiple")
-    return f"Left over: {_joined(parts)}{'; a flaw of the description, no further cause' if small else ''}."
+    return f"Left over: {_joined(parts)}{'; an error of the selected model, not a further cause' if small else ''}."
 
 
 def _of_before(share: float | None) -> str:

@@ -87,14 +87,12 @@ def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
     last = diagnosis.rounds[-1]
     if last.passed_over is not None and not holds(last.blocks):
         yield {"name": last.passed_over.name,
-               "why": "explains more where it was fitted, and less in blocks of the recording that "
-               "had no part in the fit"}
+               "why": "explains more where it was fitted, and less in blocks of the recording that were not fitted"}
     elif last.passed_over is not None:
         drop = diagnosis.rounds[0].null.judgement.chi2 - last.passed_over.refitted.judgement.chi2
         yield {"name": last.passed_over.name, "why":
-               f"as a further cause it would explain {100.0 * last.passed_over.heldout / drop:.2g} % of the whole; so "
-               f"little may be a "
-               "flaw of the description"}
+               f"as a further cause it would explain {100.0 * last.passed_over.heldout / drop:.2g} % of the whole; "
+               f"so little may be an error of the selected model"}
 
 
 def _hidden(diagnosis: Diagnosis, before: Mapping[str, Mapping]) -> list[dict[str, str]]:

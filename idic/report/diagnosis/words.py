@@ -179,7 +179,7 @@ def _blind(content: Mapping) -> str:
         return ("This test says nothing about missing physics: the identified parameters imitate the effect of every "
                 "candidate.")
     return ("This test says nothing about missing physics of the specimen: the residual of images and channels is "
-            "noise, and a candidate of plausible size would be lost in it "
+            "noise, and would hide a candidate of plausible size "
             f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
 
 

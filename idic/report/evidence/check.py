@@ -301,7 +301,7 @@ def _model_warnings(experiment: Experiment):
     yield from implausible_values(experiment)
     yield from opposed_forces(experiment)
     if not experiment.parameters.free:
-        yield "no parameter is to be identified: write identify = true at least at one"
+        yield "no parameter is to be identified: write identify = true for at least one"
     if all(c.kind == "displacement" for c in experiment.channels) and not experiment.loads:
         yield ("without a force no stiffness or strength in MPa can be identified: compare the force of the log in a "
                "[[channel]] (idic init writes its lines behind #)")

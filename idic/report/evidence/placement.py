@@ -38,8 +38,7 @@ def misplaced_still_frames(experiment: Experiment, roi: np.ndarray) -> Iterator[
     for label, image in images[1:]:
         if float((image[roi] - f[roi]).std()) > MAX_CHANGE_SHARE * contrast:
             yield (f"still frame {label} shows another place than {first}: the specimen has moved by a speckle or "
-                   f"more, so their "
-                   "difference is no noise. Leave it out of still_frames, or give noise_std_gv")
+                   f"more, so their difference is not noise. Leave it out of still_frames, or give noise_std_gv")
 
 
 def _still_images(experiment: Experiment) -> Iterator[tuple[str, np.ndarray]]:
@@ -109,7 +108,7 @@ def _otherwise(seen: np.ndarray, size: float, one, held: str, label: str) -> Ite
     for ends, meaning in (((-1.0, 0.0), f"the sign of {one.drive.column} or of an entry of axes is wrong"),
                           ((0.0, -1.0), "the ends are exchanged, or an axis is mirrored: look at the sets in the "
                                         "picture and at axes"),
-                          ((0.0, 1.0), "the ends are exchanged: another grip moved than the model says")):
+                          ((0.0, 1.0), "the ends are exchanged: the grip that moved is not the one in the model")):
         if np.abs(seen - ends).max() < MAX_OTHERWISE:
             yield f"{told}: {meaning}"
             return

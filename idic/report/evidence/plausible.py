@@ -50,9 +50,8 @@ def implausible_values(experiment: Experiment) -> Iterator[str]:
             ratio = parameter.value / known.default
             if not 1.0 / MAX_FROM_TYPICAL < ratio < MAX_FROM_TYPICAL:
                 typical = f"{known.default:,.0f}".replace(",", " ") if known.default >= 1.0 else f"{known.default:g}"
-                yield (f"{parameter.name} = {parameter.value:.6g} MPa; typical of {material.law}: {typical} MPa. Check "
-                       f"its unit; "
-                       "if it is meant, nothing needs to be done")
+                yield (f"{parameter.name} = {parameter.value:.6g} MPa; typical of {material.law}: {typical} MPa. "
+                       "Check its unit; if the value is intended, do nothing")
 
 
 def opposed_forces(experiment: Experiment) -> Iterator[str]:
@@ -72,9 +71,8 @@ def opposed_forces(experiment: Experiment) -> Iterator[str]:
         if np.ptp(force) > 0.0 and np.ptp(motion) > 0.0 and np.corrcoef(force, motion)[0, 1] < MAX_OPPOSED:
             with_it = "with" if sign > 0.0 else "against"
             yield (f"{channel.column}: the force that holds {channel.nodes} goes {with_it} the motion of {nodes}, "
-                   f"{drive.column}; the "
-                   f"log shows the contrary. factor = {-channel.factor:g} in simulated = {{ … }} turns the sign of the "
-                   f"force")
+                   f"{drive.column}; the log shows the opposite. factor = {-channel.factor:g} in simulated = {{ … }} "
+                   "reverses the sign of the force")
 
 
 def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: float,
@@ -96,13 +94,13 @@ def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: fl
     larger = float((extent_px / image).max())
     if visible < MIN_VISIBLE:
         yield (f"{size}; {visible:.0%} of its elements are seen: " + (
-            f"pixel_size_mm may be {larger:.1f} times too small, or mesh_unit is another" if larger > 1.5 else
-            "origin_px or axes place it beside the image, or an axis is mirrored"))
+            f"pixel_size_mm may be {larger:.1f} times too small, or mesh_unit is wrong" if larger > 1.5 else
+            "origin_px or axes place it outside the image, or an axis is mirrored"))
     elif not part and (extent_px > MIN_LARGER * image).all():
         yield (f"{size}; {visible:.0%} of its elements are seen: pixel_size_mm may be too small, or mesh_unit is "
-               "another. Where the camera is meant to see a part alone, nothing needs to be done")
+               "wrong. If the camera sees only a part on purpose, do nothing")
     elif (extent_px < MIN_EXTENT * image).all():
-        yield f"{size}: pixel_size_mm may be too large (by ten?), or mesh_unit is another"
+        yield f"{size}: pixel_size_mm may be too large (by ten?), or mesh_unit is wrong"
 
 
 def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
@@ -114,13 +112,11 @@ def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
     if plain.mean() > MAX_PLAIN_SHARE:
         rows, columns = (at[plain] for at in np.nonzero(roi))
         yield (f"{plain.mean():.0%} of the ROI has no pattern (around column {np.median(columns):.0f}, row "
-               f"{np.median(rows):.0f}): background or grips? Then the mesh is larger than the specimen, lies beside "
-               f"it, or an axis "
-               "is mirrored: look at the picture; a mask leaves out what cannot be compared")
+               f"{np.median(rows):.0f}): background or grips? Then the mesh is larger than the specimen, is "
+               "misplaced, or an axis is mirrored: look at the picture; a mask leaves out what cannot be compared")
     width = speckle_size(image, roi, noise_gv or 0.0)
     if width is not None and width < MIN_SPECKLE_PX:
-        yield (f"the speckle is {width:.1f} px wide, too fine for the pixels: interpolation errs and the result is "
-               f"biased. "
+        yield (f"the speckle is {width:.1f} px wide, too fine for the pixels: interpolation errors bias the result. "
                "Coarser speckle or a closer camera next time; now lowpass_px = 1 under [options]")
         return
     blur = edge_blur(image, roi, noise_gv or 0.0)

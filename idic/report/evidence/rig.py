@@ -32,12 +32,13 @@ def rig_warnings(experiment: Experiment, time_s: float) -> Iterator[str]:
     if len(stems) == 1 or not free:
         return
     if time_s > LONGEST_S:
-        yield f"whether {', '.join(free)} can be told apart is not looked at, as it takes minutes: idic design says it"
+        yield (f"whether {', '.join(free)} can be separated is not checked here, because it takes minutes: "
+               "idic design reports it")
         return
     try:
         told = design_test("check", _thinned(experiment)).full.summary()
     except (InputError, NotConverged) as problem:
-        yield f"whether {', '.join(free)} can be told apart is not known before the run: {problem}"
+        yield f"whether {', '.join(free)} can be separated is not known before the run: {problem}"
         return
     for entry in told["not_identifiable"]:
         yield f"{entry['name']} will not be identified: it {_sentence(entry['reason'])}; hold it, or give it a prior"
@@ -45,7 +46,7 @@ def rig_warnings(experiment: Experiment, time_s: float) -> Iterator[str]:
     for i, first in enumerate(names):
         for j, second in enumerate(names[:i]):
             if (first in free or second in free) and abs(matrix[i, j]) > MIN_CORRELATION:
-                yield (f"{second} and {first} are hardly told apart (correlation {matrix[i, j]:.3f}): error bars will "
+                yield (f"{second} and {first} are hardly separated (correlation {matrix[i, j]:.3f}): error bars will "
                        "be large")
 
 
@@ -74,6 +75,5 @@ def _held_thickness(experiment: Experiment) -> Iterator[str]:
         nodes = set_nodes(experiment, name)
         leaders = seen_first(mesh, surface, nodes)
         if len(leaders) and followed(mesh.nodes[nodes], leaders)[1].size:
-            yield (f"measured edge {name}: its hidden nodes follow the seen ones across the thickness, too, which "
-                   "holds the thickness there; a mesh turned so that the seen surface looks along an axis leaves it "
-                   "free")
+            yield (f"measured edge {name}: its hidden nodes follow the seen ones across the thickness as well, which "
+                   f"fixes the thickness there; in a mesh whose seen surface is normal to an axis it is free")

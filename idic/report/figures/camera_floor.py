@@ -24,7 +24,7 @@ def camera_floor(record: RunRecord) -> Picture | None:
         caption = (
             f"Free motion (rms per component) in images at rest: {', '.join(found['labels'])}. Rigid motion, image "
             f"noise "
-            "and the leading motions of the loaded specimen are taken off. Light, air, focus or aliasing make it, in "
-            "loaded frames too. No law is blamed for a motion of this size."
+            "and the leading motions of the loaded specimen are removed. Light, air, focus or aliasing make it, in "
+            "loaded frames too. A motion of this size is not attributed to a law."
         )
         return to_picture(figure, "camera_floor", "Motion in images at rest", caption, as_photo=True)

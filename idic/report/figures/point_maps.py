@@ -42,8 +42,8 @@ def point_maps(record: RunRecord) -> Picture | None:
             axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], yticks=[])
             axis.grid(False)
         along_z, axes_shown = (f" ({data.depth_noise_um:.3g} µm along z)", "x, y and z") if n == 3 else ("", "x and y")
-        caption = ("Displacement that was measured, less its mean (above each map: smallest to largest), and measured "
-                   "less simulated displacement with the identified values (above: rms). σ = "
+        caption = ("Measured displacement minus its mean (above each map: smallest to largest), and measured minus "
+                   "simulated displacement with the identified values (above: rms). σ = "
                    f"{sigma:.3g} µm is the noise of a component of a point{along_z}, the colours of the residual end "
                    f"at {RESIDUAL_RANGE:g} σ. A map of noise alone has 1.0 to 1.4 σ, as the reference stage has noise "
                    f"too. {axes_shown} are those of the mesh.")

@@ -39,11 +39,10 @@ def relaxation_curve(record: RunRecord, curve: RelaxationCurve) -> Picture:
 def _caption(curve: RelaxationCurve, unit: str, size: float) -> str:
     forms = "; ".join(_form(fit, unit, size) for fit in curve.fits)
     return ("Shear modulus at small strain after a jump, from the interval between two frames to the length of the "
-            "test. Shaded and bars: 95 %, from the covariance of the parameters, shaded with what may lie between the "
-            "times of the grid, and with the smoothness prior (second "
-            f"differences of the weights: std {curve.strength:g} of their mean at the start). Weights are no less "
-            "than zero; neighbours are anticorrelated, their sum is known better than each. Classical forms, fitted in "
-            "that covariance, the nearest first; \"inside\": the loss in chi2 is no more than noise explains (about "
+            "test. Shaded and bars: 95 %, from the covariance of the parameters and the smoothness prior (second "
+            f"differences of the weights: std {curve.strength:g} of their mean at the start); the shading also counts "
+            "the spacing of the grid. Weights are non-negative; neighbours are anticorrelated, their sum is better "
+            "determined than each. Classical forms, fitted in that covariance, the nearest first; \"inside\": the loss in chi2 is no more than noise explains (about "
             f"the number in brackets). {forms}.")
 
 
