@@ -95,7 +95,7 @@ Overrides = Annotated[list[str] | None, typer.Option(
     "--set", metavar="KEY=VALUE", help="Replaces a value of experiment.toml. May be repeated.")]
 AllowExternal = Annotated[list[str] | None, typer.Option(
     "--allow-external", metavar="PROGRAM", callback=_allow,
-    help="Program that [solver] of the experiment may start. May be repeated.")]
+    help="Permits [solver] of the experiment to start this program. May be repeated.")]
 LawFiles = Annotated[list[str] | None, typer.Option(
     "--laws", metavar="FILE", callback=_name_laws,
     help="Python file with your own constitutive laws (docs/add-a-law.md). May be repeated.")]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @app.command()
 def calibrate(
     images: Annotated[list[Path], typer.Argument(
-        metavar="IMAGES...", help="One folder per camera, or image files; names that end in _0 and _1 are a pair's.",
+        metavar="IMAGES...", help="One folder per camera, or image files; names ending in _0 and _1 form a pair.",
         show_default=False)],
     spacing: Annotated[float, typer.Option(metavar="MM", help="Distance of neighbouring corners or dots.")],
     grid: Annotated[str | None, typer.Option(
@@ -36,9 +36,11 @@ def calibrate(
              "pixels.")] = "fx,fy,cx,cy,k1,k2",
     target_std: Annotated[float, typer.Option(
         min=0, metavar="MM",
-        help="Deviation of the target's points from their places; above 0 they are identified, too.")] = 0.0,
+        help="Standard deviation of the target's points from their places; above 0 the points are identified as "
+             "well.")] = 0.0,
     out: Annotated[Path,
-                   typer.Option(metavar="FILE", help="Calibration file (JSON); a picture goes beside it.")] = Path(
+                   typer.Option(metavar="FILE",
+                                help="Calibration file (JSON); a picture is written next to it.")] = Path(
         "calibration.json"),
 ) -> None:
     """Calibrate one camera or a pair from images of a dot grid or chessboard."""

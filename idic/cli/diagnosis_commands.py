@@ -24,10 +24,11 @@ def diagnose(
     workers: Workers = None,
     scheduler: Scheduler = None,
     memory_limit: MemoryLimit = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with an interrupted diagnosis.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted diagnosis.")] = False,
     quick: Annotated[bool, typer.Option("--quick", help="Refit the most promising candidate alone.")] = False,
     blocks: Annotated[
-        bool, typer.Option("--blocks", help="Also fit on squares and early frames, judge on the others: real cameras.")
+        bool, typer.Option("--blocks", help="Also fit squares of pixels and early frames and judge on the rest: for "
+                                            "real cameras.")
     ] = False,
     prefect: UsePrefect = True,
     store: FileStore = None,

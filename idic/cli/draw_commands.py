@@ -26,13 +26,13 @@ def draw(
 
         cameras = list_folder(folder).cameras
         if cameras:
-            typer.echo(f"note     {' and '.join(cameras)} hold as many images each: the page draws on one camera. For "
-                       f"several at one "
-                       "test: idic init, then a [[camera]] table for each (docs/cameras.md)")
+            typer.echo(f"note     {' and '.join(cameras)} hold equally many images: the page draws on one camera. "
+                       "For several cameras of one test: idic init, then a [[camera]] table for each "
+                       "(docs/cameras.md)")
         place, token = open_socket(port), new_token()
         address = f"http://{HOST}:{place.getsockname()[1]}/{token}/"
         typer.echo(f"page     {address}\nOnly this machine can open it. Ctrl-C ends the page; a run that it started "
-                   f"goes on.")
+                   "continues.")
         if browser:
             webbrowser.open(address)
         serve(folder.resolve(), place, token)

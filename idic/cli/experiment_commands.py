@@ -16,7 +16,7 @@ from idic.errors import InputError
 @app.command()
 def init(
     folder: Annotated[Path,
-                      typer.Argument(metavar="FOLDER", help="Folder with images and, if there are, mesh and log.")],
+                      typer.Argument(metavar="FOLDER", help="Folder with images and, if available, mesh and log.")],
 ) -> None:
     """Write a commented experiment.toml for a folder of images."""
     with outcome():
@@ -84,7 +84,7 @@ def design(
     noise_gv: Annotated[float | None, typer.Option(
         min=0, metavar="GV", help="Image noise in grey values [default: that of the experiment]")] = None,
     confusable: Annotated[float, typer.Option(
-        help="Correlation coefficient above which two parameters count as hard to tell apart.")] = 0.95,
+        help="Correlation coefficient above which two parameters count as hard to separate.")] = 0.95,
     workers: Workers = None,
     overrides: Overrides = None,
     allow_external: AllowExternal = None,

@@ -39,7 +39,7 @@ def identify(
     method: Annotated[Method | None, typer.Option(
         help="integrated: the law is fitted to the images; two-step: to the displacements of a free FE-DIC.")] = None,
     pause_after: Annotated[int | None, typer.Option(
-        metavar="STAGE", help="Pause when this stage of the schedule is done; --resume goes on with the next.")] = None,
+        metavar="STAGE", help="Pause after this stage of the schedule; --resume continues with the next.")] = None,
     overrides: Overrides = None,
     prefect: UsePrefect = True,
     report: Annotated[bool, typer.Option(

@@ -58,7 +58,7 @@ def outcome(run: Path | None = None, resume: bool = False) -> Iterator[None]:
             if problem.errno in _USERS_DISK or _no_folder_there(problem):
                 _say(f"{problem.filename or 'disk'}: {problem.strerror}\n"
                      "  what to do: free disk space, check the permissions, or choose another path"
-                     + (f"; finished steps are stored, this goes on:\n  {_resume_command()}" if resume
+                     + (f"; finished steps are stored. To continue:\n  {_resume_command()}" if resume
                         and problem.errno in _FULL else ""))
                 raise typer.Exit(BAD_INPUT) from None
             raise typer.Exit(_report_bug(run)) from None

@@ -57,8 +57,8 @@ def outline_caution(share: float | None, word: str) -> list[str]:
     if share is None or word in ("none", "blind"):
         return []
     return [f"The mesh is the outline of the points, whose narrowest width may be off by {share:.1%}. A wrong "
-            f"outline looks like a wrong thickness, force scale or stiffness, and like another stiffness at notches "
-            f"and holes: it may explain the whole finding. Draw the outline (outline_mm in mesh) and diagnose again."]
+            "outline looks like a wrong thickness, force scale or stiffness, and like another stiffness at notches "
+            "and holes: it may explain the whole finding. Draw the outline (outline_mm in mesh) and diagnose again."]
 
 
 def channel_cautions(channels: Sequence[ChannelLeft]) -> list[str]:

@@ -59,8 +59,8 @@ def _below(path: Path, file: Path) -> bool:
     if path.is_relative_to(file.parent) and ".." not in path.relative_to(file.parent).parts:
         return True
     raise InputError("a law file outside of the experiment", file=file, key="from",
-                     expected="a file in its folder, as workers "
-                     "without a common disk get this folder alone", found=str(path), remedy="copy it into the folder")
+                     expected="a file in its folder, because workers without a common disk get only this folder",
+                     found=str(path), remedy="copy it into the folder")
 
 
 def _is_image(path: Path) -> bool:

@@ -50,7 +50,7 @@ from idic.readers.paths import existing_file
 from idic.readers.raw_mesh import RawMesh, to_mesh
 from idic.readers.units import factor_between
 
-LINEAR_AS_GIVEN = "elements are linear, as given: they are too stiff, and parameters take most of that error"
+LINEAR_AS_GIVEN = "elements are linear, as given: they are too stiff, and the parameters absorb most of that error"
 _HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}
 
 

@@ -77,10 +77,10 @@ class CorrectionTable(Strict):
                 raise refuse(f"{key} does not belong here", f"{key} of a {' or '.join(own[key])}", f"leave out {key}",
                              f"{key} of a {self.kind}")
         if self.course != "free" and self.knots is not None:
-            raise refuse("knots of a course that has none", 'knots next to course = "free"', "leave out knots",
+            raise refuse("knots of a time course that has none", 'knots next to course = "free"', "leave out knots",
                          f"course = {self.course}")
         if self.course == "free" and self.start_s is not None:
-            raise refuse("a free course has no start", "knots, which show where it begins", "leave out start_s",
+            raise refuse("a free time course has no start", "knots, which show where it begins", "leave out start_s",
                          "start_s")
         if self.kind == "compliance" and self.column is None:
             raise refuse("machine compliance without a force", 'the measured force, e.g. column = "force_N"',

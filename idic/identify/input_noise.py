@@ -100,10 +100,10 @@ def gradient_notes(experiment: Experiment) -> list[str]:
     if share <= MAX_GRADIENT_NOISE:
         return []
     if not np.isfinite(share):
-        return ["the gradient of the reference image is all noise: there is no pattern to correlate, and the error "
-                "bars mean nothing"]
-    return [f"noise is {100.0 * share / (1.0 + share):.0f} % of the mean square of the reference image's gradient: the "
-            "gradient is taken from the image without it (Wiener filter), which keeps the error bars true; more "
+        return ["the gradient of the reference image is noise only: there is no pattern to correlate, and the error "
+                "bars are meaningless"]
+    return [f"noise is {100.0 * share / (1.0 + share):.0f} % of the mean square of the reference image's gradient: "
+            "the gradient is taken from the Wiener-filtered image, which keeps the error bars correct; more "
             "reference images make them smaller"]
 
 

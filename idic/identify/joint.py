@@ -133,10 +133,10 @@ def _check_options(experiments: Mapping[str, Experiment]) -> None:
         for key in LOOP_OPTIONS:
             wanted, found = getattr(given.options, key), getattr(experiment.options, key)
             if wanted != found:
-                raise InputError("experiments that are identified together go through one schedule",
+                raise InputError("experiments that are identified together share one schedule",
                                  file=experiment.folder, key=f"[options] {key}", expected=f"{wanted!r}, as in {first}",
                                  found=f"{found!r} in {name}",
-                                 remedy=f"say the same in both, or --set options.{key}=...")
+                                 remedy=f"make them equal, or use --set options.{key}=...")
 
 
 def _joint_name(experiment: str, name: str, record: Experiment, own_directions: frozenset[str]) -> str:
@@ -182,7 +182,7 @@ def _check_alike(first: Parameter, other: Parameter, experiment: Experiment) -> 
         raise InputError(f"{first.name} is shared, but stated in two ways", file=experiment.folder, key=first.name,
                          expected=f"as in the first experiment: {_statement(first)}", found=_statement(other),
                          remedy="make value (if it is not identified), unit, identify, bounds and prior the same, or "
-                                "give the element sets different names, or say shared = false")
+                                "give the element sets different names, or write shared = false")
     return first.value != other.value
 
 

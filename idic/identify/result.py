@@ -217,7 +217,7 @@ class Analysis:
             partners = self._partners(i)
             if not self._has_force() and self._is_stress(name):
                 reason = ("no force: only ratios of moduli can be determined" if partners
-                          else "no force: it scales the stress and leaves the motion as it is")
+                          else "no force: it scales the stress and does not change the motion")
             else:
                 reason = self._reason(i, partners)
             entries.append({"name": name, "reason": reason, "together_with": partners})

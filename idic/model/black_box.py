@@ -61,7 +61,8 @@ class ExternalForward:
 
     @property
     def model(self):
-        raise InputError("the inside of an external solver is not known", file=self.setup.experiment_file, key="solver",
+        raise InputError("stresses and tangents of an external solver are not available",
+                         file=self.setup.experiment_file, key="solver",
                          expected="the built-in solver, where stresses and tangents are needed",
                          found=" ".join(self.setup.arguments), remedy="take [solver] out for this")
 

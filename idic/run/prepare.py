@@ -83,7 +83,7 @@ def _check_heights(experiment: Experiment) -> None:
                              key=f"[[boundary]] nodes = {entry.nodes}, u{entry.component}",
                              expected="a number, a column, or a virtual boundary",
                              found="a motion measured from the images",
-                             remedy='give it, or let { virtual = "bspline" } find it')
+                             remedy='give it, or identify it by { virtual = "bspline" }')
 
 
 def _check_measurable(experiment: Experiment, visible: np.ndarray) -> None:

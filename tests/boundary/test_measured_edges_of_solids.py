@@ -167,7 +167,7 @@ def test_check_says_where_a_measured_edge_holds_the_thickness(experiment):
     curved = with_measured_edge(replace(experiment, mesh=tube(4, 12, 1), parameters=ParameterSet(())))
     said = [" ".join(rig_warnings(replace(test, parameters=ParameterSet(())), 0.0))
             for test in (experiment, curved, leaning)]
-    assert said[:2] == ["", ""] and "measured edge RIGHT" in said[2] and "holds the thickness" in said[2]
+    assert said[:2] == ["", ""] and "measured edge RIGHT" in said[2] and "fixes the thickness" in said[2]
     drives, nodes = build_drives(leaning), leaning.mesh.node_sets["RIGHT"]
     front = nodes[np.isin(nodes, face_set_nodes(flat, flat.edge_sets["FRONT"]))]
     assert len(drives.local) == 3 * len(front) and drives.basis.shape[0] >= 3 * len(nodes)

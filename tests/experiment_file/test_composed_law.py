@@ -217,8 +217,8 @@ def test_a_load_that_never_turns_back_is_told_where_two_mechanisms_look_alike():
 def test_what_softening_owes_to_the_mesh_is_told_with_the_size_of_the_elements():
     nodes, cells = mesh_patches([Patch(lambda s, t: (4.0 * s, 2.0 * t), 8, 4)], "quad8")
     mesh = make_mesh(nodes, [("quad8", cells)], element_sets={"SPECIMEN": np.arange(32)})
-    for damage, said in (({}, "softening without a length: a crack is as wide as one element (0.25 mm)"),
-                         ({"length": 0.4}, "softening for rows of 0.4 mm is stretched to elements of 0.25 mm")):
+    for damage, said in (({}, "softening without a length: damage localises in one row of elements (0.25 mm)"),
+                         ({"length": 0.4}, "softening for rows of 0.4 mm is scaled to elements of 0.25 mm")):
         record, found = read(damage={"kind": "lemaitre", "S": 0.5, "s": 1} | damage)
         parameters = [replace(p, name=f"SPECIMEN.{name}") for name, p in found.items()]
         (note,) = softening_notes([record], parameters, mesh, "mm")

@@ -60,7 +60,7 @@ def test_the_log_of_a_simulated_test_has_the_gauge(tmp_path):
     (TOML.replace(LOGGED, LED.replace("{ controlled", '{ column = "grip_um", controlled')), "exactly one of"),
     (TOML.replace(LOGGED, LED.replace("{ controlled", '{ noise_std = 0.1, controlled')),
      "noise_std does not belong here"),
-    (TOML.replace("ux = 0.0\n" + LOGGED, "ux" + LED[2:] + "\n" + LED), "two things that a gauge controls"),
+    (TOML.replace("ux = 0.0\n" + LOGGED, "ux" + LED[2:] + "\n" + LED), "two motions or forces that a gauge controls"),
     (TOML.replace(LOGGED, f'pressure = {{ edges = "UP", controlled_by = {GAUGE} }}') + MORE,
      "a pressure that a gauge controls"),
     (TOML.replace(LOGGED, f'force = {{ edges = "UP", component = "y", identify_scale = true, controlled_by = {GAUGE}'

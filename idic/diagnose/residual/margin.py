@@ -59,7 +59,7 @@ class Margin:
         told = f"{n} image{'' if n == 1 else 's'} at rest show{'s' if n == 1 else ''}"
         if self.camera_px > PRACTICAL_MARGIN_PX:
             return (f"{told} {self.floor.px:.2g} px of motion that no law explains. An effect below {self.px:.2g} px "
-                    f"is not attributed to a law.")
+                    "is not attributed to a law.")
         return (f"{told} less than {self.floor.bound_px:.2g} px. The practical margin of {self.px:g} px is what "
                 "interpolation and discretisation leave under motion, an assumption.")
 

@@ -135,7 +135,7 @@ def _experiment(folder: Path, pattern: str, series: FieldSeries, points: Measure
     lines = [f"# An idic experiment, written by idic init for {len(series.entries)} stages of {len(points)} points "
              f"({series.format}).", "# Fill in the values marked FILL IN, then run  idic check .", "", "[experiment]",
              f"title = {json.dumps(folder.resolve().name)}",
-             _line(f"fields = {json.dumps(pattern)}", "measured displacements in the place of images; the first is the "
+             _line(f"fields = {json.dumps(pattern)}", "measured displacements instead of images; the first is the "
                                                       "reference"),
              _line(f"# fields_format = {json.dumps(series.format)}", "as found in the files"),
              *(_mesh(points, margin, size) if mesh is None

@@ -58,8 +58,8 @@ def _mesh(found: Found) -> Iterator[str]:
         yield (f"scale        the mesh would cover the speckled area with pixel_size_mm = {fit[0]:.4g} and origin_px = "
                f"[{fit[1][0]:.0f}, {fit[1][1]:.0f}]: compare it with your scale")
     elif found.outline:
-        yield ("scale        the proportions of the mesh differ from those of the speckled area: it shows more or less "
-               "than the image, or axes are turned")
+        yield ("scale        the proportions of the mesh differ from those of the speckled area: it is larger or "
+               "smaller than the part in the image, or axes are exchanged")
 
 
 def _log(found: Found) -> str:

@@ -129,13 +129,11 @@ def course_notes(materials: Sequence[Material], parameters: Sequence[Parameter],
         groups = {group for group in ("hardening", "backstress", "damage") for name in own
                   if name.startswith(f"{group}_")}
         if groups >= {"hardening", "backstress"}:
-            notes.append(f"material.{material.element_set}: the load never turns back, so isotropic hardening and back "
-                         f"stress "
-                         "cannot be told apart; lock one of them, or reverse the load")
+            notes.append(f"material.{material.element_set}: the load never turns back, so isotropic hardening and "
+                         "back stress cannot be separated; lock one of them, or reverse the load")
         if groups >= {"hardening", "damage"}:
-            notes.append(f"material.{material.element_set}: the load never turns back, so damage and softening of the "
-                         f"flow "
-                         "stress cannot be told apart; lock one of them, or unload once")
+            notes.append(f"material.{material.element_set}: the load never turns back, so damage and softening of "
+                         "the flow stress cannot be separated; lock one of them, or unload once")
     return notes
 
 

@@ -34,8 +34,8 @@ def free_surface(entry: Mapping, file: str, key: str) -> tuple[str, dict, dict]:
     if not isinstance(n, int) or isinstance(n, bool) or not KNOTS[0] <= n <= KNOTS[1]:
         raise InputError("a free yield surface needs its number of knots on a ring", file=file, key=f"{key}.knots",
                          expected=f"a whole number, {KNOTS[0]} to {KNOTS[1]}", found=repr(n)[:80],
-                         remedy=f"{DEFAULT_RING} suit most sheets; the smoothness prior holds what the test does not "
-                         "show")
+                         remedy=f"{DEFAULT_RING} suit most sheets; the smoothness prior decides where the test shows "
+                                "nothing")
     smoothness = entry.get("smoothness")
     if smoothness is not None and (not is_number(smoothness) or not smoothness > 0):
         raise InputError("a smoothness is a size of differences", file=file, key=f"{key}.smoothness",

@@ -31,13 +31,13 @@ def softening_notes(materials: Sequence[Material], parameters: Sequence[Paramete
             else f"{sizes.max():.3g} {unit}"
         length, key = values.get(f"{material.element_set}.{band.name}", 0.0), band.name.rpartition("_")[2]
         if length > 0.0:
-            notes.append(f"material.{material.element_set}: softening for rows of {length:.3g} {unit} is stretched to "
-                         f"elements of {rows}, so that the work of a crack does not depend on them (crack band; "
+            notes.append(f"material.{material.element_set}: softening for rows of {length:.3g} {unit} is scaled to "
+                         f"elements of {rows}, so that the dissipated work does not depend on them (crack band; "
                          "elements about as long as wide)")
         else:
-            notes.append(f"material.{material.element_set}: softening without a length: a crack is as wide as one "
-                         f"element ({rows}), so after the peak force, motion and damage parameters belong to this "
-                         f"mesh; give `{key}`, the element size that they hold for")
+            notes.append(f"material.{material.element_set}: softening without a length: damage localises in one row "
+                         f"of elements ({rows}), so after the peak force, motion and damage parameters depend on "
+                         f"this mesh; give `{key}`, the element size that they hold for")
     return notes
 
 

@@ -80,6 +80,6 @@ def spectrum_notes(materials: Sequence[Material], parameters: Sequence[Parameter
         shown, whole = float(np.diff(times).min()), float(times[-1] - times[0])
         if first < 0.5 * shown or last > 2.0 * whole:
             notes.append(f"material.{material.element_set}: relaxation times of {first:.3g} to {last:.3g} s; the "
-                         f"frames show {shown:.3g} to {whole:.3g} s: what relaxes faster is part of no frame, what "
-                         "relaxes later looks elastic, and such weights follow the smoothness prior")
+                         f"frames show {shown:.3g} to {whole:.3g} s: faster relaxation is over before a frame, "
+                         "slower relaxation looks elastic, and such weights follow the smoothness prior")
     return notes

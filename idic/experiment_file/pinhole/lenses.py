@@ -216,7 +216,7 @@ def check_image(camera: PlacedCamera, calibrated_size: tuple[int, int] | None, s
         raise InputError("the calibration is of images of another size", file=file, key=f"{key}.calibration",
                          expected=f"{calibrated_size[0]} x {calibrated_size[1]} px, as the calibration",
                          found=f"images of {nx} x {ny} px",
-                         remedy="name the images that belong to it; of cropped images, give cx_px, cy_px less the "
+                         remedy="name the images that belong to it; of cropped images, give cx_px, cy_px minus the "
                                 "crop and a file without the size")
     lens = camera.lens
     if calibrated_size is None and not (0.0 <= lens.cx <= nx - 1 and 0.0 <= lens.cy <= ny - 1):

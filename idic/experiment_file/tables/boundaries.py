@@ -166,8 +166,9 @@ def _drive(made: Motion, table: DriveTable, key: str, context: Context) -> Drive
 def _controlled(made: Motion, table: ControlTable, key: str, context: Context) -> Controlled:
     drives = [entry.drive for entry in (*made.prescribed, *made.loads)]  # type: ignore[attr-defined]
     if other := next((drive for drive in drives if isinstance(drive, Controlled)), None):
-        raise InputError("two things that a gauge controls", file=context.file, key=key, expected="one controlled_by",
-                         found=f"another, by {other.column}", remedy="give the other motion or force as a column")
+        raise InputError("two motions or forces that a gauge controls", file=context.file, key=key,
+                         expected="one controlled_by", found=f"another, by {other.column}",
+                         remedy="give the other motion or force as a column")
     for part in filter(None, ("minus" if table.minus else None, "displacement")):
         made.mesh = with_node_set(made.mesh, getattr(table, part), context.file, f"{key}.{part}")
     _component(table.component, made.mesh, context, f"{key}.component")

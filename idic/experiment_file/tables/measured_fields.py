@@ -131,13 +131,13 @@ def laid_on_outline(config: ExperimentFile, points: MeasuredPoints, mesh: Mesh, 
     note = (f"the mesh is laid along the outline of the points: origin_mm = [{found.origin[0]:.3f}, "
             f"{found.origin[1]:.3f}], "
             f"rotation_deg = {degrees:.3f}; the points end {found.margin:.2g} mm before its edges, "
-            f"{np.sqrt(found.cost):.2g} mm rms beside that; {100 * found.on_edges:.0f} % of the outline are along "
+            f"{np.sqrt(found.cost):.2g} mm rms off that; {100 * found.on_edges:.0f} % of the outline are along "
             f"edges")
     if others:
         turns = ", ".join(f"{np.degrees(one.angle - found.angle) % 360.0:.0f}°" for one in others)
-        note += (f". The mesh is symmetric: turned by {turns} it fits alike, with the same shape. Taken is the "
-                 f"smallest turn from "
-                 "rotation_deg; another matters only for sets, loads and material directions that are not as symmetric")
+        note += (f". The mesh is symmetric: turned by {turns} it fits equally well. The smallest rotation from "
+                 "rotation_deg is used; another matters only for sets, loads and material directions that are less "
+                 "symmetric")
     return _camera_at(points, found.origin, _field_axes(config), degrees), note
 
 
@@ -175,7 +175,7 @@ def rigid_is_free(config: ExperimentFile, file: Path) -> bool:
                      if drive is not None and drive.measured is not None), None)
     if measured is not None:
         raise InputError("a free rigid motion next to a measured side", file=file, key="camera.motion",
-                         expected="sides that are held, or driven by the log",
+                         expected="sides that are fixed, or driven by the log",
                          found=f'the motion of {measured} is measured',
                          remedy="leave motion out: measured sides move with the specimen already")
     return True
@@ -276,9 +276,9 @@ def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int],
     if grid.depth is not None:
         return [*notes, text]
     bending = 0.5 * found.curvature * (thickness or 0.0)
-    text += ("; the plane model is compared with the middle of the sheet, laid flat: tilt, arcs"
+    text += ("; the plane model is compared with the mid-plane of the sheet, flattened: tilt, arcs"
              + (f" and the strain of bending at the surface ({bending:.1e})" if bending > MIN_TOLD_CURVATURE_STRAIN
-                else " and bending" if thickness else "") + " are taken out of the motion in the plane")
+                else " and bending" if thickness else "") + " are removed from the in-plane motion")
     if not thickness and 0.5 * found.curvature > MIN_TOLD_CURVATURE_STRAIN:
         text += "; with thickness_mm the strain of bending at the surface would be, too"
     most = largest_bending(stack, stages, thickness) if thickness else None

@@ -110,8 +110,7 @@ def _gap_notes(found: PointOutline) -> list[str]:
         return []
     x, y, width = found.gaps[np.argmax(found.gaps[:, 2])]
     return [f"{len(found.gaps)} gaps of the points, the widest {width:.3g} mm at ({x:.4g}, {y:.4g}), are filled by the "
-            "mesh, as points that are missing; a hole of the specimen there belongs into a drawn outline (outline_mm "
-            "with holes_mm)"]
+            "mesh, as points that are missing; if the specimen has a hole there, draw it (outline_mm with holes_mm)"]
 
 
 def _ends(config: ExperimentFile) -> dict[str, list[int]]:

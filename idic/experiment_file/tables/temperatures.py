@@ -74,7 +74,7 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, folder: P
     _check_expansion(parameters, bool(made), context.file)
     dependent = [p.name for p in parameters if p.name.endswith(f".{REFERENCE.name}")]
     if dependent and not made:
-        raise InputError("a law depends on the temperature, which nothing gives", file=context.file,
+        raise InputError("a law depends on the temperature, which is not given", file=context.file,
                          key=f"material.{dependent[0]}",
                          expected='a [[boundary]] with temperature = { column = "temperature_C" }, '
                          "or infrared images", found="none",

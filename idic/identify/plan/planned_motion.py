@@ -40,7 +40,8 @@ def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
     Raises
     ------
     InputError
-        If nothing says how a measured edge will move, or the modes of a boundary are to be those of images to come.
+        If the motion of a measured edge is not known before the test, or the modes of a boundary are to be those of
+        images to come.
     """
     unknown = [p for p in experiment.prescribed if isinstance(p.drive, (Measured, Parametrised))]
     given = [p for p in unknown if _key(p) in courses]
@@ -48,7 +49,7 @@ def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
         motion, notes = _prescribed_motion(experiment, given, courses), ()
     elif unknown and recorded:
         motion = dic_stack(experiment).u_px
-        notes = ("edges of unknown motion move as a free FE-DIC of the images says",)
+        notes = ("edges of unknown motion move as a free FE-DIC of the images measures",)
     else:
         motion, notes = None, ()
     _check_known(experiment, unknown, given, motion is not None, recorded, file)
@@ -76,11 +77,12 @@ def _check_known(experiment: Experiment, unknown, given, moves: bool, recorded: 
         key, drive = _key(entry), entry.drive
         of_images = isinstance(drive, Parametrised) and drive.kind == "dic"
         if of_images and not recorded:
-            raise InputError("a virtual boundary made of what images show, but there are none yet", file=file,
+            raise InputError("a virtual boundary with measured shapes, but there are no images yet", file=file,
                              key=f"boundary {key}", expected='virtual = "bspline" or "polynomial"', found='"dic"',
                              remedy="plan with B-splines of as many modes")
         if isinstance(drive, Measured) and entry not in given and (given or not moves):
-            raise InputError("nothing says how a measured edge will move", file=file, key=f'design.program."{key}"',
+            raise InputError("the motion of a measured edge is not known before the test", file=file,
+                             key=f'design.program."{key}"',
                              expected="its course in time, in mm (px without a scale)", found="none",
                              remedy=f'add for instance  "{key}" = [[0, 0], [{experiment.times[-1]:g}, 0.4]]')
 

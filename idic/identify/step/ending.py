@@ -38,7 +38,7 @@ def beyond_bounds(step: Step, parameters: ParameterSet) -> tuple[str, ...]:
 def bounded(names: Sequence[str]) -> Ending:
     """The minimum of these parameters lies beyond a bound."""
     return Ending("at_bound",
-                  f"the next step would carry {', '.join(names)} over "
+                  f"the next step would move {', '.join(names)} over "
                   f"{'its bound' if len(names) == 1 else 'their bounds'}", BOUNDS)
 
 

@@ -114,9 +114,8 @@ def estimator_notes(experiment: Experiment, estimator: str) -> list[str]:
     share = spline_share(experiment)
     if share <= MAX_SPLINE_ERROR_SHARE:
         return []
-    return [f"generalised least squares take the error of the interpolating spline, {share:.2g} of the noise of an "
-            f"image, "
-            'for noise: their error bars may be too small; estimator = "auto" uses ordinary least squares here']
+    return [f"generalised least squares treat the error of the interpolating spline, {share:.2g} of the noise of an "
+            'image, as noise: their error bars may be too small; estimator = "auto" uses ordinary least squares here']
 
 
 def spline_share(experiment: Experiment) -> float:

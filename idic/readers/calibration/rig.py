@@ -177,10 +177,10 @@ def _check_units(camera, conventions, file, number, image_size):
     share, distorted = max(radial, tangential), any((camera.k1, camera.k2, camera.k3, camera.p1, camera.p2))
     words = f"k1 = {camera.k1:g}, k2 = {camera.k2:g}, k3 = {camera.k3:g}, p1 = {camera.p1:g}, p2 = {camera.p2:g}"
     if distorted and conventions.distortion is None and share * radius * camera.fx < MIN_DISTORTION_PX:
-        raise InputError("a distortion that moves nothing: its coefficients are not of normalised coordinates",
+        raise InputError("a distortion without effect: its coefficients are not of normalised coordinates",
                          file=file, key=f"camera {number}", found=words,
                          expected=f"more than {MIN_DISTORTION_PX} px at the corners of the image",
-                         remedy='if they are per px², px⁴, px⁶: distortion = "px"; if they are meant: "normalised"')
+                         remedy='if they are per px², px⁴, px⁶: distortion = "px"; if they are intended: "normalised"')
     if share > MAX_DISTORTION_SHARE:
         raise InputError("a distortion larger than any lens has", file=file, key=f"camera {number}", found=words,
                          expected="less than half of the radius at the corners of the image",

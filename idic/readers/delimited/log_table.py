@@ -62,7 +62,7 @@ def read_table(text: str, path: Path) -> Table:
         cells.pop()
     header, first = _header(cells)
     if header is None and not any(looks_numeric(cell) for _, row in cells for cell in row):
-        raise InputError("the log holds no row of numbers", file=path, key=f"line {cells[1][0]}",
+        raise InputError("the log has no row of numbers", file=path, key=f"line {cells[1][0]}",
                          expected="a row of numbers for every image below the header", found=", ".join(cells[1][1]),
                          remedy="export the log again")
     if header is None:

@@ -110,8 +110,8 @@ def fitted_placement(edges: Edges, points: np.ndarray, loops: Sequence[np.ndarra
     if not found or best.on_edges < MIN_ON_EDGES:
         raise InputError("the outline of the points does not lie along the edges of the mesh", key="camera.placement",
                          expected=f"{100 * MIN_ON_EDGES:.0f} % of it or more within {NARROW:g} distances of points, "
-                                  f"and no point "
-                         "beside the mesh", found=f"{100 * best.on_edges:.0f} % in the best placement",
+                                  f"and no point outside the mesh", found=f"{100 * best.on_edges:.0f} % in the best "
+                                                                          "placement",
                          remedy="check the mesh and its unit, or place it: origin_mm, axes, rotation_deg")
     fit.check_held(best)
     alike = [one for one in found if one.cost < MAX_COST_RATIO * best.cost + (0.1 * pitch) ** 2]
@@ -121,9 +121,9 @@ def fitted_placement(edges: Edges, points: np.ndarray, loops: Sequence[np.ndarra
     strange = [one for one in alike[1:] if not fit.symmetric(best, one)]
     if strange:
         raise InputError("the mesh fits the points in several ways", key="camera.placement",
-                         expected="one placement, or several that a symmetry of the mesh makes alike",
+                         expected="one placement, or several that are equal by symmetry of the mesh",
                          found="; ".join(_words(one) for one in (best, *strange)),
-                         remedy="say which one is near: give its origin_mm and rotation_deg next to placement")
+                         remedy="select one: give its origin_mm and rotation_deg next to placement")
     alike.sort(key=lambda one: abs(_half_turns(one.angle - near.angle)))
     return alike[0], alike[1:]
 
@@ -241,7 +241,7 @@ class _Fit:
             return
         x, y, turn, _ = np.abs(vectors[:, 0])
         along = _rotation(placement.angle).T @ vectors[:2, 0]
-        raise InputError("the outline of the points does not hold the mesh", key="camera.placement",
+        raise InputError("the outline of the points does not fix the position of the mesh", key="camera.placement",
                          expected="edges of the specimen across each other, or a hole, in view",
                          found="nothing that stops a turn" if turn > max(x, y) else
                          f"nothing that stops a motion along ({along[0]:.2f}, {along[1]:.2f}) of the mesh",

@@ -38,7 +38,7 @@ def misplaced_still_frames(experiment: Experiment, roi: np.ndarray) -> Iterator[
     for label, image in images[1:]:
         if float((image[roi] - f[roi]).std()) > MAX_CHANGE_SHARE * contrast:
             yield (f"still frame {label} shows another place than {first}: the specimen has moved by a speckle or "
-                   f"more, so their difference is not noise. Leave it out of still_frames, or give noise_std_gv")
+                   "more, so their difference is not noise. Leave it out of still_frames, or give noise_std_gv")
 
 
 def _still_images(experiment: Experiment) -> Iterator[tuple[str, np.ndarray]]:

@@ -76,4 +76,4 @@ def _held_thickness(experiment: Experiment) -> Iterator[str]:
         leaders = seen_first(mesh, surface, nodes)
         if len(leaders) and followed(mesh.nodes[nodes], leaders)[1].size:
             yield (f"measured edge {name}: its hidden nodes follow the seen ones across the thickness as well, which "
-                   f"fixes the thickness there; in a mesh whose seen surface is normal to an axis it is free")
+                   "fixes the thickness there; in a mesh whose seen surface is normal to an axis it is free")

@@ -42,7 +42,8 @@ def _caption(curve: RelaxationCurve, unit: str, size: float) -> str:
             "test. Shaded and bars: 95 %, from the covariance of the parameters and the smoothness prior (second "
             f"differences of the weights: std {curve.strength:g} of their mean at the start); the shading also counts "
             "the spacing of the grid. Weights are non-negative; neighbours are anticorrelated, their sum is better "
-            "determined than each. Classical forms, fitted in that covariance, the nearest first; \"inside\": the loss in chi2 is no more than noise explains (about "
+            "determined than each. Classical forms, fitted in that covariance, the nearest first; "
+            "\"inside\": the loss in chi2 is no more than noise explains (about "
             f"the number in brackets). {forms}.")
 
 

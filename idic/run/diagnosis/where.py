@@ -41,8 +41,8 @@ def where_record(residual: ResidualEvidence, mismatch: Mismatch, selected: Selec
     abscissa = experiment.times
     elsewhere = selected is not None and selected.side != mismatch.side and mismatch.is_significant
     words = {"side": f"Share of the drop in chi-square of any smooth motion: {nested_tests.reason}."
-                     + (" The selected candidate acts on another side: motion alone does not identify so smooth a "
-                        "field, the refits do." if elsewhere else ""),
+                     + (" The selected candidate acts on another side: motion alone cannot attribute such a smooth "
+                        "field, the refits can." if elsewhere else ""),
              "where": " ".join(w for w in mismatch.words if "source elements" in w),
              "when": _when(begin, interval, mismatch.visible_frame), "course": mismatch.course.words}
     shares = {name: nested_tests.share(name) for name in nested_tests.levels if name not in ("force", "brightness")}

@@ -33,7 +33,7 @@ def refuse_evidence(experiments: Iterable[Experiment]) -> None:
     """Refuse the choice where several experiments share a material (`InputError`)."""
     for experiment in experiments:
         for curve in by_evidence(experiment):
-            raise InputError("knots by evidence are those of one experiment",
+            raise InputError("knots by evidence work for one experiment only",
                              key=f"material.{curve.names[0].partition('.')[0]}", found=f'knots = "{BY_EVIDENCE}"',
                              expected="a number of knots where several experiments are identified together",
                              remedy="identify one of them alone, and write the knots and the smoothness of its report")

@@ -49,7 +49,7 @@ def recover(store: RunStore, path: Path | str, runner: TaskRunner) -> list[str]:
     damaged = damaged_groups(store, [*measured, *needed, *tried], _image_groups(store), runner)
     for name in [name for name in _image_groups(store) if name in damaged]:
         store.remove(name)
-        found.append("stored images are damaged: they are read anew")
+        found.append("stored images are damaged: they are read again")
     if settings is not None and settings["experiment"] != str(Path(path).resolve()):
         write_description(store.run, settings | {"experiment": str(Path(path).resolve())})
     spoilt = [name for name in measured if name in damaged]
@@ -66,7 +66,7 @@ def recover(store: RunStore, path: Path | str, runner: TaskRunner) -> list[str]:
         return [*found, "the accepted point is damaged: the run starts over, with the same end"]
     for name in [name for name in tried if name in damaged]:
         store.remove(name)
-        found.append(f"{name} is damaged: it is computed anew")
+        found.append(f"{name} is damaged: it is computed again")
     return found
 
 

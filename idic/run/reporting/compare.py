@@ -72,7 +72,7 @@ def headlines(content: Mapping) -> list[str]:
     if len(fits) > 1 and all(run["same_data"] for run in runs):
         best, worst = min(fits), max(fits)
         data, unit = ("fields", "component") if of_fields(runs) else ("images", "pixel")
-        text += f" Of the same {data} {best[1]} leaves χ² = {best[0]:.4g} per {unit}, {worst[1]} {worst[0]:.4g}."
+        text += f" On the same {data}, χ² per {unit} is {best[0]:.4g} for {best[1]} and {worst[0]:.4g} for {worst[1]}."
     return [text]
 
 
