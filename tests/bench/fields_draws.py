@@ -70,10 +70,11 @@ def specimen(camera: Camera) -> np.ndarray:
     return inside.reshape(ny, nx)
 
 
-def write_export(folder: Path, images: np.ndarray, force: np.ndarray, camera: Camera, element_mm: float) -> None:
+def write_export(folder: Path, images: np.ndarray, force: np.ndarray, camera: Camera, element_mm: float,
+                 order: int = 3) -> None:
     """The export of the subset DIC, the log and the experiment.toml."""
     centres = subset_grid(specimen(camera), HALF, STEP)
-    moved = subset_displacements(list(images), centres, HALF)
+    moved = subset_displacements(list(images), centres, HALF, order)
     at = camera.inverse(centres.astype(float))
     later = camera.inverse((centres + moved).reshape(-1, 2)).reshape(moved.shape)
     (folder / "stages").mkdir(parents=True)
@@ -90,10 +91,11 @@ def write_export(folder: Path, images: np.ndarray, force: np.ndarray, camera: Ca
         radius=RADIUS, element=element_mm, thickness=THICKNESS, start=start))
 
 
-def draw(clean: str, camera: Camera, element_mm: float, noise_gv: float, of_images: bool, seed: int) -> dict:
+def draw(clean: str, camera: Camera, element_mm: float, noise_gv: float, order: int, of_images: bool,
+         seed: int) -> dict:
     """One draw: seed, name -> value and standard deviation by the fields, and by the images (`image_` before).
 
-    clean : file of the images without noise, GV, and of the force, N
+    clean : file of the images without noise, GV, and of the force, N; order : of the splines of the subset DIC
     """
     images, force = (np.load(clean)[name] for name in ("images", "force"))
     rng = np.random.default_rng((24, seed))
@@ -101,7 +103,7 @@ def draw(clean: str, camera: Camera, element_mm: float, noise_gv: float, of_imag
     read = force + rng.normal(0.0, FORCE_NOISE_N, len(force))
     began = time.process_time()
     with tempfile.TemporaryDirectory() as there:
-        write_export(Path(there) / "fields", noisy, read, camera, element_mm)
+        write_export(Path(there) / "fields", noisy, read, camera, element_mm, order)
         found = _identified(Path(there) / "fields", Path(there) / "run", "")
         if of_images:
             write_images(Path(there) / "images", noisy, read, camera, element_mm)
@@ -171,6 +173,7 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--element", type=float, default=1.0, help="mm")
     parser.add_argument("--noise", type=float, default=4.0, help="of the images, grey values of 256")
+    parser.add_argument("--order", type=int, default=3, help="of the splines that the subset DIC interpolates by")
     parser.add_argument("--images", type=int, default=0, help="of so many draws the images, too")
     parser.add_argument("--minutes", type=float, default=1e9, help="no draw is begun after so many")
     parser.add_argument("--out", type=Path, default=Path("draws.csv"))
@@ -182,7 +185,7 @@ def main() -> None:
         np.savez(clean, images=np.array([rendered.frame(k) for k in range(rendered.n_frames)]),
                  force=test.columns[0].values)
         one = partial(_in_time, began + 60.0 * chosen.minutes, str(clean), test.camera, chosen.element,
-                      chosen.noise)
+                      chosen.noise, chosen.order)
         with ProcessPoolExecutor(chosen.processes) as pool:
             for task in as_completed([pool.submit(one, k < chosen.images, chosen.first + k)
                                       for k in range(chosen.draws)]):
