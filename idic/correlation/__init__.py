@@ -1,6 +1,6 @@
-"""Images against simulated motion: M, b and the functional of every frame.
+"""Correlation of the images with the simulated motion: normal equations M, b and functional of every frame.
 
-The equation, pixel by pixel, is in `normal_equations`. The way of a pixel row through the compiled route is five files:
+The equation, pixel by pixel, is in `normal_equations`. A row of pixels passes through five files of the compiled route:
 
 1. `pixels/pixel_map`: the element of each pixel and its place in it, found once per mesh and camera.
 2. `reference`: grey value, gradient and element matrices of the reference image, made once.

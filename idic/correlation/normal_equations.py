@@ -1,4 +1,4 @@
-"""The equation of integrated digital image correlation, to read: residual, M and b of one frame, pixel by pixel.
+"""The normal equations of integrated DIC, written to be read: residual, M and b of one frame, pixel by pixel.
 
     r(x) = f(x) - g(x + u(x))                   equation 10 of the paper    docs/method.md, equation 1.2
            f + sum_m w_m f_m, u + its shift     of low-passed images        docs/method.md, equations 1.10, 1.12

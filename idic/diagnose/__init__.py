@@ -1,1 +1,1 @@
-"""When simulation and recording differ: where, when, which physics, and the proof that modelling it helps."""
+"""Diagnosis of model error: place, onset and missing physics of a misfit, judged by refits on held-out data."""

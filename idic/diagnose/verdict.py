@@ -1,10 +1,10 @@
-"""From numbers to a verdict: one word for a program, one sentence for a person.
+"""The verdict of a diagnosis: one word for programs, one sentence for people.
 
     none              no candidate is significant and large enough; every family is bounded
-    single            one candidate, and no rival that this record could not tell from it
-    set               one of several candidates that this record cannot tell apart
+    single            one candidate; every rival is separated from it by this record
+    set               one of several candidates that this record cannot separate
     multiple          several effects, found one after the other
-    outside_library   something is there, and no candidate explains most of it, or a good part is left that matters
+    outside_library   a misfit that no candidate explains for the most part, or of which a significant part is left
     blind             nothing can be said: the identified parameters would hide every candidate, or the noise every
                       candidate of what the specimen does under load
 """

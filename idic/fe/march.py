@@ -1,4 +1,4 @@
-"""The simulation through time: increments, step cutting, derivatives; every frame time ends an increment.
+"""Time integration of the simulation: increments, step cutting, sensitivities; every frame time ends an increment.
 
 Memory does not grow with the number of frames: one `FrameState` is yielded at a time.
 """

@@ -1,2 +1,2 @@
-"""Fields for the eye and for tables: strain, stress and state on the surface, simulated and measured, and their
+"""Fields for viewer and tables: strain, stress and state variables on the surface, simulated and measured, and their
 noise."""

@@ -1,4 +1,4 @@
-"""The loop of an identification: simulate the trials, correlate them, judge them, until the state says that it ends.
+"""The identification loop: simulates, correlates and judges trial parameters until the search ends.
 
 One driver for every identification. Where the evaluated points are kept is the business of a `PointStore`: in memory
 (`MemoryPoints`), in a RUN folder (`idic.run.points`), or in several RUN folders at once (`idic.run.joint_run`).

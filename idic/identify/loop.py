@@ -1,4 +1,4 @@
-"""The identification as a state machine: state + evaluated points → next state. No memory between calls.
+"""The Gauss-Newton search as a state machine: state + evaluated points → next state. No memory between calls.
 
 The driver (`idic.identify.driver`) evaluates the trials of a state and hands their systems to `advance`, until
 ``state.status`` is no longer "running". A rejected step and a failed simulation are normal events.

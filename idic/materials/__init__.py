@@ -1,4 +1,4 @@
-"""Constitutive laws: one point, one function, one file. Importing this package registers all laws and compiles none."""
+"""Constitutive laws: each is one function for one material point, in one file. Importing registers all of them."""
 
 # the laws are registered in this order, which `idic laws` keeps
 from idic.materials import elastic, orthotropic, neo_hookean, mooney_rivlin  # noqa: F401

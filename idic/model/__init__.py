@@ -1,4 +1,4 @@
-"""The modelled experiment: the recording, its model, and the simulation that follows from both.
+"""The modelled experiment: recording, boundary conditions and loads, and the forward simulation.
 
 In the order of reading:
 

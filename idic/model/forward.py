@@ -1,4 +1,4 @@
-"""The simulated test: parameters in, nodal displacements, channels and their derivatives out, one frame at a time.
+"""The forward model: parameters in, nodal displacements, channels and their derivatives out, one frame at a time.
 
 The forward model of an experiment is its finite-element model plus the drives; it keeps nothing between calls, and the
 same input gives the same output to the last bit.

@@ -1,0 +1,1 @@
+"""Reports: HTML pages, tables and sentences made from the records of a result."""

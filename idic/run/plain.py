@@ -1,4 +1,4 @@
-"""The main job as one function call, without a Prefect server: for notebooks, scripts and tests.
+"""An identification as one function call, without a Prefect server: for notebooks, scripts and tests.
 
     >>> import idic
     >>> result = idic.identify_experiment("my-test", "my-run")

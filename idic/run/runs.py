@@ -1,4 +1,4 @@
-"""What the commands do with a RUN of one experiment, or of several together.
+"""The stages of an identification in a RUN folder, of one experiment or of several together.
 
     plan_run → check, claim → [recover] → ingest → prepare → open_points → run_loop → postprocess
 

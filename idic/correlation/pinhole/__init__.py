@@ -1,1 +1,1 @@
-"""Cameras with a lens: which point of a surface a pixel shows, and what motion of the nodes does to its image."""
+"""Perspective (pinhole) cameras: the surface point that a pixel shows, and its image under a motion of the nodes."""

@@ -1,1 +1,1 @@
-"""What `idic init` finds in a folder, and what it tells of it."""
+"""What `idic init` finds in a folder, and its report of it."""

@@ -1,2 +1,2 @@
-"""Cameras with a lens in an experiment file: calibration, placement of the mesh, degrees of freedom, pairing of
-images."""
+"""Perspective (pinhole) cameras in an experiment file: calibration, placement of the mesh, degrees of freedom,
+pairing of images."""

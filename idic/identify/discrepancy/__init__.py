@@ -1,2 +1,2 @@
-"""What the model leaves unexplained, as a random discrepancy of motion, stress and channels that widens the error
+"""Model discrepancy (Kennedy and O'Hagan): random errors of motion, stress and channels that widen the error
 bars."""

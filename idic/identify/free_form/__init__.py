@@ -1,1 +1,1 @@
-"""Free curves of a law: what the data say of the number of their knots."""
+"""Free curves of a law: choice of the number of knots by Bayesian evidence."""

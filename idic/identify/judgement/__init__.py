@@ -1,2 +1,2 @@
-"""What an identification is judged by besides the mean of χ²: local tests of the residual, remedies for light and
+"""Assessment of a fit beyond the mean of χ²: local tests of the residual, remedies for light and
 aliasing."""

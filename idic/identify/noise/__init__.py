@@ -1,1 +1,1 @@
-"""Noise that is not independent from frame to frame, found in what an identification leaves of the channels."""
+"""Correlated noise of channels, estimated from the channel residuals of an identification."""

@@ -1,1 +1,1 @@
-"""The experiment that a plan describes: missing images and logs take the plan's place."""
+"""The experiment that a plan describes: [design] replaces images and logs that do not exist yet."""

@@ -1,1 +1,1 @@
-"""Laws with time in them: creep, viscoelasticity, glassy polymers."""
+"""Rate-dependent laws: creep, viscoelasticity, glassy polymers."""

@@ -1,1 +1,1 @@
-"""Python objects as what the readers make of files: arrays as images, meshes of programs, tables as logs."""
+"""Readers of Python objects: arrays as images, meshes of programs, tables as logs."""

@@ -1,1 +1,1 @@
-"""What a report shows, computed from an experiment and its result: law curves, free fields, noise floors."""
+"""The data of a report, computed from an experiment and its result: law curves, free fields, noise floors."""

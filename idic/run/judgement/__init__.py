@@ -1,2 +1,2 @@
-"""What a finished run is judged by: the camera's floor, the free FE-DIC, local tests, and remedies tried by
+"""Assessment of a finished run: the camera floor, the free FE-DIC, local tests, and remedies tried by
 themselves."""

@@ -1,1 +1,1 @@
-"""Resuming a RUN: what is stored is read once, by the workers where it is much; what is damaged is computed anew."""
+"""Resuming a RUN: stored parts are verified once, large ones by the workers; damaged parts are computed again."""

@@ -1,2 +1,2 @@
-"""Virtual tests before cameras with a lens: rays against deformed surfaces, a speckle in space, the example
+"""Virtual tests with perspective cameras: rays traced to deformed surfaces, a speckle in space, the example
 `stereo`."""
