@@ -1,1 +1,1 @@
-"""Pixels and elements: position of each pixel in its element, sums of shape functions over pixels, fields at the nodes."""
+"""Pixels and elements: position of each pixel in its element, sums of shape functions over pixels, nodal fields."""
