@@ -78,10 +78,15 @@ def motion_error(found: Identification) -> MotionError | None:
 
 def error_chi2(residual: ResidualEvidence, error: MotionError) -> float:
     """Chi-square of an error beside the identified parameters: the most that it can feign of any cause."""
+    column = error_column(residual, error)
+    return float(score(residual.evidence, null_model(residual.evidence, residual.null), column).own[0])
+
+
+def error_column(residual: ResidualEvidence, error: MotionError) -> Columns:
+    """An error as images and channels record it."""
     frames = residual.evidence.frames
     fields = np.array([in_images(residual, t, error.u[frame][..., None]) for t, frame in enumerate(frames)])
-    column = Columns(("mesh",), fields, error.channels[frames][..., None])
-    return float(score(residual.evidence, null_model(residual.evidence, residual.null), column).own[0])
+    return Columns(("mesh",), fields, error.channels[frames][..., None])
 
 
 def with_error(source: ExperimentSource, found: Identification) -> tuple[ExperimentSource, Identification]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matrix_of_sides import SIDES
@@ -81,6 +83,17 @@ def test_a_significant_candidate_with_an_effect_below_the_floor_is_small(distort
     assert plain.standing == "significant"
     assert screened(distorted, Margin(floor(0.5 * plain.effect_px))).standing == "significant"
     assert screened(distorted, Margin(floor(plain.effect_px))).standing == "small"
+
+
+@pytest.mark.parametrize(("share", "standing"), [(0.5, "significant"), (1.5, "small")])
+def test_a_candidate_explains_more_than_a_finer_mesh_changes_along_its_own_pattern(distorted, share, standing):
+    _, residual, (labels, columns) = distorted
+    plain = screen(residual.evidence, residual.null, labels, columns).ranked[0]
+    mesh = columns.pick([plain.best])
+    mesh = replace(mesh, fields=share * plain.amplitude * mesh.fields, channels=share * plain.amplitude * mesh.channels)
+    found = screen(residual.evidence, residual.null, labels, columns, mesh=mesh).ranked[0]
+    assert found.standing == standing
+    assert (found.statistic, found.amplitude) == pytest.approx((plain.statistic, plain.amplitude), rel=1e-9)
 
 
 def test_a_mismatch_of_the_size_of_the_floor_is_none(distorted):

@@ -129,6 +129,11 @@ class Scores:
         block = self.information[np.ix_(members, members)]
         return float(self.U[members] @ symmetric_inverse(block) @ self.U[members])
 
+    def split(self) -> tuple[Scores, np.ndarray]:
+        """The scores of all columns but the last, and what each shares with that one: its information  # (K - 1,)"""
+        return (Scores(self.names[:-1], self.parameters, self.U[:-1], self.gross[:-1, :-1], self.information[:-1, :-1],
+                       self.moves[:, :-1]), self.information[:-1, -1])
+
     def together(self, members: Sequence[int]) -> np.ndarray:
         """Expected change of the visible columns of a group together, 0 of the others  # (len(members),)"""
         members, found = np.asarray(members), np.zeros(len(members))

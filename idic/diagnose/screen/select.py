@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from idic.diagnose.residual.evidence import Columns, Evidence
+from idic.diagnose.residual.evidence import Columns, Evidence, joined
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.effect_sizes import columns_together, effects, sum_of, with_sums
@@ -140,7 +140,8 @@ class Screening:
 
 def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns,
            seed: int = 0, room: float = 0.0, materials: Sequence[str] = (), margin: Margin = ASSUMED,
-           further: bool = False, min_channel: float = MIN_CHANNEL_EFFECT_STD) -> Screening:
+           further: bool = False, min_channel: float = MIN_CHANNEL_EFFECT_STD,
+           mesh: Columns | None = None) -> Screening:
     """Score all columns and rank the candidates.
 
     Parameters
@@ -153,11 +154,19 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
     margin : motion that no candidate may be blamed for
     further : a cause is in the model already: what discretisation leaves of it is no room for another one
     min_channel : effect on the readings, standard deviations, that no candidate may be blamed for
+    mesh : what a finer mesh has changed in the residual, one column: a candidate must explain more than that did along
+        its own pattern, as the finer mesh has an error, too
     """
     smallest_px = margin.px if further else margin.smallest_effect_px
-    scores, together = score(evidence, null_model(evidence, parameters), columns), columns_together(trials)
+    together, null = columns_together(trials), null_model(evidence, parameters)
+    if mesh is None:
+        scores, shared = score(evidence, null, columns), np.zeros(columns.n)
+    else:
+        scores, shared = score(evidence, null, joined(columns, mesh)).split()
     joint = [fewest_knots(scores, members) if trials[members[0]].variant.new else members for members in together]
+    shared = np.concatenate([shared, [scores.together(members) @ shared[list(members)] for members in joint]])
     scores = scores.with_sums([trials[members[0]].variant.label for members in joint], joint)
+    by_mesh = np.divide(shared**2, scores.own, out=np.zeros_like(scores.U), where=scores.own > 0)
     sums = {len(trials) + k: members for k, members in enumerate(together)}
     trials = (*trials, *(sum_of([trials[i] for i in members]) for members in joint))
     groups: dict[tuple[str, str, bool], list[int]] = {}
@@ -169,7 +178,8 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
     found = significances(scores, groups, signs, np.random.default_rng(seed), sums) if groups else {}
     sizes_px, sizes_channel = effects(evidence, parameters, with_sums(columns, scores, joint), scores)
     bounds = smallest_px, margin.px, min_channel
-    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, bounds, columns.n),
+    ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, bounds, columns.n,
+                              by_mesh),
                       material=key[1])  # type: ignore[index]
               for key, members in groups.items()]
     ranked = [replace(r, start=dict(zip(r.variant.new, scores.together(joint[r.best - columns.n]).tolist(),
@@ -202,8 +212,9 @@ def material_of_variant(variant: Variant, materials: Sequence[str]) -> str:
 
 def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significance, members: Sequence[int],
             sizes_px: np.ndarray, sizes_channel: np.ndarray, room: float, bounds: tuple[float, float, float],
-            n_columns: int) -> Ranked:
-    """n_columns : without the sums behind them; bounds : smallest effect (px) of a candidate that explains most of the
+            n_columns: int, by_mesh: np.ndarray) -> Ranked:
+    """n_columns : without the sums behind them; by_mesh : chi-square that a finer mesh changed along every column;
+    bounds : smallest effect (px) of a candidate that explains most of the
     room, of any other, on readings (std)"""
     best = standing.best
     trial = trials[best]
@@ -212,7 +223,8 @@ def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significanc
     effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
     gain = scores.gain(same)
     min_effect_px = bounds[0] if gain > MIN_ROOM_SHARE * room else bounds[1]
-    matters = effect_channel > bounds[2] or effect_px > min_effect_px
+    matters = ((effect_channel > bounds[2] or effect_px > min_effect_px)
+               and scores.z[best] ** 2 > by_mesh[best])
     return Ranked(trial.candidate, best, trial.variant, trial.name, standing.statistic, standing.p_familywise,
                   amplitude, std, float(scores.visibility[best]), gain, float(effect_px), float(effect_channel),
                   scores.bias_uncovered(best), _cell(standing, trial.variant, amplitude, std, matters),

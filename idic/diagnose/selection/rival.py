@@ -94,9 +94,10 @@ class Rival:
         is known but that something is there.
 
         Of a law that acts in the whole body the kind of effect is known also where its unknowns imitate each other: of
-        yielding that has only just begun the yield stress and the hardening (correlation 0.993) are open, each alone.
+        yielding that has only just begun the yield stress and the hardening (correlation 0.993) are open, each alone;
+        so are all stiffnesses of an orthotropic body whose load cell has an unknown offset.
         """
-        if self.ranked.candidate.kind.active:
+        if self.ranked.candidate.changes_law:
             return True
         own = [self.refitted.stds[name] for name in self.own_unknowns]
         return not own or any(std is not None for std in own)

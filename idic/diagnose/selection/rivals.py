@@ -14,7 +14,7 @@ from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import MAX_SHORTLIST, Ranked, Screening
-from idic.diagnose.selection.rival import Rival
+from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival
 
 MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the better the bar is known
 MIN_GAIN_OVER_LIMIT = 1.1  # times the promise of its limit: a larger model is refitted as well
@@ -185,6 +185,26 @@ def refit_of_candidate(source: ExperimentSource, null: Refit, ranked: Ranked, sc
                   values=({**job.values[0], **values}, *job.values))
     (answer,) = refits([job])
     return _rival(ranked, answer, null)
+
+
+def from_other_starts(source: ExperimentSource, null: Refit, winner: Rival, screening: Screening, refits: Refits,
+                      grid: Grid, seed: int) -> Rival | None:
+    """A law that was selected and leaves a good part, from its other starts; None where none of them ends lower.
+
+    A stiffness that depends on direction has several minima over the angle of its axis: one that ends with half of what
+    its score promised may be the wrong one.
+    """
+    answer, known = winner.refitted, winner.ranked
+    if winner.copies > 1 or not known.candidate.changes_law or answer.choice is None:
+        return None
+    if answer.choice.room < MAX_ROOM_SHARE * winner.achieved:
+        return None
+    others = [v for v in starting_variants(screening, known.candidate, known.variant) if v.label != answer.label]
+    if not others:
+        return None
+    (again,) = refits([_job(source, null, known, others, False, np.inf, grid, seed, None)])
+    made = _rival(known, again, null)
+    return made if again.usable and made.achieved > winner.achieved + MIN_HELDOUT_DROP else None
 
 
 def edits_of(winner: Rival, screening: Screening) -> dict[str, Any]:

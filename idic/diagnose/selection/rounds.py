@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.channel_left import smallest_reading
-from idic.diagnose.discretisation import change_matters, motion_error
+from idic.diagnose.discretisation import change_matters, error_column, motion_error
 from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.refit import Refit, identification_at, refit_residual
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
@@ -36,7 +36,7 @@ from idic.diagnose.selection.imitation import with_imitated
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.revision import Workplace, min_further_drop, revised
 from idic.diagnose.selection.rival import Round, judge
-from idic.diagnose.selection.rivals import edits_of, refitted
+from idic.diagnose.selection.rivals import edits_of, from_other_starts, refitted
 from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 
@@ -176,6 +176,12 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
         winner, equals = judge(rivals, screening)
     if winner is not None and not setting.quick:
         with clock.step("refits_s"):
+            lower = from_other_starts(source, null, winner, screening, told, setting.grid, setting.seed)
+        if lower is not None:
+            rivals = tuple(lower if r is winner else r for r in rivals)
+            winner, equals = judge(rivals, screening)
+    if winner is not None and not setting.quick:
+        with clock.step("refits_s"):
             freed = with_own_course(source, null, winner, screening, told, setting.grid, setting.seed)
         if freed is not None:
             plain, rivals = winner, tuple(freed if r is winner else r for r in rivals)
@@ -248,7 +254,9 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
     trials += with_free_courses(trials, here.document, found.parameters.free, source.load)
     labels, columns = score_columns(found, residual, trials, load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
+    error = source.motion_error
     made = screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
+                  mesh=None if error is None else error_column(residual, error),
                   materials=[material.element_set for material in found.experiment.materials], margin=margin,
                   further=further,
                   min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further
