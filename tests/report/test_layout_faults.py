@@ -175,3 +175,13 @@ def test_a_law_is_pulled_along_the_axis_that_is_asked_for():
         assert np.allclose(found.P[:, axis, axis], values[modulus] * strain, rtol=1e-9)
         assert np.allclose(found.P[:, 1 - axis, 1 - axis], 0.0, atol=1e-9 * values[modulus])
         assert np.allclose(uniaxial(law, list(values.values()), -strain, mode=2, axis=axis).P, -found.P)
+
+
+@pytest.mark.parametrize("ratio, told", [(1.0, False), (0.9, True), (1.1, True)])
+def test_maps_of_the_start_whose_rms_is_not_that_of_the_curve_say_why(ratio, told):
+    record = make_record()
+    curve = np.full(record.n_frames, np.nan)
+    curve[list(record.residuals.frames)] = ratio * np.sqrt(np.nanmean(record.residuals.before**2, axis=(1, 2)))
+    for figure in (maps.residuals, maps.local_chi2):
+        caption = figure(replace(record, rms_before=curve)).caption
+        assert ("the curve of the starting values has them where they fit" in caption) == told

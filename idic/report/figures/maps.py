@@ -21,7 +21,7 @@ LETTER_WIDTH_INCH = 0.072  # inch, mean width of a letter of a title
 N_RASTER_SAMPLES = 420  # samples along the longer side of a field that is laid over the image
 RESIDUAL_RANGE = 4.0  # times the noise level
 MIN_CHI2_WINDOWS = 16  # windows of the local chi² across the shorter side of the specimen
-MORE_THAN_CURVE = 1.05  # rms of a map of the starting values over their curve, from which on the caption explains it
+OTHER_THAN_CURVE = 0.03  # relative difference of the rms of a map of the starting values from their curve: is explained
 MAX_SHARED_POWER = 3.0  # of the smaller maximum: beyond it one scale for both rows would hide the lower one
 MIN_CHI2_REACH = 2.0  # the colour scale reaches at least to this factor above (and below) noise
 TRIANGLES = {
@@ -46,7 +46,7 @@ def residuals(record: RunRecord) -> Picture | None:
     caption = (
         f"{'f − g(x + u)' if record.value_unit == 'grey values' else 'f + h − g(x + u)'} in the reference image; "
         "σ is the residual of image noise alone: a map with rms 1 σ holds noise only. "
-        "A structure in the lower row is what the model does not explain."
+        "A structure in the lower row is what the model does not explain." + _start_note(record)
     )
     return _before_and_after(
         record, stacks, [Normalize(-limit, limit)], label, lambda m: f"rms {np.sqrt(np.nanmean(m**2)):.2f} {name}",
@@ -81,15 +81,16 @@ def local_chi2(record: RunRecord) -> Picture | None:
 
 
 def _start_note(record: RunRecord) -> str:
-    """Why the maps of the starting values show more than their curve, where they do."""
+    """Why the maps of the starting values have another rms than their curve, where they do."""
     data, curve = record.residuals, record.rms_before
     if curve is None:
         return ""
     shown = np.sqrt(np.nanmean(np.asarray(data.before, dtype=float) ** 2, axis=(1, 2)))
-    if not (shown > MORE_THAN_CURVE * curve[list(data.frames)]).any():
+    at = curve[list(data.frames)]
+    if not (np.abs(shown - at) > OTHER_THAN_CURVE * at).any():
         return ""
-    return (" Upper row: with the motion of the edges that a free FE-DIC gave; the curve of the starting values above "
-            "has the motion that fits these values best.")
+    return (" Upper row: with the edges where the log or a free FE-DIC has them; the curve of the starting values has "
+            "them where they fit images and channels best.")
 
 
 def _before_and_after(record: RunRecord, stacks, norms: Sequence[Normalize], label: str, describe, text) -> Picture:
