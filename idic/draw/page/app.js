@@ -76,7 +76,7 @@ async function findArea() {
     const area = await get("area", { images: page.images });
     page.noise = area.noise_gv;
     $("area-text").textContent = (area.found ? "Speckled area found; drag its corners to correct it." : "No speckled area found: draw the outline.") +
-      ` Noise ${short(area.noise_gv, 2)} grey values${area.speckle_px ? `, speckle ${short(area.speckle_px, 2)} px` : ""}.`;
+      ` Noise of this image ${short(area.noise_gv, 2)} grey values${area.speckle_px ? `, speckle ${short(area.speckle_px, 2)} px` : ""}.`;
     return area.sketch;
   } catch (error) { $("area-text").textContent = words(error); return null; }
 }
