@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import io
+import time
+from datetime import datetime
 
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
+from virtual_tests.small_strip import SMALL
+
+from idic.cli.app import app
 
 from idic.cli.progress import SETTLED_GAIN, Pace, duration, evaluations_left, progress_view
+from idic.virtual_tests import examples
+from idic.virtual_tests.demo import strip
 
 
 def test_stages_are_numbered_and_steps_keep_the_number_of_their_stage(tmp_path):
@@ -48,3 +56,21 @@ def test_expected_evaluations_follow_the_gains_of_the_last_two_steps():
 
 def test_durations_are_rounded_to_what_a_person_plans_with():
     assert [duration(t) for t in (0.2, 61.0, 200.0, 9000.0)] == ["1 s", "61 s", "3 min", "2.5 h"]
+
+
+@pytest.mark.slow
+def test_the_log_of_a_demonstration_counts_from_the_start_of_the_command(tmp_path, monkeypatch):
+    """The line of the report once jumped by the time that the images took."""
+    def late(*_):
+        time.sleep(3.0)
+        return strip(SMALL)
+
+    monkeypatch.setitem(examples.EXAMPLES, "demo", late)
+    began = datetime.now()
+    answer = CliRunner().invoke(app, ["demo", "--out", str(tmp_path / "demo"), "--no-prefect", "--workers", "0"])
+    assert answer.exit_code == 0, answer.output
+    lines = [line.split(maxsplit=3) for line in (tmp_path / "demo" / "run" / "log.txt").read_text().splitlines()]
+    stamps = [(datetime.fromisoformat(f"{day} {clock}") - began).total_seconds() for day, clock, *_ in lines]
+    shown = [float(seconds) for _, _, seconds, _ in lines]
+    assert "report" in lines[-1][-1] and shown[0] > 3.0
+    assert [-1.3 < stamp - seconds < 0.5 for stamp, seconds in zip(stamps, shown, strict=True)] == [True] * len(lines)
