@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from string import Template
+from typing import Any
 
 import numpy as np
 
@@ -82,6 +84,24 @@ FULL = Size(0.1, (200, 300), (6, 6, 8), (4, 6, 3), (7, 9, 5), 2)
 REDUCED = Size(0.16, (125, 190), (4, 4, 4), (3, 4, 2), (5, 7, 4), 1)
 
 
+@dataclass(frozen=True)
+class Course:
+    """What a simulation says of each frame, computed when it is first read: images of its first frames are rendered
+    beside the next ones. `numpy.asarray` has it whole."""
+
+    n_frames: int
+    at: Callable[[int], Any]
+
+    def __len__(self) -> int:
+        return self.n_frames
+
+    def __getitem__(self, k: int) -> Any:
+        return self.at(range(self.n_frames)[k])
+
+    def __array__(self, dtype=None, copy=None) -> np.ndarray:
+        return np.array([self.at(k) for k in range(self.n_frames)], dtype=dtype)
+
+
 def demo(reduced: bool = False) -> VirtualTest:
     """The open-hole strip: 20 frames of 300 x 200 px, 4 parameters and a force (reduced: 12 frames of 190 x 125)."""
     return strip(REDUCED if reduced else FULL)
@@ -125,8 +145,8 @@ def _grip_motion(elastic: int, yielding: int, plastic: int) -> np.ndarray:
     )
 
 
-def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tuple[np.ndarray, np.ndarray]:
-    """True displacements (n_frames, n_nodes, 2) mm and force (n_frames,) N."""
+def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tuple[Course, Course]:
+    """True displacements (n_frames, n_nodes, 2) mm and force (n_frames,) N, computed as they are read."""
     left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
     dofs = np.concatenate([2 * right, 2 * right + 1, 2 * left, 2 * left + 1])
     basis = np.zeros((len(dofs), 1))
@@ -141,7 +161,12 @@ def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tu
         channels=(Reaction(2 * right),),
     )
     values = np.array([TRUTH[f"sheet.{name}"] for name in law.spec.parameter_names])
-    states = [
-        (state.u.copy(), state.channels[0]) for state in march(model, {"sheet": values}, times, substeps=substeps)
-    ]
-    return np.array([u for u, _ in states]), np.array([f for _, f in states])
+    states, known = march(model, {"sheet": values}, times, substeps=substeps), []
+
+    def state(k: int) -> tuple[np.ndarray, float]:
+        while len(known) <= k:
+            frame = next(states)
+            known.append((frame.u.copy(), frame.channels[0]))
+        return known[k]
+
+    return Course(len(times), lambda k: state(k)[0]), Course(len(times), lambda k: state(k)[1])

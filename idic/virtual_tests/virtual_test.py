@@ -29,7 +29,7 @@ class LoggedColumn:
     """
 
     column: str
-    values: np.ndarray
+    values: Any
     noise_std: float
     exact_without_noise: bool = False
 
@@ -69,7 +69,7 @@ class VirtualTest:
     title: str
     nodes: np.ndarray
     cells: Sequence[Block]
-    displacements: np.ndarray
+    displacements: Any
     times: np.ndarray
     columns: tuple[LoggedColumn, ...]
     camera: Camera

@@ -183,7 +183,7 @@ def main() -> None:
         test, clean = polymer(SIZE, GRIP_MM), Path(folder) / "clean.npz"
         rendered = write_clean(Path(folder), test)
         np.savez(clean, images=np.array([rendered.frame(k) for k in range(rendered.n_frames)]),
-                 force=test.columns[0].values)
+                 force=np.asarray(test.columns[0].values))
         one = partial(_in_time, began + 60.0 * chosen.minutes, str(clean), test.camera, chosen.element,
                       chosen.noise, chosen.order)
         with ProcessPoolExecutor(chosen.processes) as pool:
