@@ -110,7 +110,7 @@ def show_killed_as_crashed(flow: str) -> int:
         found = client.read_flow_runs(flow_filter=FlowFilter(name=FlowFilterName(any_=[flow])), flow_run_filter=running)
         killed = [one for one in found if _was_killed(one.parameters.get("out"))]
         for one in killed:
-            client.set_flow_run_state(one.id, Crashed(message="the process was killed; --resume goes on"), force=True)
+            client.set_flow_run_state(one.id, Crashed(message="the process was killed; --resume continues"), force=True)
     return len(killed)
 
 

@@ -73,15 +73,15 @@ def notes_on(result: Calibration, target_std_mm: float) -> tuple[str, ...]:
         if share < MIN_COVERAGE:
             notes.append(f"camera {camera}: the target covers {share:.0%} of the image; distortion and centre outside "
                          f"are "
-                         "extrapolated. Show the target in the corners, too, or crop the images to what you use")
+                         "extrapolated. Show the target in the corners as well, or crop the images to the part in use")
     largest = np.nanmax(tilts_deg(result))
     if largest < MIN_TILT_DEG:
-        notes.append(f"the target is tilted by {largest:.0f}° at most: focal length and distance are hardly told "
-                     f"apart. "
+        notes.append(f"the target is tilted by {largest:.0f}° at most: focal length and distance are hardly separated. "
                      "Tilt it by 20 to 40° about both axes")
     n_views = sum(pose is not None for pose in result.poses)
     if n_views < FEW_VIEWS:
-        notes.append(f"{n_views} images only: the deviations hold, but one bad image spoils the result. Take 15 to 30")
+        notes.append(f"{n_views} images only: the standard deviations hold, but one bad image spoils the result. "
+                     f"Take 15 to 30")
     stds = rig.std
     for camera, values in enumerate(rig.cameras):
         weak = [name for name in ("k1", "k2", "k3", "p1", "p2") if f"{camera}.{name}" in rig.names
@@ -94,10 +94,10 @@ def notes_on(result: Calibration, target_std_mm: float) -> tuple[str, ...]:
         ratio, size = shape_error(result)
         if ratio > MIN_SHAPE_RATIO:
             notes.append(f"the residuals repeat on the points of the target, as if these lay {size:.2g} mm (rms) off "
-                         f"their places: it "
-                         f"is not exact or not flat, and the deviations are too small. --target-std "
+                         f"their places: it is not exact or not flat, and the standard deviations are too small. "
+                         f"--target-std "
                          f"{float(f'{size:.1g}'):g} "
-                         "identifies its points, too")
+                         "identifies its points as well")
     if result.n_left_out:
         notes.append(f"{result.n_left_out} points left out: their residual is beyond six standard deviations")
     return tuple(notes)
@@ -111,5 +111,5 @@ def _odd_images(result):
     odd = [f"{v} ({f'camera {c}, ' if len(result.rig.cameras) > 1 else ''}{value:.3f} px)"
            for (v, c), value in rms.items()
            if value > MAX_RMS_RATIO * usual]
-    return [f"image {', '.join(odd[:6])}: more than twice the usual {usual:.3f} px (counted from 0). Look for blur and "
-            "reflections; leave out what is bad"] if odd else []
+    return [f"image {', '.join(odd[:6])}: more than twice the usual {usual:.3f} px (counted from 0). Look for blur "
+            f"and reflections; leave out bad images"] if odd else []

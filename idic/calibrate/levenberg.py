@@ -57,9 +57,8 @@ def minimum(distances: Callable[[np.ndarray], np.ndarray], slopes: Callable[[np.
         unknowns, errors, damping = unknowns - step, trial, max(damping / 10.0, LEAST_DAMPING)
         if promised <= tolerance * cost + FLOOR * len(errors) and damping < FIRST_DAMPING:
             return unknowns
-    raise NotConverged(f"the bundle adjustment does not settle in {MAX_STEPS} steps; the views hardly tell its "
-                       f"unknowns: take more "
-                       "views with more tilt, or free fewer values of the lens (--free)")
+    raise NotConverged(f"the bundle adjustment does not converge in {MAX_STEPS} steps; the views hardly determine "
+                       f"its unknowns: take more views with more tilt, or free fewer values of the lens (--free)")
 
 
 def _solve(normal, diagonal, damping, gradient):

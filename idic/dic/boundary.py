@@ -181,5 +181,5 @@ def _note(stem, experiment, motion, shapes, courses, amplitudes, n_given, unseen
     if unseen > 0:
         text += f"; {100 * unseen:.0f} % of its nodes are not seen"
     if left > _MAX_FIT_RMS_PX:
-        text += "; more modes along the edge or in time would follow it more closely"
+        text += "; more modes along the edge or in time would fit it better"
     return text

@@ -49,7 +49,7 @@ def open_socket(port: int) -> socket.socket:
         place.close()
         raise InputError("the port cannot be used", key="--port", expected="a free port of this machine",
                          found=f"{port}: {problem.strerror}",
-                         remedy="leave out --port: a free one is taken") from None
+                         remedy="leave out --port: idic then takes a free one") from None
     place.listen(128)
     return place
 

@@ -75,11 +75,11 @@ class Viewer:
         if not line:
             self.close()
             raise InputError("the residual map cannot be made", expected="an answer of the process that makes it",
-                             found="none", remedy="load the page again; the identification goes on")
+                             found="none", remedy="load the page again; the identification continues")
         answer = json.loads(line)
         if "problem" in answer:
             raise InputError("the residual map cannot be made", expected="a RUN that can be read",
-                             found=answer["problem"], remedy="wait for the next point; the identification goes on")
+                             found=answer["problem"], remedy="wait for the next point; the identification continues")
         return _read(answer["point"])
 
     def _started(self) -> subprocess.Popen:

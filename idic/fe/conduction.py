@@ -67,7 +67,7 @@ def conducted(mesh: Mesh, values: np.ndarray) -> np.ndarray:
             raise InputError("a piece of the mesh without a temperature", key="[[boundary]] temperature",
                              expected="a temperature in every piece of the mesh",
                              found=f"none in the piece with node {mesh.node_labels[lost]}",
-                             remedy="give one there, or first one without `nodes` for the whole mesh")
+                             remedy="give one there, or one without `nodes` first, for the whole mesh")
         rows, used = np.flatnonzero(which.ravel() == k), gaps & (K.diagonal() > 0)
         inside, given = np.flatnonzero(used), np.flatnonzero(~gaps)
         flow = K[inside][:, given] @ values[rows][:, given].T

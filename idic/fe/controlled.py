@@ -117,6 +117,6 @@ def _correction(system: System, ev: Evaluation, stiff: Evaluation, drives: Drive
     with_it = answer_to_control(system, stiff, factor)[0][:, 0]
     felt = float(gauge @ with_it)
     if not abs(felt) > MIN_FELT * float(np.abs(with_it).max(initial=0.0)):
-        raise NotConverged("the gauge does not feel what it controls")
+        raise NotConverged("the gauge does not respond to the motion or force that it controls")
     more = (drives.reading - float(gauge @ (ev.u.ravel() + move))) / felt
     return move + more * with_it, more

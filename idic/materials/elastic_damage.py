@@ -234,9 +234,10 @@ LAW = register(LawSpec(
                      activation_factor=0.6),
         LawParameter("softening", "-", "loss of stiffness per equivalent strain beyond the threshold", default=20.0,
                      null=0.0),
-        LawParameter("compression", "-", "share of compression in the energy that damages; 1 as much as tension",
+        LawParameter("compression", "-", "share of compression in the energy that drives damage; 1: equal to tension",
                      default=1.0, null=1.0, positive=False, bounds=(0.0, 1.0)),
-        LawParameter("length", "mm", "element size for which softening holds: crack band; 0 as it is in every element",
+        LawParameter("length", "mm", "element size for which softening holds (crack band); 0: no scaling with the "
+                                     "element size",
                      default=1.0, null=0.0),
     ),
     crack_band=CrackBand("length", largest_element),

@@ -304,5 +304,5 @@ def _damage(path: Path, found: str) -> Damaged:
         file=path,
         expected="every chunk with its checksum",
         found=found,
-        remedy="run the command again with --resume: the damaged part is computed anew",
+        remedy="run the command again with --resume: the damaged part is computed again",
     )

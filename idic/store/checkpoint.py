@@ -124,6 +124,6 @@ def _damaged(path: Path, expected: str, found: str) -> InputError:
         file=path,
         expected=expected,
         found=found,
-        remedy="run idic identify with --resume, which restores it from its copy; where that is damaged, too, choose "
-               "another --out and start again",
+        remedy="run idic identify with --resume, which restores it from its copy; if the copy is damaged as well, "
+               "choose another --out and start again",
     )

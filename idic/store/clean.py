@@ -40,7 +40,7 @@ def clean_run(run: Path | str, results_only: bool = False) -> int:
     if not (run / RESULT_FILE).is_file():
         raise InputError("no finished identification", file=run, expected=f"a RUN folder with {RESULT_FILE}",
                          found="none",
-                         remedy="name a folder that idic identify has written; an interrupted one goes on with "
+                         remedy="name a folder that idic identify has written; an interrupted one continues with "
                                 "--resume")
     with run_lock(run):
         parts = sorted((run / EXPERIMENTS).iterdir()) if _is_folder(run / EXPERIMENTS) else []

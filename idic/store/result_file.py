@@ -80,4 +80,4 @@ def _digest(content: Mapping) -> str:
 def _altered(file: Path, found: str) -> InputError:
     return InputError("the result was altered, or an earlier version of idic wrote it", file=file,
                       expected="contents that fit their checksum", found=found,
-                      remedy="run idic identify with --resume: the result is written anew")
+                      remedy="run idic identify with --resume: the result is written again")

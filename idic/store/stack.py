@@ -200,5 +200,5 @@ def _incomplete(group: Path, found: str) -> Damaged:
         file=group,
         expected="every frame with its checksum",
         found=found,
-        remedy="run the command again with --resume: the images are ingested anew",
+        remedy="run the command again with --resume: the images are ingested again",
     )

@@ -179,4 +179,4 @@ def test_too_few_views_are_refused():
 def test_views_of_a_small_tilt_are_told():
     generator = np.random.default_rng(0)
     views = tuple((seen_points(LEFT, pose, 0.02, generator),) for pose in poses(8, 300.0, generator, tilt=6.0))
-    assert any("hardly told apart" in note for note in calibrate(views, (SIZE,), SPACING).notes)
+    assert any("hardly separated" in note for note in calibrate(views, (SIZE,), SPACING).notes)

@@ -121,7 +121,7 @@ def test_a_gauge_that_does_not_feel_what_it_controls_is_told():
     model, right = led(5)
     gauge = np.zeros(model.n_dof)
     gauge[dofs_of(where(model.mesh, lambda x, *_: np.abs(x) < 1e-9), "x", 2)] = 0.5  # at the held end
-    with pytest.raises(NotConverged, match="the gauge does not feel what it controls"):
+    with pytest.raises(NotConverged, match="the gauge does not respond to the motion or force"):
         torn(replace(model, control=replace(model.control, gauge=gauge)), right, brittle(0.5))
     for control, what in ((PathControl(gauge[1:], COURSE, drive=0), "does not fit the model"),
                           (PathControl(gauge, COURSE), "one drive or one load"),

@@ -138,7 +138,7 @@ def morphed(mesh: Mesh, morphs: Iterable[Morph], values: Mapping[str, float]) ->
     if nodes is mesh.nodes:
         return mesh
     if not jacobian_ratios(mesh, nodes).min() > MIN_JACOBIAN:
-        raise NotConverged("the mesh does not follow its geometry so far: an element would be flattened")
+        raise NotConverged("the mesh cannot follow such a change of geometry: an element would be flattened")
     return replace(mesh, nodes=nodes)
 
 

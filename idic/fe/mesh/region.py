@@ -43,7 +43,7 @@ def graded_boundary(segments: Segments, size: float) -> Boundary:
 
 def _narrowest(boundary: Boundary) -> str:
     x, y = boundary.middles[np.argmin(boundary.lengths)]
-    return f"a corner or gap that asks for ever smaller edges near ({x:.6g}, {y:.6g})"
+    return f"a corner or gap that needs ever smaller edges near ({x:.6g}, {y:.6g})"
 
 
 def size_at(boundary: Boundary, points: np.ndarray, size: float) -> np.ndarray:

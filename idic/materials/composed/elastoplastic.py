@@ -59,12 +59,12 @@ def _chosen(kinds: Sequence[str]) -> list[Term]:
                              found=" and ".join(own), remedy="remove the other terms of the list")
         twice = [kind for kind in ONCE if own.count(kind) > 1]
         if (len(own) > 1 and group not in LISTS) or twice:
-            raise InputError(f"{NAME}: two terms where one says all", key=group, expected=f"one {twice[0]} term"
+            raise InputError(f"{NAME}: two terms where one is enough", key=group, expected=f"one {twice[0]} term"
                              if twice else f"one {group}", found=" and ".join(own), remedy="remove one of them")
         if len(own) > MOST_TERMS:
             raise InputError(f"{NAME}: too many terms", key=group, expected=f"{MOST_TERMS} at most",
                              found=str(len(own)),
-                             remedy="remove those that the test cannot tell apart")
+                             remedy="remove those that the test cannot separate")
     _refuse(terms)
     return [term for term in terms if term.kind not in DEFAULTS]
 

@@ -33,7 +33,7 @@ def rubber_card(law: str, values: Mapping[str, float]) -> tuple[list[str], list[
     worst = _largest_difference(counts, values, (a10, a20, a30), (a01, a02, a03))
     reach = ", ".join(f"{name} - 3 = {values[f'{name}_range']:g}" for name, n in zip(INVARIANTS, counts, strict=True)
                       if n)
-    return lines, [f"free energy: a polynomial of order 3 in its place, fitted up to {reach}; there nominal stresses "
+    return lines, [f"free energy: replaced by a polynomial of order 3, fitted up to {reach}; there nominal stresses "
                    f"of tension, pure shear and equibiaxial tension differ by {100.0 * worst:.2g} % of the largest at "
                    f"most"]
 

@@ -69,7 +69,7 @@ _AXES_ANGLE = LawParameter("angle", "deg", "from the mesh's x axis to material a
 TERMS = {term.kind: term for term in (
     Term("isotropic", "elasticity", 0, (), "E and nu of the law"),
     Term("orthotropic", "elasticity", ORTHOTROPIC, (*ORTHOTROPIC_PARAMETERS[:-1], _AXES_ANGLE),
-         "E1, E2, nu12, G12 in the place of E and nu, closed through the thickness as the law orthotropic; energy of a "
+         "E1, E2, nu12, G12 instead of E and nu, closed through the thickness as the law orthotropic; energy of a "
          "strain that is logarithmic to third order, Bazant (1998), doi:10.1115/1.2807001"),
     Term("fibre", "nonlinear_elasticity", FIBRE,
          (LawParameter("gamma", "-", "growth of the secant modulus along axis 1 with the strain there", default=15.0,
@@ -121,14 +121,14 @@ TERMS = {term.kind: term for term in (
           LawParameter("n", "-", "exponent of the power law", default=0.3, bounds=(0.0, 5.0)),
           LawParameter("ep0", "-", "plastic strain at which K0 is added; about half the largest of the test, locked",
                        default=2e-3)),
-         "K0 (p / ep0)^n (Ludwik 1909): power with K = K0 ep0^-n, for plastic strains below 1 %, where K and n cannot "
-         "be told apart"),
+         "K0 (p / ep0)^n (Ludwik 1909): power with K = K0 ep0^-n, for plastic strains below 1 %, where K and n "
+         "cannot be separated"),
     Term("swift", "hardening", SWIFT,
          (LawParameter("K", "MPa", "flow stress where eps0 + plastic strain is 1", default=500.0),
           LawParameter("eps0", "-", "pre-strain; the initial yield stress is K eps0^n", default=0.01,
                        bounds=(0.0, 1.0)),
           LawParameter("n", "-", "exponent (0: no hardening, sigma = K)", default=0.2, bounds=(0.0, 5.0))),
-         "K (eps0 + p)^n in the place of yield_stress; Swift, J. Mech. Phys. Solids 1 (1952) 1, "
+         "K (eps0 + p)^n instead of yield_stress; Swift, J. Mech. Phys. Solids 1 (1952) 1, "
          "doi:10.1016/0022-5096(52)90002-1"),
     Term("free", "hardening", FREE, (),
          "linear between yield_stress, s2 ... sn at n knots, range ((k - 1) / (n - 1))^2; free or free8 has 8 of them, "
@@ -155,7 +155,8 @@ TERMS = {term.kind: term for term in (
          "flow stress (1 + (tau p')^(1/m)); Perzyna (1966), doi:10.1016/S0065-2156(08)70009-7"),
     Term("johnson_cook", "rate", JOHNSON_COOK,
          (LawParameter("C", "-", "growth of the flow stress with ln of the rate", default=0.03),
-          LawParameter("reference_rate", "1/s", "plastic strain rate from which on the rate counts; chosen, locked",
+          LawParameter("reference_rate", "1/s", "plastic strain rate above which the flow stress is rate-dependent; "
+                                                "chosen, locked",
                        default=1e-3)),
          "flow stress (1 + C ln(1 + p' / reference_rate)); Johnson & Cook, Eng. Fract. Mech. 21 (1985) 31, "
          "doi:10.1016/0013-7944(85)90052-9"),
@@ -177,7 +178,7 @@ TEMPERATURE_TERMS = {term.kind: term for term in (
                        bounds=_ANY_SIGN),), "times 1 + slope (T - reference_temperature)"),
     Term("johnson_cook", "temperature", temperature.JOHNSON_COOK,
          (LawParameter("m", "-", "exponent of the homologous temperature", default=1.0, bounds=(0.05, 20.0)),
-          LawParameter("melting", "C", "temperature at which nothing is left; chosen, locked", default=1500.0,
+          LawParameter("melting", "C", "temperature at which the factor is zero; chosen, locked", default=1500.0,
                        positive=False, bounds=(-temperature.KELVIN, np.inf))),
          "times 1 - ((T - reference_temperature) / (melting - reference_temperature))^m; Johnson & Cook, Eng. Fract. "
          "Mech. 21 (1985) 31, doi:10.1016/0013-7944(85)90052-9"),
@@ -223,7 +224,7 @@ def _free_surface(n: int) -> Term | None:
     """A free yield surface with n knots on a ring; None where it cannot have so many."""
     if not RING_KNOTS[0] <= n <= RING_KNOTS[1]:
         return None
-    weights = tuple(LawParameter(f"u{k}", "-", f"weight of knot {k} of {RINGS * n}; all alike are Mises's surface",
+    weights = tuple(LawParameter(f"u{k}", "-", f"weight of knot {k} of {RINGS * n}; all equal: Mises's surface",
                                  default=1.0 + 0.3 * (-1) ** k, positive=False, bounds=(0.0, np.inf),
                                  max_step=WEIGHT_MAX_STEP)
                     for k in range(1, RINGS * n + 1))

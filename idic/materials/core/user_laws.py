@@ -50,7 +50,7 @@ def _load(path: Path, module_name: str) -> None:
     known = set(all_laws())
     spec = importlib.util.spec_from_file_location(module_name, path)
     if spec is None or spec.loader is None:
-        raise InputError("this is no file of laws", file=path, key=f"--laws ({VARIABLE})",
+        raise InputError("this is not a file of laws", file=path, key=f"--laws ({VARIABLE})",
                          expected="a Python file (*.py)",
                          found=f"a file named *{path.suffix}" if path.suffix else "a name without an ending",
                          remedy="give the file the ending .py")

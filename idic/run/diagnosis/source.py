@@ -70,7 +70,7 @@ class Source:
         experiment = EditedFolder(file, file.parent.resolve(), validated(raw, file), raw, kept).experiment()
         if len(experiment.cameras) != len(identified.cameras):
             raise InputError("an edit that adds or removes a camera", key="camera", expected=len(identified.cameras),
-                             found=len(experiment.cameras), remedy="identify an experiment with these cameras anew")
+                             found=len(experiment.cameras), remedy="identify an experiment with these cameras again")
         cameras = tuple(replace(camera, stack=stored.stack) for camera, stored
                         in zip(experiment.cameras, identified.cameras, strict=True))
         experiment = with_stored_noise(replace(experiment, stack=identified.stack, cameras=cameras), settings)

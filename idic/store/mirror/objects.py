@@ -103,9 +103,9 @@ class StoredObjects:
         return InputError(f"{self._place} cannot {what} the store", key="--store", expected=f"access to {self.url}",
                           found=f"{type(problem).__name__}: {problem}",
                           remedy="check address and credentials there (for S3: AWS_ACCESS_KEY_ID, "
-                                 "AWS_SECRET_ACCESS_KEY, AWS_ENDPOINT_URL), then go on with --resume")
+                                 "AWS_SECRET_ACCESS_KEY, AWS_ENDPOINT_URL), then continue with --resume")
 
     def _spoilt(self, path: str, found: str) -> InputError:
         return InputError(f"{self._place} finds an object of the store missing or damaged; it is not used", file=path,
                           expected="the content of its name", found=found,
-                          remedy="run the command again with --resume: the object is sent anew")
+                          remedy="run the command again with --resume: the object is sent again")
