@@ -32,7 +32,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     if experiment.n_frames > COURSE_KNOTS:
         own = hats(experiment.times, experiment.reference,
                    knot_frames(experiment.n_frames, experiment.reference, COURSE_KNOTS))
-        found.append(Variant("the light has a course of its own", edits, (), {}, pixels=(LIGHT, own), free_course=True))
+        found.append(Variant("light with an identified time course", edits, (), {}, pixels=(LIGHT, own),
+                             free_course=True))
     return tuple(found)
 
 

@@ -44,7 +44,7 @@ def with_free_courses(trials: Sequence[tuple[Candidate, Variant]], document: Map
             continue
         new = tuple(name for name in after.parameters.free if name not in free)
         if len(new) > 1:
-            label = f"{stem}, with a course of its own"
+            label = f"{stem}, with an identified time course"
             found[stem] = candidate, Variant(label, edits, new, dict.fromkeys(new, 0.0), dict.fromkeys(new, 0.0),
                                              direct=variant.direct, exact=variant.exact, free_course=True)
     return list(found.values())

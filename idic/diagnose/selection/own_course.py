@@ -41,7 +41,7 @@ def with_own_course(source: ExperimentSource, null: Refit, winner: Rival, screen
         hat = course_of(after, name)
         top = int(np.argmax(np.abs(hat)))
         start[name] = size * float(course[top] / hat[top])
-    variant = replace(free, label=f"{winner.ranked.variant.label}, with a course of its own", probe=start)
+    variant = replace(free, label=f"{winner.ranked.variant.label}, with an identified time course", probe=start)
     (answer,) = refits([RefitJob(winner.name, source, (variant.label,), (free.edits,),
                                  ({**winner.refitted.values, **start},),
                                  winner.refitted.local, grid, np.inf, seed)])
