@@ -91,7 +91,7 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
     def evaluate(u, guesses):
         return assembly.evaluate(system, params, u, start.states, dt, drives, guesses)
 
-    known, iterations = _Known(start.factor, start.factor_matrices, symmetric=start.symmetric), 0
+    known, iterations = _Known(start.factor, start.factor_matrices, start.gain, start.symmetric), 0
     if predictor is None:
         ev = admissible(evaluate(start.u, start.states))
         move, known = _tangent_move(system, ev, drives, held, known)
@@ -133,6 +133,7 @@ def linear_move(system: System, params: Mapping[str, np.ndarray], start: Converg
 
 
 MAX_GAIN_KEPT = 0.03  # of the error per iteration: at most eight iterations to the last digit
+MAX_GAIN_REUSED = 0.25  # of the error per iteration: beyond, four iterations of a correction, a new factor comes next
 MAX_CHORD_UNBALANCE = 0.1  # of the tolerance: an old factor that is expected to bring the forces below this is used
 LINE_SEARCH_PARTS = (1.0, 0.5, 0.25, 0.125, 0.0625)  # parts of a Newton correction that a line search tries
 
@@ -145,6 +146,11 @@ class _Known:
     matrices: tuple[np.ndarray, ...] = ()
     gain: float = np.inf
     symmetric: bool = True
+
+    @property
+    def is_reused(self) -> bool:
+        """Whether the factor is near enough to the present tangent, by its last use."""
+        return self.factor is not None and not self.matrices and not MAX_GAIN_REUSED < self.gain < np.inf
 
 
 def _tangent_move(system: System, ev: Evaluation, drives: Drives, held: np.ndarray,
@@ -160,7 +166,7 @@ def _tangent_move(system: System, ev: Evaluation, drives: Drives, held: np.ndarr
 def _solution(system: System, ev: Evaluation, rhs: np.ndarray, known: _Known) -> tuple[np.ndarray, _Known]:
     """Solution with the tangent of an evaluation, by an earlier factor where a new one costs much and it still
     serves."""
-    if system.pattern.costs_much and known.factor is not None and not known.matrices:
+    if system.pattern.costs_much and known.is_reused:
         found = iterated(system.pattern.matrix(assembly.stiffness_values(system, ev)), known.factor, rhs)
         if found is not None:
             return found.x, replace(known, gain=found.gain)

@@ -222,7 +222,8 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
                     now = replace(now, factor=None)
                     new = new if serves(system, new) else replace(new, factor=None)
                     factor = consistent_factor(system, new)
-                    new = replace(new, factor=factor, symmetric=factor.of_symmetric_part)
+                    new = replace(new, factor=factor, symmetric=factor.of_symmetric_part,
+                                  gain=new.gain if factor.kept else np.inf)
                 factor = new.factor if system.pattern.costs_much else consistent_factor(system, new)
                 changes = differentiate(system, params, directions, times, now, new, factor, changes)
             if warm is not None:

@@ -22,7 +22,7 @@ from idic.identify.judgement.local_residual import ElementSums, element_sums
 from idic.identify.result import build_result
 from idic.identify.step.state import Evaluation, LoopState
 from idic.run.context import RunContext, open_run
-from idic.run.judgement.discrepancy import discrepancy_of
+from idic.run.judgement.discrepancy import discrepancy_job, discrepancy_of
 from idic.run.judgement.fields import write_fields
 from idic.run.judgement.floor import PointJob
 from idic.run.judgement.judgement import Judgement, judged
@@ -105,7 +105,7 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
         _write_channels(context, state)
         job = PointJob(session.run, state.accepted.number, state.accepted.values)
         remove_damaged_judgement(context.store)
-        judgement = judged(job, fits[0], sums, session.runner)
+        judgement = judged(job, fits[0], sums, session.runner, discrepancy_job(session, state, point))
         write_fields(job, session.runner)
     result = build_result(experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, fits, channels),

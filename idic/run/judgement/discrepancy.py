@@ -7,24 +7,31 @@ from idic.identify.discrepancy.normal_equations import DiscrepancySystem, reason
 from idic.identify.sensitivity import perturbations
 from idic.identify.step.stages import resolve_stages
 from idic.identify.step.state import Evaluation, LoopState
+from idic.model.experiment import Stage
 from idic.run.session import Session
-from idic.run.tasks import CorrelationJob, sum_discrepancy
+from idic.run.tasks import CorrelationJob
 from idic.store.discrepancy_store import LABEL, load_discrepancy
 from idic.store.layout import group_name
 
 
-def discrepancy_of(session: Session, state: LoopState, point: Evaluation | None) -> DiscrepancySystem | str:
-    """The normal equations with the discrepancy of the model, or why there are none."""
-    context = session.context
-    stage = resolve_stages(session.experiment)[state.schedule.stage]
-    reason = reason_against(context.at_stage(stage).experiment, point)
-    if reason:
-        return reason
-    if context.store.finished(group_name(state.accepted.number, LABEL)) is not None:
-        return load_discrepancy(context.store, state.accepted.number)
+def discrepancy_job(session: Session, state: LoopState, point: Evaluation | None) -> CorrelationJob | None:
+    """The job of `sum_discrepancy` at the accepted point; None where it is done, or where there is a reason against it
+    (`discrepancy_of`)."""
+    context, stage = session.context, _stage(session, state)
+    if (reason_against(context.at_stage(stage).experiment, point)
+            or context.store.finished(group_name(state.accepted.number, LABEL)) is not None):
+        return None
     changes = perturbations(session.experiment, session.sensitivity, state.accepted.values, context.moving)
     weights = generalised_weights(context.weights) if point.system.generalised else None
-    job = CorrelationJob(session.run, state.accepted.number, 0, session.experiment.n_frames, state.accepted.values,
-                         changes, weights, stage, state.increments.per_frame)
-    list(session.stream("discrepancy", sum_discrepancy, [job]))
-    return load_discrepancy(context.store, state.accepted.number)
+    return CorrelationJob(session.run, state.accepted.number, 0, session.experiment.n_frames, state.accepted.values,
+                          changes, weights, stage, state.increments.per_frame)
+
+
+def discrepancy_of(session: Session, state: LoopState, point: Evaluation | None) -> DiscrepancySystem | str:
+    """The normal equations with the discrepancy of the model, or why there are none."""
+    reason = reason_against(session.context.at_stage(_stage(session, state)).experiment, point)
+    return reason or load_discrepancy(session.context.store, state.accepted.number)
+
+
+def _stage(session: Session, state: LoopState) -> Stage:
+    return resolve_stages(session.experiment)[state.schedule.stage]

@@ -1,9 +1,14 @@
-"""The judgement of an accepted point: free FE-DIC beside the model, local test, camera's floor, remedies."""
+"""The judgement of an accepted point: free FE-DIC beside the model, local test, camera's floor, remedies.
+
+What takes long is done side by side by the workers, the sums of the discrepancy (`idic.run.judgement.discrepancy`)
+among it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
 from idic.correlation.view import GREY, view_of
 from idic.dic.camera_floor import CameraFloor
@@ -15,6 +20,8 @@ from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, floor_content, measure_floor, measured_floor, simulated_motion
 from idic.run.judgement.free import free_summary, measure_free, measured_free
 from idic.run.judgement.shown_frames import shown_frames
+from idic.run.tasks import CorrelationJob, sum_discrepancy
+from idic.store.discrepancy_store import LABEL as DISCREPANCY
 from idic.store.layout import FLOOR, FREE
 from idic.workers.runner import TaskRunner
 
@@ -28,28 +35,36 @@ class Judgement:
     floor: CameraFloor | None = None
 
 
-def judged(job: PointJob, fits: Mapping[int, FrameFit], sums: Sequence[ElementSums], runner: TaskRunner) -> Judgement:
-    """Judge an accepted point; fits : of the main camera by frame; sums : of its elements, over runs of frames."""
+def judged(job: PointJob, fits: Mapping[int, FrameFit], sums: Sequence[ElementSums], runner: TaskRunner,
+           discrepancy: CorrelationJob | None = None) -> Judgement:
+    """Judge an accepted point.
+
+    Parameters
+    ----------
+    fits : of the main camera by frame; sums : of its elements, over runs of frames
+    discrepancy : the job of `sum_discrepancy`, done at the same time by another worker; None: not wanted
+    """
     context = open_run(job.run)
-    missing = [name for name in _MEASURED if context.store.finished(name, {"evaluation": job.evaluation}) is None]
-    runner.map(_measure, [(name, job) for name in missing], missing, retries=1)  # side by side
-    floor, free = measured_floor(job, runner), measured_free(job, runner)
     local = _local(context, job, sums)
     chi2 = mean_chi2(used_fits(context.experiment, fits))
     wanting = (chi2 is not None and chi2 > NOISE_CHI2[1]) or (local is not None and local.is_cluster)
-    tried: Sequence[Remedy] = runner.map(tried_remedies, [job], ["remedies"], retries=1)[0] if wanting else ()
+    jobs: dict[str, PointJob | CorrelationJob] = {} if discrepancy is None else {DISCREPANCY: discrepancy}  # longest
+    if wanting:
+        jobs[REMEDIES] = job
+    jobs |= {name: job for name in (FREE, FLOOR)
+             if context.store.finished(name, {"evaluation": job.evaluation}) is None}
+    made = dict(zip(jobs, runner.map(_do, list(jobs.items()), list(jobs), retries=1), strict=True))  # side by side
+    floor, free, tried = measured_floor(job, runner), measured_free(job, runner), made.get(REMEDIES, ())
     return Judgement(
         {"local": None if local is None else asdict(local),
          "free_dic_shown": free_summary(free, {k: fit.chi2_dof for k, fit in fits.items()})},
         {"camera_floor": floor_content(context, floor), "remedies": [asdict(one) for one in tried]}, floor)
 
 
-_MEASURED = {FLOOR: measure_floor, FREE: measure_free}  # group of the store -> task
-
-
-def _measure(job: tuple[str, PointJob]) -> None:
-    """Measure one of them (a task)."""
-    _MEASURED[job[0]](job[1])
+def _do(named: tuple[str, PointJob | CorrelationJob]) -> Any:
+    """One of the tasks of a judgement (a task)."""
+    name, job = named
+    return _TASKS[name](job)
 
 
 def tried_remedies(job: PointJob) -> tuple[Remedy, ...]:
@@ -65,6 +80,11 @@ def tried_remedies(job: PointJob) -> tuple[Remedy, ...]:
         return ()
     return try_remedies(experiment, shared.camera, shown_frames(experiment),
                         simulated_motion(context, job.evaluation, parameters))
+
+
+REMEDIES = "remedies"
+_TASKS: dict[str, Callable[[Any], Any]] = {DISCREPANCY: sum_discrepancy, REMEDIES: tried_remedies, FREE: measure_free,
+                                           FLOOR: measure_floor}
 
 
 def _local(context: RunContext, job: PointJob, sums: Sequence[ElementSums]) -> LocalResidual | None:
