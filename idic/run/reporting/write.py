@@ -224,7 +224,7 @@ def _estimators(result: Mapping) -> Iterator[str]:
         yield (f"Two steps: a free FE-DIC of all frames, then the law fitted to its displacements, weighted {weights} "
                "(docs/two-step.md).")
     if result.get("estimator") == "generalised":
-        yield ("Generalised least squares: they count the noise that all frames share with the reference image "
+        yield ("Generalised least squares: the weights count the noise that all frames share with the reference image "
                "(docs/error-bars.md).")
 
 
