@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,7 @@ def last_state(mesh, law: str, n: int):
     section = Section("body", compile_law(law, "finite"), mesh.element_sets["body"])
     model = replace(model, locking="none", sections=(section,))
     values = {"body": np.array([PLASTIC[name] for name in section.law.spec.parameter_names])}
+    list(islice(march(model, values, times), 2))  # compiled: large meshes take other kernels
     began = os.times().user
     return list(march(model, values, times))[-1], model, os.times().user - began
 
@@ -83,8 +85,6 @@ def test_calculix_agrees_on_the_same_mesh_and_is_slower(n, tmp_path, monkeypatch
         pytest.skip("CalculiX is not installed (Debian: apt install calculix-ccx)")
     monkeypatch.syspath_prepend(Path(__file__).parents[1] / "twins")
     importlib.import_module("cauchy_yield")
-    for law in ("j2_linear", "j2_calculix"):
-        last_state(brick(4, 4, 4), law, 4)  # compiled
     mesh = brick(n, n, n)
     own, model, seconds = last_state(mesh, "j2_linear", n)
     same, _, _ = last_state(mesh, "j2_calculix", n)
