@@ -15,6 +15,7 @@ from idic.diagnose.refit import MAX_EVALUATIONS
 from idic.diagnose.residual.excess_left import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
+from idic.diagnose.screen.edits import open_share
 from idic.diagnose.selection.rival import Round
 from idic.identify.judgement.significance import z_text
 
@@ -33,7 +34,7 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     before, after = diagnosis.verdict.before, diagnosis.verdict.after
     search = search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
     camera = [diagnosis.margin.words] if diagnosis.margin.px > PRACTICAL_MARGIN_PX else []
-    outline = outline_caution(diagnosis.found.experiment.extras.get("outline_share"), diagnosis.verdict.word)
+    outline = outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word)
     register = [] if diagnosis.register is None else [diagnosis.register.words]
     return [*register, *_quick(diagnosis), *outline, *search, *camera, *formal_fit(diagnosis.excess_left),
             *channel_cautions(diagnosis.channels), *_few_elements(diagnosis), *softening_caution(diagnosis.rounds),

@@ -31,6 +31,7 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
 from idic.diagnose.screen.candidate import Candidate, candidates
+from idic.diagnose.screen.edits import open_share
 from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.time_course import time_course_test
 from idic.diagnose.selection.block_step import BlockJudgement, judged_by_step
@@ -168,7 +169,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
                        unloads(found.experiment), _camera_chi2(margin, unit, rounds[0] if alone else None), channels)
     notes = Notes()
     blocks = () if after is None else judged_by_step(before, after, grid)
-    of_points = found.experiment.extras.get("outline_share") is not None and verdict.word not in ("none", "blind")
+    of_points = open_share(found.experiment) is not None and verdict.word not in ("none", "blind")
     advice = DRAW_FIRST if of_points else _separating_test(groups, setting, notes)
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)

@@ -229,7 +229,7 @@ def _channel(found: Found) -> str:
 
 _TAIL = """# [[dof]]                        # further degrees of freedom
 # name = "camera.rotation_deg"   # camera.*, channel.COLUMN.{scale, offset, drift}, time.offset,
-                                 # geometry.{thickness, hole_x, hole_y, hole_radius}
+                                 # geometry.{thickness, hole_x, hole_y, hole_radius, outline}
 # value = 0.0
 
 # [[stage]]                      # a schedule; default: everything at once

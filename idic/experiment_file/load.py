@@ -23,7 +23,7 @@ from idic.experiment_file.tables.camera_motion import moving_camera, with_identi
 from idic.experiment_file.tables.camera_noise import camera_noise, with_stabilised_images
 from idic.experiment_file.tables.further_cameras import further_cameras, with_surfaces
 from idic.experiment_file.tables.gauges import gauges
-from idic.experiment_file.tables.geometry import holes_of
+from idic.experiment_file.tables.geometry import geometry_of
 from idic.experiment_file.tables.heterogeneities import heterogeneities
 from idic.experiment_file.tables.lengths import Lengths, lengths
 from idic.experiment_file.pinhole.pairing import pairing_notes
@@ -123,14 +123,14 @@ class ExperimentFolder(RecordedFolder):
         camera_notes += pairing_notes(self.config, mesh, scale.camera, frames.stack, cameras, frames.reference,
                                       self.file)
         mesh, order_notes = self.element_order(mesh, scale.camera, frames)
-        holes = holes_of(mesh, [entry.name for entry in self.config.dof], scale.unit, self.file)
-        mesh = holes.mesh
+        geometry = geometry_of(mesh, self.config, scale.unit, self.file)
+        mesh = geometry.mesh
         varied, of_varied = heterogeneities(self.config, mesh, scale.unit, self.file)
         parameters += of_varied
         camera, cameras = self._moving(scale.camera, cameras, lens, frames, context, known_times)
         parameters += dofs.further(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
                                    thickness, known_times, scale.unit, frames.shape, parameters, self.file,
-                                   cameras, holes.parameters, tuple(motion.loads), lens.freed)
+                                   cameras, geometry.parameters, tuple(motion.loads), lens.freed)
         camera, cameras = with_identified_motions(camera, cameras, self.config.camera, parameters)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
         body = Body(mesh, table.kind, table.surface, scale, frames.shape, tuple(motion.prescribed), times)
@@ -150,10 +150,10 @@ class ExperimentFolder(RecordedFolder):
             noise=noise, stages=self.stages(parameters), options=self.options(), length_unit=scale.unit,
             identity=identity, earlier_identity=earlier,
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
-            heterogeneities=varied, morphs=holes.morphs, temperatures=warmth, solver=solver,
+            heterogeneities=varied, morphs=geometry.morphs, temperatures=warmth, solver=solver,
             notes=(*scale.notes, *lens.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()),
                    *notes, *law_notes, *motion.notes, *order_notes,
-                   *holes.notes, *warm_notes, *solver_notes(solver), *noise_notes,
+                   *geometry.notes, *warm_notes, *solver_notes(solver), *noise_notes,
                    *self.force_notes(parameters, motion), *knot_notes(self.config.material),
                    *course_notes(materials, parameters, _courses(motion)),
                    *spectrum_notes(materials, parameters, known_times),

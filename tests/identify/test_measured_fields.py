@@ -174,7 +174,7 @@ def test_init_tells_a_notched_shear_test_from_tension(tmp_path):
     text = (tmp_path / "experiment.toml").read_text(encoding="utf-8")
     assert "outline_points_mm = 0.3" in text
     assert 'simulated = { reaction = "RIGHT", component = "y", factor = -1.0 }   # shear' in text
-    assert "# prior = { mean = 1.0, std = 0.08" in text  # 1.6 distances of the points, of the 12 mm between the notches
+    assert text.count('name = "geometry.outline.EDGE') == text.count("prior = { mean = 0.0, std = 0.6 }") >= 4
     (tmp_path / "experiment.toml").write_text(text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 "),
                                               encoding="utf-8")
     there = load_experiment(tmp_path, {"experiment.fields_noise_um": 1.0})

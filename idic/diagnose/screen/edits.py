@@ -7,7 +7,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from idic.diagnose.screen.candidate import Situation
+from idic.model.experiment import Experiment
 from idic.model.free_course import without_knot
+
+OUTLINE = "geometry.outline"  # stem of the degrees of freedom that move free edges
 
 
 def further_dofs(situation: Situation, *names: str, **values: float) -> dict[str, Any] | None:
@@ -63,3 +66,10 @@ def channel_unit(situation: Situation, column: str) -> dict[str, Any]:
 def camera_key(situation: Situation, key: str) -> str:
     """The dotted key of an entry of the main camera's table, [camera] or the first [[camera]]."""
     return f"camera.0.{key}" if isinstance(situation.document.get("camera"), list) else f"camera.{key}"
+
+
+def open_share(experiment: Experiment) -> float | None:
+    """By how much the narrowest width of an outline of points may be off, of that width; None where the mesh is none,
+    or its edges are identified."""
+    moved = any(name.startswith(OUTLINE) for name in experiment.parameters.free)
+    return None if moved else experiment.extras.get("outline_share")

@@ -218,7 +218,7 @@ def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significanc
     room, of any other, on readings (std)"""
     best = standing.best
     trial = trials[best]
-    same = [i for i in members if trials[i].variant is trial.variant and i < n_columns] or [best]
+    same = [i for i in members if of_one_refit(trials[i].variant, trial.variant) and i < n_columns] or [best]
     amplitude, std = float(scores.expected_change[best]), float(scores.std[best])
     effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
     gain = scores.gain(same)
@@ -230,6 +230,11 @@ def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significanc
                   scores.bias_uncovered(best), _cell(standing, trial.variant, amplitude, std, matters),
                   largest_probe_z=max(_stands_out(trials[i].variant, float(scores.std[i])) for i in members),
                   moves=dict(zip(scores.parameters, scores.moves[:, best].tolist(), strict=True)))
+
+
+def of_one_refit(one: Variant, other: Variant) -> bool:
+    """Whether the same refit frees the unknowns of both: they promise together what they explain together."""
+    return one is other or (bool(one.refit) and one.refit == other.refit and one.new != other.new)
 
 
 def _cell(standing: Significance, variant: Variant, amplitude: float, std: float, matters: bool) -> str:

@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.initial.open_edges import open_edges
 from idic.images.quality.field_noise import MIN_POINTS, MIN_STAGES
 from idic.readers.fields.chosen_stages import StageRule, mean_strain, strain_path
 from idic.readers.fields.outline import outline_of
-from idic.readers.fields.outline_width import narrowest, notched_axis, width_error
+from idic.readers.fields.outline_width import notched_axis
 from idic.readers.fields.series import SUFFIXES, FieldSeries, MeasuredPoints, detected, measured_points, open_fields
 from idic.readers.logs import Log, read_log
 from idic.readers.units import parse_unit
@@ -64,6 +65,7 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
         in_px, series = True, open_fields(paths, unit="mm")  # the size of a pixel is to be filled in
     points = measured_points(series, [0])
     upright, why = _upright(points)
+    ends = ("TOP", "BOTTOM") if upright else ("RIGHT", "LEFT")
     log, own = series.log(), True
     others = [path for path in files if path not in set(paths)]
     mesh = next((path.relative_to(folder).as_posix() for path in others if path.suffix.lower() in _MESH_SUFFIXES), None)
@@ -77,8 +79,8 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
              *_log_lines(series, log, None if own else found[0].relative_to(folder).as_posix(), column),
              "",  # type: ignore[index]
              _camera(in_px, mesh is not None), _MATERIAL,
-             _boundary("TOP" if upright else "RIGHT", "BOTTOM" if upright else "LEFT", why),
-             _channel(column, "TOP" if upright else "RIGHT", loaded), _section(points) if mesh is None else "", _TAIL]
+             _boundary(*ends, why), _channel(column, ends[0], loaded),
+             _open_edges(points, ends) if mesh is None else "", _TAIL]
     return "\n".join(parts)
 
 
@@ -182,24 +184,14 @@ def _mesh(points: MeasuredPoints, margin: float, size: float) -> list[str]:
     return [f"mesh = {{ outline_points_mm = {margin:.2g}, element_mm = {3.0 * points.pitch:.3g} }}",
             f"# an outline of {len(outline.outline)} corners{holes}, found from the points; the picture of idic check "
             f"shows it.", span,
-            "# margin (half a subset), so that the mesh has the true width (a force is compared with its "
-            "cross-section);",
+            "# margin (half a facet); where the edges lie beyond it is identified (geometry.outline, below);",
             "# outline_mm draws it exactly: see docs/experiment-file.md, a mesh from a drawing"]
 
 
-def _section(points: MeasuredPoints) -> str:
-    """A degree of freedom for the section that an outline of points does not know; empty for a rectangle."""
-    found = outline_of(points.positions, points.pitch, 0.0)
-    if not found.holes and found.filled > _MIN_FILLED:
-        return ""
-    open_mm = max(points.pitch, 0.5 * width_error(found, points.pitch))  # half of the most that a notch may be off
-    share = f"{open_mm / (narrowest(found, points.pitch) + points.pitch):.2g}"
-    return "\n".join([f"# unless outline_mm is drawn, the section of a force is known to {share} of itself only;",
-                      "# error bars of moduli count that by this degree of freedom:",
-                      "# [[dof]]", '# name = "geometry.thickness"',
-                      _line("# value = 1.0", "FILL IN thickness_mm"),
-                      _line(f"# prior = {{ mean = 1.0, std = {share} }}", f"FILL IN thickness_mm, and {share} of it"),
-                      ""])
+def _open_edges(points: MeasuredPoints, ends: Sequence[str]) -> str:
+    """The free edges that an outline of points does not show; empty for a rectangle."""
+    found = outline_of(points.positions, points.pitch, float(f"{0.5 * points.pitch:.2g}"))  # as in `_mesh`
+    return open_edges(found, points.pitch, ends) if found.holes or found.filled <= _MIN_FILLED else ""
 
 
 def _stages(series: FieldSeries, points: MeasuredPoints) -> list[str]:

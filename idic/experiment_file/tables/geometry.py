@@ -1,25 +1,30 @@
-"""Round holes of the mesh as degrees of freedom: geometry.hole_x, hole_y, hole_radius, of several holes with [k]."""
+"""Holes and edges of the mesh as degrees of freedom: geometry.hole_x, hole_y, hole_radius, of several holes with [k];
+geometry.outline, the distance by which free edges lie further out than in the mesh; of one edge with .EDGE1, …."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.schema import ExperimentFile
+from idic.fe.mesh.edge_morph import edges_by_name, free_edges, outward_velocity
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.mesh.morph import Hole, Morph, admissible, find_holes, on_circle, velocities
 from idic.parameters import Parameter
 
 _NAME = re.compile(r"geometry\.hole_(x|y|radius)(?:\[(\d+)\])?")
+_OUTLINE = re.compile(r"geometry\.outline(?:\.(.+))?")
 _MAX_HOLE_TRAVEL_SHARE = 0.8  # of the admissible range of one hole, as two holes may move at once
+_MIN_JACOBIAN_OF_EDGES = 0.1  # of its first value, of every element: an outline of points may be off by an element
 
 
 @dataclass(frozen=True)
-class Holes:
-    """Holes with degrees of freedom: the mesh with mid-side nodes on the circles, its morphs, parameters, notes."""
+class Geometry:
+    """Degrees of freedom of a mesh: itself with mid-side nodes on the circles of holes, morphs, parameters, notes."""
 
     mesh: Mesh
     morphs: tuple[Morph, ...] = ()
@@ -27,7 +32,24 @@ class Holes:
     notes: tuple[str, ...] = ()
 
 
-def holes_of(mesh: Mesh, names: Sequence[str], length_unit: str, file) -> Holes:
+def geometry_of(mesh: Mesh, config: ExperimentFile, length_unit: str, file) -> Geometry:
+    """The degrees of freedom of [[dof]] that move nodes of the mesh.
+
+    Raises
+    ------
+    InputError
+        There is no such hole or free edge.
+    """
+    names = [entry.name for entry in config.dof]
+    held = {table.nodes: mesh.node_sets[table.nodes] for table in config.boundary if table.nodes in mesh.node_sets
+            and any(drive is not None for drive in (table.u, table.ux, table.uy, table.uz))}
+    holes = holes_of(mesh, names, length_unit, file)
+    outline = outline_of_mesh(holes.mesh, names, held, length_unit, file)
+    return Geometry(holes.mesh, (*holes.morphs, *outline.morphs), (*holes.parameters, *outline.parameters),
+                    holes.notes)
+
+
+def holes_of(mesh: Mesh, names: Sequence[str], length_unit: str, file) -> Geometry:
     """The degrees of freedom among `names` (of [[dof]]) that move a hole.
 
     Start values are those of the circle through the rim's corner nodes; bounds keep every element in shape.
@@ -39,7 +61,7 @@ def holes_of(mesh: Mesh, names: Sequence[str], length_unit: str, file) -> Holes:
     """
     asked = [(number, match) for number, name in enumerate(names) if (match := _NAME.fullmatch(name))]
     if not asked:
-        return Holes(mesh)
+        return Geometry(mesh)
     found, made = find_holes(mesh), {}
     for number, match in asked:
         made[match[0]] = _pick(found, match, file, f"dof[{number}].name")
@@ -61,7 +83,7 @@ def holes_of(mesh: Mesh, names: Sequence[str], length_unit: str, file) -> Holes:
     notes = []
     if np.any(mesh.nodes != straight):
         notes.append("mid-side nodes of holes that may move were put on their circles")
-    return Holes(mesh, tuple(morphs), tuple(parameters), tuple(notes))
+    return Geometry(mesh, tuple(morphs), tuple(parameters), tuple(notes))
 
 
 def _pick(found: tuple[Hole, ...], match: re.Match, file, key: str) -> Hole:
@@ -81,3 +103,38 @@ def _pick(found: tuple[Hole, ...], match: re.Match, file, key: str) -> Hole:
         raise InputError("no such hole", file=file, key=key, expected=listed, found=match[0],
                          remedy="correct the number in brackets")
     return found[index - 1]
+
+
+def outline_of_mesh(mesh: Mesh, names: Sequence[str], held: Mapping[str, np.ndarray], length_unit: str,
+                    file) -> Geometry:
+    """The degrees of freedom among `names` (of [[dof]]) that move free edges outwards, from 0 on; mm.
+
+    held : {name: (n,) nodes} of driven ends, which stay
+
+    Raises
+    ------
+    InputError
+        A solid, no free edge, or a name that is no set of free edges.
+    """
+    asked = [(number, match) for number, name in enumerate(names) if (match := _OUTLINE.fullmatch(name))]
+    if not asked:
+        return Geometry(mesh)
+    key = f"dof[{asked[0][0]}].name"
+    if mesh.n_dim != 2:
+        raise InputError("the outline of a solid does not move", file=file, key=key, expected="a plane model",
+                         found="a solid", remedy="remove the entry, or identify geometry.hole_radius")
+    free = free_edges(mesh, held)
+    known = edges_by_name(mesh, free)
+    morphs, parameters = [], []
+    for number, match in asked:
+        faces = free if match[1] is None else known.get(match[1], free[:0])
+        if not len(faces):
+            raise InputError("no such free edge", file=file, key=f"dof[{number}].name",
+                             expected=", ".join(f"geometry.outline.{name}" for name in known) or "a free edge",
+                             found=match[0], remedy="ends that [[boundary]] moves do not count; correct the name")
+        velocity = outward_velocity(mesh, faces)
+        low, high = (_MAX_HOLE_TRAVEL_SHARE * change for change in admissible(mesh, velocity, _MIN_JACOBIAN_OF_EDGES))
+        morphs.append(Morph(match[0], 0.0, velocity))
+        parameters.append(Parameter(match[0], 0.0, length_unit, bounds=(float(low), float(high)),
+                                    scale=float(min(high, -low))))
+    return Geometry(mesh, tuple(morphs), tuple(parameters))

@@ -23,6 +23,7 @@ from idic.readers.outline_mesh import Drawing, from_image
 from idic.readers.roi_mesh import roi_mesh
 
 KEY = "experiment.mesh"
+OUTLINE = "geometry.outline"  # degrees of freedom of free edges: `tables.geometry`
 NEIGHBOURS_PER_ELEMENT = 3.0  # side of an element of a mesh around the points, where none is given
 
 
@@ -48,7 +49,7 @@ def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Pa
         return _around_points(config, stack.points, scale.camera, file), []
     if table.outline_points_mm is not None and isinstance(stack, FieldStack):
         drawing, found = _of_outline(config, stack.points, scale.camera, file)
-        return drawing.mesh(file), [*_edge_notes(found, stack.points.pitch), *_gap_notes(found)]
+        return drawing.mesh(file), [*_edge_notes(config, found, stack.points.pitch), *_gap_notes(found)]
     if not table.in_px:
         return _mesh_in_mm(table, scale, file, _ends(config) if fields else {}), []
     mesh = (drawing_of(table).mesh(file, KEY) if table.outline_px is not None
@@ -89,12 +90,16 @@ def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera,
                    sides(found.outline), table.mesher), found
 
 
-def _edge_notes(found: PointOutline, pitch: float) -> list[str]:
+def _edge_notes(config: ExperimentFile, found: PointOutline, pitch: float) -> list[str]:
     width, error = narrowest(found, pitch), width_error(found, pitch)
     notch = f", that of a notch to {0.5 * error:.2g} mm" if error > pitch else ""
-    return [f"the outline of the points is known to half their distance, {0.5 * pitch:.2g} mm on every side{notch}: "
-            f"the narrowest width of {width:.3g} mm is off by up to {100.0 * error / width:.2g} %, and so are moduli "
-            "by the force, which no error bar counts; outline_mm draws it exactly"]
+    counted = any(entry.name.startswith(OUTLINE) for entry in config.dof)
+    who = (f"{OUTLINE} identifies where the edges are" if counted else
+           f"no error bar counts it: let [[dof]] {OUTLINE} identify where the edges are, or draw them (outline_mm)")
+    return [f"the outline of the points with a margin of {config.experiment.mesh.outline_points_mm:.2g} mm: facets end "
+            f"half their width before an edge, and the grid shows it to {0.5 * pitch:.2g} mm{notch}. If the margin is "
+            f"half a facet, the narrowest width of {width:.3g} mm is off by up to {100.0 * error / width:.2g} %, and "
+            f"so are moduli by the force; {who}"]
 
 
 def outline_share(config: ExperimentFile, stack: Stack, camera: Camera, file: Path) -> float | None:

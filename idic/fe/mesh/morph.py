@@ -93,7 +93,7 @@ def velocities(mesh: Mesh, hole: Hole) -> dict[str, np.ndarray]:
     """
     faces, _ = _walls(mesh)
     fixed = np.unique(np.concatenate([face_set_nodes(mesh, faces), hole.rim]))
-    stiffness, used = _laplacian(mesh)
+    stiffness, used = laplacian(mesh)
     inner = np.setdiff1d(used, fixed)
     given = np.zeros((mesh.n_nodes, 3))  # a rigid shift in one direction, and the two components of the radial field
     given[hole.rim, 0] = 1.0
@@ -181,7 +181,7 @@ def _connected(mesh: Mesh, faces: np.ndarray) -> list[np.ndarray]:
     return [np.flatnonzero(label == k) for k in np.unique(label)]
 
 
-def _laplacian(mesh: Mesh) -> tuple[sparse.csr_array, np.ndarray]:
+def laplacian(mesh: Mesh) -> tuple[sparse.csr_array, np.ndarray]:
     """Integral of grad N_a · grad N_b  # (n_nodes, n_nodes), and the nodes that belong to elements"""
     rows, columns, values = [], [], []
     for block in mesh.blocks:

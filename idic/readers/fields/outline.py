@@ -22,6 +22,7 @@ MAX_OUT_OF_ROUND = 0.5  # distances of neighbours, rms: of the boundary of a hol
 MIN_CORNER_ANGLE = np.radians(4.0)  # between two lines; less is one line
 MIN_HOLE = 8  # points around a hole
 MAX_CHAMFER = 3.0  # distances of neighbours: length of a line that cuts a corner, and how far the corner is from it
+FIRST_CORNER = (0.377, 1.0)  # the corner lowest along this direction is the first: no axis of symmetry
 SWEEPS = 20  # of a line: weights are the inverse distances from the one before
 MAX_MITRE = 4.0  # margins: a corner that would reach further out is a sliver
 
@@ -51,7 +52,7 @@ def outline_of(points: np.ndarray, pitch: float, margin: float) -> PointOutline:
         raise InputError("the points have no outline", expected="points next to each other",
                          found=f"{len(points)} points, none with two neighbours within {MAX_CIRCUMRADIUS:g} distances",
                          remedy="draw the outline yourself: mesh = { outline_mm = … }")
-    outer = _grown(_straightened(_turned(loops[0], True), pitch), margin)
+    outer = _from_below(_grown(_straightened(_turned(loops[0], True), pitch), margin))
     inner = [(loop, _hole(loop, pitch, margin) if len(loop) >= MIN_HOLE else None) for loop in loops[1:]]
     holes = [hole for _, hole in inner if hole is not None]
     gaps = [[*np.mean([loop.min(axis=0), loop.max(axis=0)], axis=0), np.ptp(loop, axis=0).max()]
@@ -88,6 +89,11 @@ def sides_of_any(outline: np.ndarray) -> dict[str, list[int]]:
 def _area(loop: np.ndarray) -> float:
     following = np.roll(loop, -1, axis=0)
     return 0.5 * float(np.sum(loop[:, 0] * following[:, 1] - following[:, 0] * loop[:, 1]))
+
+
+def _from_below(corners: np.ndarray) -> np.ndarray:
+    """The same corners, the lower left one first: edges have the same numbers whatever is rounded."""
+    return np.roll(corners, -int(np.argmin(corners @ FIRST_CORNER)), axis=0)
 
 
 def _turned(loop: np.ndarray, counter_clockwise: bool) -> np.ndarray:

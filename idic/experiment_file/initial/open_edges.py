@@ -1,0 +1,25 @@
+"""`idic init`: the free edges of an outline of points as degrees of freedom, as the points do not reach them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from idic.readers.fields.outline import PointOutline, sides
+
+EDGE_STD_SHARE = 1.0  # of the distance of the points: half a facet, and where within a distance a grid shows an edge
+
+
+def open_edges(found: PointOutline, pitch: float, ends: Sequence[str]) -> str:
+    """The tables [[dof]] of the free edges, each with a distance of its own.
+
+    ends : names of the driven sides, which do not move
+    """
+    held = {number for name, numbers in sides(found.outline).items() if name in ends for number in numbers}
+    names = [*(f"EDGE{k}" for k in range(1, len(found.outline) + 1) if k not in held),
+             *(f"HOLE{k}" for k in range(1, len(found.holes) + 1))]
+    lines = ["# facets end half their width before an edge, and their grid shows it within half a distance: how far",
+             "# the free edges lie outside of this mesh is identified, too; leave it out where outline_mm draws them"]
+    for name in names:
+        lines += ["[[dof]]", f'name = "geometry.outline.{name}"',
+                  f"prior = {{ mean = 0.0, std = {EDGE_STD_SHARE * pitch:.2g} }}"]
+    return "\n".join([*lines, ""])

@@ -1,0 +1,107 @@
+"""Edges of a plane mesh that lie further out: V = dX/dlam for `idic.fe.mesh.morph.Morph`, lam in mm.
+
+The edges move by one distance along their outward normals. Corners keep to the lines of both edges; what does not
+move slides along itself, so that its shape stays; inside V is harmonic.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from idic.fe.mesh import element
+from idic.fe.mesh.mesh import Mesh, boundary_faces
+from idic.fe.mesh.morph import laplacian
+
+MIN_CORNER_SINE = 0.17  # of the angle between two edges (10 degrees): less is one curved edge
+
+
+def free_edges(mesh: Mesh, held: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Boundary edges whose nodes are not all in one of these sets  # (n, 2) [global element index, local edge]
+
+    held : {name: (n,) node indices}
+    """
+    faces = boundary_faces(mesh)
+    driven = np.array([any(np.isin(mesh.face_nodes(face), nodes).all() for nodes in held.values()) for face in faces],
+                      dtype=bool)
+    return faces[~driven]
+
+
+def outward_velocity(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
+    """V of these boundary edges, 1 along their outward normals  # (n_nodes, 2), 1
+
+    faces : (n, 2) [global element index, local edge], of `boundary_faces`
+    """
+    moved = {tuple(face) for face in faces.tolist()}
+    walls = boundary_faces(mesh)
+    target = np.array([tuple(face) in moved for face in walls.tolist()], dtype=float)
+    nodes = [mesh.face_nodes(face) for face in walls]
+    along = np.array([mesh.nodes[n[1]] - mesh.nodes[n[0]] for n in nodes])
+    normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]
+    around: dict[int, list[int]] = {}
+    for k, members in enumerate(nodes):
+        for node in members.tolist():
+            around.setdefault(node, []).append(k)
+    given = {node: _velocity(normals[at], target[at]) for node, at in around.items()
+             if target[at].any() or _is_corner(normals[at])}
+    velocity = np.zeros((mesh.n_nodes, 2))
+    velocity[list(given)] = list(given.values())
+    sliding = np.array([node for node in around if node not in given], dtype=int)
+    _solve(velocity, _along_walls(mesh, nodes), sliding)
+    inside, used = laplacian(mesh)
+    _solve(velocity, inside, np.setdiff1d(used, list(around)))
+    return _with_straight_edges(mesh, velocity, set(around))
+
+
+def _with_straight_edges(mesh: Mesh, velocity: np.ndarray, walls: set[int]) -> np.ndarray:
+    """Nodes in the middle of edges inside the body move with its ends: quadratic elements keep straight edges."""
+    made = velocity.copy()
+    for block in mesh.blocks:
+        for a, b, *middle in element.cell(block.cell).faces:
+            for at in middle:
+                nodes = block.connectivity[~np.isin(block.connectivity[:, at], list(walls))]
+                made[nodes[:, at]] = 0.5 * (velocity[nodes[:, a]] + velocity[nodes[:, b]])
+    return made
+
+
+def _is_corner(normals: np.ndarray) -> bool:
+    return len(normals) == 2 and abs(np.linalg.det(normals)) > MIN_CORNER_SINE
+
+
+def _velocity(normals: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Motion with these components along the normals of the edges around a node  # (2,)"""
+    if _is_corner(normals):
+        return np.linalg.solve(normals, target)
+    mean = normals.mean(axis=0)
+    return target.mean() * mean / (mean @ mean)
+
+
+def _along_walls(mesh: Mesh, walls: list[np.ndarray]) -> sparse.csr_array:
+    """Laplacian of the boundary: neighbours on an edge by the inverse of their distance  # (n_nodes, n_nodes)"""
+    pairs = np.concatenate([[(n[0], n[2]), (n[2], n[1])] if len(n) == 3 else [(n[0], n[1])] for n in walls])
+    weight = 1.0 / np.hypot(*(mesh.nodes[pairs[:, 1]] - mesh.nodes[pairs[:, 0]]).T)
+    a, b = pairs.T
+    triplet = (np.concatenate([weight, weight, -weight, -weight]),
+               (np.concatenate([a, b, a, b]), np.concatenate([a, b, b, a])))
+    return sparse.csr_array(sparse.coo_array(triplet, shape=(mesh.n_nodes,) * 2))
+
+
+def _solve(velocity: np.ndarray, matrix: sparse.csr_array, free: np.ndarray) -> None:
+    """Harmonic values at free nodes, in place; loops that hold no given node stay."""
+    if len(free):
+        own = matrix[free][:, free] + 1e-12 * sparse.diags_array(matrix.diagonal()[free])
+        velocity[free] = splu(own.tocsc()).solve(-(matrix[free] @ velocity))
+
+
+def edges_by_name(mesh: Mesh, free: np.ndarray) -> dict[str, np.ndarray]:
+    """Sets EDGE1, EDGE2, … and HOLE1, HOLE2, … of a drawn outline that are free altogether  # {name: (n, 2)}
+
+    free : (n, 2), of `free_edges`
+    """
+    there = {tuple(face) for face in free.tolist()}
+    return {name: faces for name, faces in mesh.edge_sets.items()
+            if re.fullmatch(r"(EDGE|HOLE)\d+", name) and all(tuple(face) in there for face in faces.tolist())}

@@ -1,0 +1,64 @@
+"""Free edges that move outwards: the body grows by their length, what does not move keeps its shape."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from idic.fe.mesh import element
+from idic.fe.mesh.edge_morph import edges_by_name, free_edges, outward_velocity
+from idic.fe.mesh.mesh import Mesh, face_set_nodes
+from idic.fe.mesh.polygon import mesh_polygon
+from idic.fe.mesh.refine import raise_order
+
+V = [[0.0, 0.0], [8.0, 4.0], [16.0, 0.0], [16.0, 20.0], [8.0, 16.0], [0.0, 20.0]]  # notched below and above
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["linear", "quadratic"])
+def notched(request) -> Mesh:
+    mesh = mesh_polygon(V, [[8.0, 10.0, 2.0]], 1.5, quads=True, names={"LEFT": [6], "RIGHT": [3]})
+    return raise_order(mesh) if request.param else mesh
+
+
+def area(mesh: Mesh, nodes: np.ndarray) -> float:
+    total = 0.0
+    for block in mesh.blocks:
+        points, weights = element.quadrature(block.cell)
+        jacobian = np.einsum("eai,qaj->eqij", nodes[block.connectivity], element.gradient(block.cell, points))
+        total += float((np.linalg.det(jacobian) * weights).sum())
+    return total
+
+
+def length(mesh: Mesh, faces: np.ndarray) -> float:
+    ends = np.array([mesh.face_nodes(face)[:2] for face in faces])
+    return float(np.hypot(*(mesh.nodes[ends[:, 1]] - mesh.nodes[ends[:, 0]]).T).sum())
+
+
+def test_the_area_grows_by_the_length_of_the_edges_and_ends_stay_where_they_are(notched):
+    held = {name: notched.node_sets[name] for name in ("LEFT", "RIGHT")}
+    free = free_edges(notched, held)
+    known = edges_by_name(notched, free)
+    assert set(known) == {"EDGE1", "EDGE2", "EDGE4", "EDGE5", "HOLE1"}
+    for faces in (free, known["EDGE1"], known["HOLE1"]):
+        velocity, h = outward_velocity(notched, faces), 1e-5
+        slope = (area(notched, notched.nodes + h * velocity) - area(notched, notched.nodes - h * velocity)) / (2.0 * h)
+        assert slope == pytest.approx(length(notched, faces), rel=1e-3)
+        for name, x in (("LEFT", 0.0), ("RIGHT", 16.0)):
+            moved = (notched.nodes + 0.3 * velocity)[notched.node_sets[name]]
+            np.testing.assert_allclose(moved[:, 0], x, atol=1e-9)
+
+
+def test_straight_edges_stay_straight_and_corners_stay_on_the_lines_of_both(notched):
+    faces = notched.edge_sets["EDGE1"]  # from (0, 0) to (8, 4)
+    moved = notched.nodes + 0.5 * outward_velocity(notched, faces)
+    out = np.array([4.0, -8.0]) / np.hypot(4.0, 8.0)
+    np.testing.assert_allclose(moved[face_set_nodes(notched, faces)] @ out, 0.5, atol=1e-9)
+    for name in ("EDGE2", "EDGE4", "EDGE5", "LEFT", "RIGHT", "HOLE1"):  # the others slide along themselves
+        nodes = notched.node_sets[name]
+        before, after = notched.nodes[nodes], moved[nodes]
+        if name == "HOLE1":
+            np.testing.assert_allclose(after, before, atol=1e-6)
+        else:
+            along = np.linalg.svd(before - before.mean(axis=0))[2][0]
+            off = np.array([-along[1], along[0]])
+            np.testing.assert_allclose(after @ off, (before @ off).mean(), atol=1e-9)
