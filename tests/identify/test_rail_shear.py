@@ -71,10 +71,10 @@ def test_a_right_law_on_an_outline_of_points_is_blamed_for_nothing(sheared, tmp_
     (folder / "experiment.toml").write_text(text if open_edges else text[:text.index("[[dof]]")])
     run("identify", folder, "--out", out, "--no-prefect", "--no-report")
     told = run("diagnose", out, "--no-prefect", "--workers", 0)
-    verdict = json.loads((out / "diagnosis.json").read_text())["verdict"]
+    found = json.loads((out / "diagnosis.json").read_text())
     if open_edges:
-        assert verdict["word"] == "none" and "draw the outline" not in told
+        assert found["verdict"] == "none" and "draw the outline" not in told
     else:
-        assert verdict["selected"] == ["outline"] and "in frame" not in told
+        assert found["verdict"] == "single" and found["named"] == ["outline"] and "in frame" not in told
         enriched = identify(*with_measured_start(load_experiment(out / "enriched"))).result["parameters"]["ALL.G12"]
         assert enriched["value"] == pytest.approx(WOVEN["G12"], rel=0.025)  # as above
