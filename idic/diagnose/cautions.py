@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from idic.diagnose.chain import Diagnosis
 from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.next_test import reason_against_continuation
@@ -18,6 +20,7 @@ from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.screen.edits import open_share
 from idic.diagnose.selection.rival import Round
 from idic.identify.judgement.significance import z_text
+from idic.model.drives import pixel_size
 
 MIN_CARRYING_ELEMENTS = 60  # elements that carry the active law: fewer do not resolve its course in space
 MIN_RIVAL_SHARE = 0.3  # of the winner's drop of chi-square: a rival that may still overtake it
@@ -36,10 +39,10 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     camera = [diagnosis.margin.words] if diagnosis.margin.px > PRACTICAL_MARGIN_PX else []
     outline = outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word)
     register = [] if diagnosis.register is None else [diagnosis.register.words]
-    return [*register, *_quick(diagnosis), *outline, *search, *camera, *formal_fit(diagnosis.excess_left),
-            *channel_cautions(diagnosis.channels), *_few_elements(diagnosis), *softening_caution(diagnosis.rounds),
-            *_not_simulated(diagnosis),
-            *refits_cut_short(diagnosis.rounds), *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
+    return [*register, *_quick(diagnosis), *outline, *thickness_caution(diagnosis), *search, *camera,
+            *formal_fit(diagnosis.excess_left), *channel_cautions(diagnosis.channels), *_few_elements(diagnosis),
+            *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_cut_short(diagnosis.rounds),
+            *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
 
 
 def _quick(diagnosis: Diagnosis) -> list[str]:
@@ -60,6 +63,23 @@ def outline_caution(share: float | None, word: str) -> list[str]:
     return [f"The mesh is the outline of the points, whose narrowest width may be off by {share:.1%}. A wrong "
             "outline looks like a wrong thickness, force scale or stiffness, and like another stiffness at notches "
             "and holes: it may explain the whole finding. Draw the outline (outline_mm in mesh) and diagnose again."]
+
+
+def thickness_caution(diagnosis: Diagnosis) -> list[str]:
+    """Where the recording asks for bricks of the specimen's thickness in the place of plane stress."""
+    error, experiment = diagnosis.source.motion_error, diagnosis.found.experiment
+    if error is None or error.thickness is None:
+        return []
+    moved = float(np.sqrt((error.thickness.u**2).sum(axis=2).mean(axis=1)).max()) / pixel_size(experiment)
+    shares = [f", {100.0 * np.abs(change).max() / channel.largest:.2g} % of {channel.column}"
+              for channel, change in zip(experiment.channels, error.thickness.channels.T, strict=True)]
+    identified, with_bricks = diagnosis.found.parameters, diagnosis.rounds[0].null.values
+    values = [f"{name} {identified[name].value:.4g}, about {with_bricks[name]:.4g} with bricks"
+              for name in identified.free]
+    return [f"The specimen is not in plane stress: bricks of its thickness ({experiment.thickness:.3g} mm) move "
+            f"otherwise by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording shows it. "
+            f"This diagnosis counts the difference, the identified parameters do not ({'; '.join(values)}). "
+            "Identify again with a mesh of bricks (kind = \"solid\")."]
 
 
 def channel_cautions(channels: Sequence[ChannelLeft]) -> list[str]:

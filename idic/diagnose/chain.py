@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from idic.diagnose.channel_left import ChannelLeft, channels_left
-from idic.diagnose.discretisation import with_error
+from idic.diagnose.discretisation import with_error, with_thickness
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
 from idic.diagnose.measured_motion import OutOfRegister
@@ -140,6 +140,9 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
         source, here = with_error(source, found)
         before = residual_evidence(here, light=False)
         grid = grid_of(before)
+        source, there = with_thickness(source, here, before, grid)
+        if there is not here:
+            here, before = there, residual_evidence(there, light=False)
         whole = fit(before, grid)
     setting = Setting(refits, grid, seed, candidates() if library is None else library, stage, clock, watch, margin,
                       quick)

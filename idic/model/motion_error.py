@@ -1,7 +1,8 @@
 """A known error of the simulated motion and channels, which is added to what the simulation gives.
 
-The mesh of a model is coarser than its body: its motion at the same parameters differs from that of a finer mesh. A
-diagnosis adds the difference, so that no cause is blamed for it (`idic.diagnose.discretisation`).
+The mesh of a model is coarser than its body, and a thick body is not in plane stress: its motion at the same parameters
+differs from that of a finer mesh, or of bricks. A diagnosis adds the difference, so that no cause is blamed for it
+(`idic.diagnose.discretisation`).
 """
 
 from __future__ import annotations
@@ -17,12 +18,24 @@ from idic.fe.march import FrameState
 class MotionError:
     """What a simulation lacks, per frame; zero in the reference and before.
 
-    u : (n_frames, n_nodes, dim) mm; channels : (n_frames, n_channels)
+    u : (n_frames, n_nodes, dim) mm; channels : (n_frames, n_channels); thickness : the part of it by which a body of
+    real thickness differs from a sheet in plane stress, None: not counted
     """
 
     u: np.ndarray
     channels: np.ndarray
+    thickness: MotionError | None = None
 
     def added(self, state: FrameState, frame: int) -> FrameState:
         """The state of a frame with what it lacks; derivatives stay."""
         return replace(state, u=state.u + self.u[frame], channels=state.channels + self.channels[frame])
+
+    def with_thickness(self, thickness: MotionError) -> MotionError:
+        """With the error of plane stress on top."""
+        return MotionError(self.u + thickness.u, self.channels + thickness.channels, thickness)
+
+    @property
+    def of_mesh(self) -> MotionError:
+        """Without the error of plane stress."""
+        known = self.thickness
+        return self if known is None else MotionError(self.u - known.u, self.channels - known.channels)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.channel_left import smallest_reading
-from idic.diagnose.discretisation import change_matters, error_column, motion_error
+from idic.diagnose.discretisation import change_matters, error_column, known_error
 from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.refit import Refit, identification_at, refit_residual
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
@@ -141,7 +141,8 @@ def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidenc
     whole : its residual on the recording itself
     """
     with setting.clock.step("mesh_s"):
-        error = motion_error(identification_at(source.load(), null.values, null.local, null.steps))
+        error = known_error(identification_at(source.load(), null.values, null.local, null.steps),
+                            source.motion_error)
         if error is None or not change_matters(whole, source.motion_error, error):
             return source, null, whole
         there = source.with_motion_error(error)
@@ -256,7 +257,7 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
     watch(residual, labels, columns)
     error = source.motion_error
     made = screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
-                  mesh=None if error is None else error_column(residual, error),
+                  mesh=None if error is None else error_column(residual, error.of_mesh),
                   materials=[material.element_set for material in found.experiment.materials], margin=margin,
                   further=further,
                   min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further
