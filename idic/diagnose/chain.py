@@ -140,15 +140,17 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
         source, here = with_error(source, found)
         before = residual_evidence(here, light=False)
         grid = grid_of(before)
-        source, there = with_thickness(source, here, before, grid)
-        if there is not here:
-            here, before = there, residual_evidence(there, light=False)
         whole = fit(before, grid)
     setting = Setting(refits, grid, seed, candidates() if library is None else library, stage, clock, watch, margin,
                       quick)
     stage("side, onset and place of the mismatch")
     with clock.step("locate_s"):
         mismatch = located(here, before, margin)
+        if mismatch is not None and mismatch.is_significant:
+            source, there = with_thickness(source, here, before, grid)
+            if there is not here:
+                here, before = there, residual_evidence(there, light=False)
+                whole, mismatch = fit(before, grid), located(there, before, margin)
     first = null_refit(source, here, setting)
     rounds, source, null, groups = selected_rounds(source, here, first, before, setting)
     final, after, active = _enriched(source, null, rounds, setting) if null is not first else (None, None, None)

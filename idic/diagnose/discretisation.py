@@ -27,7 +27,6 @@ from idic.diagnose.channel_left import channels_left, excess
 from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.evidence import Columns
-from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
 from idic.diagnose.residual.heldout import fit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import Grid
@@ -46,6 +45,7 @@ from idic.model.forward import build_forward
 from idic.model.motion_error import MotionError
 
 MAX_NODES_OF_A_PLANE = 40_000  # of the finer mesh; of a solid as many as an identification spends on its error
+MAX_BRICK_NODES = 6_000  # of half the thickness
 MIN_DROP = 25.0  # of chi-square by bricks: five standard deviations
 MIN_DROP_SHARE = 0.5  # of what free motions and channels explain
 MAX_TURNS, TURNED_STD = 12, 0.1  # of error and parameters; standard deviations of the last step
@@ -84,7 +84,7 @@ def thickness_error(found: Identification) -> MotionError | None:
     if not can_be_thick(experiment):
         return None
     bricks = thick(experiment)
-    if bricks.mesh.n_nodes > MAX_NODES:
+    if bricks.mesh.n_nodes > MAX_BRICK_NODES:
         return None
     n = experiment.mesh.n_nodes
     return _lacking(found, experiment, bricks, found.local, lambda u, other: other[:n, :2] - u)
@@ -144,26 +144,27 @@ def with_error(source: ExperimentSource, found: Identification) -> tuple[Experim
 def with_thickness(source: ExperimentSource, found: Identification, residual: ResidualEvidence,
                    grid: Grid) -> tuple[ExperimentSource, Identification]:
     """The source and the identification with the error of plane stress added, where the recording asks for it; as they
-    are elsewhere, and where nothing is left.
+    are elsewhere.
 
     The error grows with Poisson's ratio, which has taken a part of it (0.18 in the place of 0.35 in a bent beam): error
     and parameters are found in turns. No unknown is added, so that the drop of chi-square decides.
 
-    residual : of the identification
+    residual : of the identification, whose mismatch is significant
     """
     left = fit(residual, grid)
-    readings = max((excess(one.before) for one in channels_left(residual, None) if one.is_significant), default=0.0)
-    if not (left.excess_z > MIN_EXCESS_Z or readings > 0.0):
-        return source, found
+    readings = sum(max(excess(one.before), 0.0) for one in channels_left(residual, None))
     mesh, there = found.experiment.motion_error, found
-    for _ in range(MAX_TURNS):
+    for turn in range(MAX_TURNS):
         thickness = thickness_error(there)
         if thickness is None:
             return source, found
         nothing = MotionError(np.zeros_like(thickness.u), np.zeros_like(thickness.channels))
         error = (mesh or nothing).with_thickness(thickness)
         there = _at(found, replace(found.experiment, motion_error=error), there.parameters.as_values())
-        step, std = _remaining(there)
+        here = residual_evidence(there, light=False)
+        step, std, gain = _remaining(here)
+        if turn and fit(here, grid).chi2 - gain >= left.chi2:
+            return source, found
         there = _moved(there, step)
         if np.abs(step / std).max(initial=0.0) < TURNED_STD:
             break
@@ -177,14 +178,15 @@ def _knowing(source: ExperimentSource, found: Identification,
              error: MotionError) -> tuple[ExperimentSource, Identification]:
     """With an error; the parameters follow by one step, as they have taken a part of it."""
     there = _at(found, replace(found.experiment, motion_error=error), found.parameters.as_values())
-    return source.with_motion_error(error), _moved(there, _remaining(there)[0])
+    return source.with_motion_error(error), _moved(there, _remaining(residual_evidence(there, light=False))[0])
 
 
-def _remaining(found: Identification) -> tuple[np.ndarray, np.ndarray]:
-    """What the free parameters would still move, and their standard deviations  # (n,), (n,)"""
-    residual = residual_evidence(found, light=False)
+def _remaining(residual: ResidualEvidence) -> tuple[np.ndarray, np.ndarray, float]:
+    """What the free parameters would still move, their standard deviations, and the chi-square that it brings  # (n,),
+    (n,)"""
     null = null_model(residual.evidence, residual.null)
-    return null.remaining, np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300))
+    return (null.remaining, np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300)),
+            float(null.b @ null.remaining))
 
 
 def _moved(found: Identification, step: np.ndarray) -> Identification:
