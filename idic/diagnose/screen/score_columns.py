@@ -24,6 +24,7 @@ from idic.diagnose.residual.grey_value_effects import columns_of_kind
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.course_columns import timed, times_courses, unit_values
+from idic.errors import NotConverged
 from idic.fe.response import Alternative, first_responses
 from idic.identify.in_memory import Identification
 from idic.model.experiment import Experiment
@@ -106,12 +107,18 @@ def _stepped(found: Identification, residual: ResidualEvidence, trials: Sequence
     picked = [i for _, _, i, _ in others] + of_patterns
     nulls = [k for k, (_, _, _, null) in enumerate(others) if null is not None]
     of_nulls = [others[k][3] for k in nulls]
+    whole = {k: moved_to for k, (_, variant, _, _) in enumerate(others)
+             if not variant.new and (moved_to := _simulated(load(variant.edits), found)) is not None}
+    error = found.experiment.motion_error
+    solved = residual.channels if error is None else residual.channels - error.channels[residual.evidence.frames]
     fields, channels = [], []
     for t, answer in enumerate(responses):
         du, dchannels = answer.du[..., picked], answer.dchannels[:, picked]
         du[..., nulls] -= answer.du[..., of_nulls]
         _to_fixed_points(found.experiment, residual.u[t], moved, du)
         dchannels[:, nulls] -= answer.dchannels[:, of_nulls]
+        for k, (u, readings) in whole.items():
+            du[..., k], dchannels[:, k] = u[frames[t]] - residual.solved_u[t], readings[frames[t]] - solved[t]
         fields.append(in_images(residual, t, du))
         channels.append(dchannels)
     n, fields, channels = len(others), np.array(fields), np.array(channels)
@@ -127,6 +134,23 @@ def _stepped(found: Identification, residual: ResidualEvidence, trials: Sequence
     return labels, joined(alone, Columns(names, *times_courses([one for _, one in shared], list(first),
                                                                residual.evidence.frames, fields[..., n:],
                                                                channels[..., n:])))
+
+
+def _simulated(experiment: Experiment, found: Identification) -> tuple[np.ndarray, np.ndarray] | None:
+    """Motion (n, n_nodes, dim) and channels (n, n_channels) from the reference on, of a model without an unknown of its
+    own; None where it finds no answer.
+
+    One Newton step tells three times the stiffening of a beam whose ends cannot approach each other: the model is
+    simulated.
+    """
+    forward = build_forward(replace(experiment, motion_error=None))
+    known = {name: value for name, value in found.parameters.as_values().items() if name in experiment.parameters}
+    try:
+        states = [(state.u.copy(), state.channels.copy()) for state in forward.march(
+            experiment.parameters.with_values(known), (), found.local, found.steps, may_cut=True)]
+    except NotConverged:
+        return None
+    return np.array([u for u, _ in states]), np.array([channels for _, channels in states])
 
 
 class _Answers:
