@@ -28,7 +28,7 @@ from idic.errors import NotConverged
 from idic.fe.response import Alternative, first_responses
 from idic.identify.in_memory import Identification
 from idic.model.experiment import Experiment
-from idic.model.forward import build_forward
+from idic.model.forward import ForwardModel, build_forward
 
 Load = Callable[[Mapping[str, Any]], Experiment]  # edits of experiment.toml -> the experiment
 Gradients = dict[tuple[int, int], np.ndarray]  # deformation gradient at the nodes by frame and camera
@@ -144,6 +144,8 @@ def _simulated(experiment: Experiment, found: Identification) -> tuple[np.ndarra
     simulated.
     """
     forward = build_forward(replace(experiment, motion_error=None))
+    if not isinstance(forward, ForwardModel):
+        return None
     known = {name: value for name, value in found.parameters.as_values().items() if name in experiment.parameters}
     try:
         states = [(state.u.copy(), state.channels.copy()) for state in forward.march(
