@@ -7,11 +7,10 @@ variant; the refit of any frees them all, and together they promise what they ex
 from __future__ import annotations
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import OUTLINE, open_share
-from idic.fe.mesh.edge_morph import edges_by_name, free_edges
+from idic.diagnose.screen.edits import open_share
+from idic.fe.mesh.edge_morph import EDGE_STD_SHARE, OUTLINE, edges_by_name, free_edges
 
 PROBE_SHARE = 0.1  # of the distance of the points
-EDGE_STD_SHARE = 1.0  # of the distance of the points: half a facet, and where within a distance a grid shows an edge
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:

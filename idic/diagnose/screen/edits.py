@@ -7,10 +7,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from idic.diagnose.screen.candidate import Situation
+from idic.fe.mesh.edge_morph import OUTLINE
 from idic.model.experiment import Experiment
 from idic.model.free_course import without_knot
-
-OUTLINE = "geometry.outline"  # stem of the degrees of freedom that move free edges
 
 
 def further_dofs(situation: Situation, *names: str, **values: float) -> dict[str, Any] | None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from idic.fe.mesh.edge_morph import EDGE_STD_SHARE, OUTLINE
 from idic.readers.fields.outline import PointOutline, sides
-
-EDGE_STD_SHARE = 1.0  # of the distance of the points: half a facet, and where within a distance a grid shows an edge
 
 
 def open_edges(found: PointOutline, pitch: float, ends: Sequence[str]) -> str:
@@ -20,6 +19,6 @@ def open_edges(found: PointOutline, pitch: float, ends: Sequence[str]) -> str:
     lines = ["# facets end half their width before an edge, and their grid shows it within half a distance: how far",
              "# the free edges lie outside of this mesh is identified, too; leave it out where outline_mm draws them"]
     for name in names:
-        lines += ["[[dof]]", f'name = "geometry.outline.{name}"',
+        lines += ["[[dof]]", f'name = "{OUTLINE}.{name}"',
                   f"prior = {{ mean = 0.0, std = {EDGE_STD_SHARE * pitch:.2g} }}"]
     return "\n".join([*lines, ""])

@@ -11,13 +11,13 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
-from idic.fe.mesh.edge_morph import edges_by_name, free_edges, outward_velocity
+from idic.fe.mesh.edge_morph import OUTLINE, edges_by_name, free_edges, outward_velocity
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.mesh.morph import Hole, Morph, admissible, find_holes, on_circle, velocities
 from idic.parameters import Parameter
 
 _NAME = re.compile(r"geometry\.hole_(x|y|radius)(?:\[(\d+)\])?")
-_OUTLINE = re.compile(r"geometry\.outline(?:\.(.+))?")
+_OUTLINE = re.compile(re.escape(OUTLINE) + r"(?:\.(.+))?")
 _MAX_HOLE_TRAVEL_SHARE = 0.8  # of the admissible range of one hole, as two holes may move at once
 _MIN_JACOBIAN_OF_EDGES = 0.1  # of its first value, of every element: an outline of points may be off by an element
 
@@ -130,7 +130,7 @@ def outline_of_mesh(mesh: Mesh, names: Sequence[str], held: Mapping[str, np.ndar
         faces = free if match[1] is None else known.get(match[1], free[:0])
         if not len(faces):
             raise InputError("no such free edge", file=file, key=f"dof[{number}].name",
-                             expected=", ".join(f"geometry.outline.{name}" for name in known) or "a free edge",
+                             expected=", ".join(f"{OUTLINE}.{name}" for name in known) or "a free edge",
                              found=match[0], remedy="ends that [[boundary]] moves do not count; correct the name")
         velocity = outward_velocity(mesh, faces)
         low, high = (_MAX_HOLE_TRAVEL_SHARE * change for change in admissible(mesh, velocity, _MIN_JACOBIAN_OF_EDGES))

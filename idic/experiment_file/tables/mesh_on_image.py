@@ -13,6 +13,7 @@ from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_experiment import MeshTable
 from idic.experiment_file.tables.lengths import Lengths
 from idic.experiment_file.tables.measured_fields import grid_of
+from idic.fe.mesh.edge_morph import OUTLINE
 from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera
 from idic.images.stack import Stack
@@ -23,7 +24,6 @@ from idic.readers.outline_mesh import Drawing, from_image
 from idic.readers.roi_mesh import roi_mesh
 
 KEY = "experiment.mesh"
-OUTLINE = "geometry.outline"  # degrees of freedom of free edges: `tables.geometry`
 NEIGHBOURS_PER_ELEMENT = 3.0  # side of an element of a mesh around the points, where none is given
 
 

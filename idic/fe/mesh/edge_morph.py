@@ -17,6 +17,9 @@ from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh, boundary_faces
 from idic.fe.mesh.morph import laplacian
 
+OUTLINE = "geometry.outline"  # stem of the degrees of freedom that move free edges
+# prior of the distance, over that of measured points: half a facet, and within a distance a grid shows an edge
+EDGE_STD_SHARE = 1.0
 MIN_CORNER_SINE = 0.17  # of the angle between two edges (10 degrees): less is one curved edge
 
 
