@@ -91,7 +91,7 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
     def evaluate(u, guesses):
         return assembly.evaluate(system, params, u, start.states, dt, drives, guesses)
 
-    known, iterations = _Known(start.factor, start.factor_matrices, start.gain, start.symmetric), 0
+    known, iterations = _Known.of(start), 0
     if predictor is None:
         ev = admissible(evaluate(start.u, start.states))
         move, known = _tangent_move(system, ev, drives, held, known)
@@ -127,8 +127,7 @@ def linear_move(system: System, params: Mapping[str, np.ndarray], start: Converg
     """The displacement increment to `drives` if stiffness stayed as it is at `start`  # (n_nodes, d) mm"""
     ev = admissible(assembly.evaluate(system, params, start.u, start.states, drives.time - start.time, drives))
     held = np.asarray(system.model.constraints.dofs)
-    known = _Known(start.factor, start.factor_matrices, symmetric=start.symmetric)
-    move, _ = _tangent_move(system, ev, drives, held, known)
+    move, _ = _tangent_move(system, ev, drives, held, _Known.of(start))
     return move.reshape(start.u.shape)
 
 
@@ -146,6 +145,10 @@ class _Known:
     matrices: tuple[np.ndarray, ...] = ()
     gain: float = np.inf
     symmetric: bool = True
+
+    @classmethod
+    def of(cls, start: Converged) -> _Known:
+        return cls(start.factor, start.factor_matrices, start.gain, start.symmetric)
 
     @property
     def is_reused(self) -> bool:

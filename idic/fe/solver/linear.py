@@ -25,7 +25,7 @@ MAX_HALF_BANDWIDTH_OF_BAND_LU = {2: 180, 3: 400}  # by dimension; beyond, fronts
 
 MAX_HALF_BANDWIDTH_OF_OWN_LU = 100  # faster than LAPACK (twice at 27): rare row exchanges
 
-MIN_OPERATIONS_PER_ENTRY = 250  # of an LU by fronts: from here on a factorisation costs over 10 solutions
+MIN_OPERATIONS_PER_ENTRY = 250  # of a factorisation by fronts: from here on kept factors cost less (cubes, a plate)
 
 MAX_BACKWARD_ERROR = 1e-13  # of an LU by fronts; beyond, its row exchanges were not enough and SuperLU takes over
 
