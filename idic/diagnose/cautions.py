@@ -66,7 +66,7 @@ def outline_caution(share: float | None, word: str) -> list[str]:
 
 
 def thickness_caution(diagnosis: Diagnosis) -> list[str]:
-    """Where the recording asks for bricks of the specimen's thickness in the place of plane stress."""
+    """Where the recording fits bricks of the specimen's thickness and not plane stress."""
     error, experiment = diagnosis.source.motion_error, diagnosis.found.experiment
     if error is None or error.thickness is None:
         return []
@@ -76,9 +76,9 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
     identified, with_bricks = diagnosis.found.parameters, diagnosis.rounds[0].null.values
     values = [f"{name} {identified[name].value:.4g}, about {with_bricks[name]:.4g} with bricks"
               for name in identified.free]
-    return [f"The specimen is not in plane stress: bricks of its thickness ({experiment.thickness:.3g} mm) move "
-            f"otherwise by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording shows it. "
-            f"This diagnosis counts the difference, the identified parameters do not ({'; '.join(values)}). "
+    return [f"The specimen is not in plane stress: the motion of bricks of its thickness ({experiment.thickness:.3g} "
+            f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
+            f"shows it. The diagnosis counts the difference; the identified parameters do not ({'; '.join(values)}). "
             "Identify again with a mesh of bricks (kind = \"solid\")."]
 
 

@@ -13,7 +13,7 @@ every model that a cause has joined. So the residual of every test is that of th
 A thick sheet is not in plane stress, either: a bent beam of bricks, 3 mm wide and 2.8 mm thick, moves by 0.026 px
 otherwise. Where a sound model would leave nothing, the test is simulated on bricks of the stated thickness
 (`idic.identify.systematic.real_thickness`). Where their difference, which has no unknown, explains most of what there
-is, it is added as well, and told as a caution.
+is, it is added as well, and a caution says so.
 """
 
 from __future__ import annotations
@@ -199,7 +199,7 @@ def _moved(found: Identification, step: np.ndarray) -> Identification:
 
 
 def change_matters(residual: ResidualEvidence, old: MotionError | None, new: MotionError) -> bool:
-    """Whether the error of a model differs from the one that was added so far; residual : of that model."""
+    """Whether the present error of a model differs from the added one by more than noise; residual : of the model."""
     change = new if old is None else MotionError(new.u - old.u, new.channels - old.channels)
     return error_chi2(residual, change) >= MIN_ERROR_CHI2
 

@@ -33,7 +33,7 @@ from idic.identify.noise.channel_noise import (
     channel_noise_content,
     channel_noise_notes,
     compared_readings,
-    correlated_channels,
+    estimated_channel_noise,
     with_channel_noise,
 )
 from idic.identify.step.ending import end_entry
@@ -145,7 +145,7 @@ class Analysis:
                  discrepancy: DiscrepancySystem | str = "it is not asked for"):
         self.experiment, self.parameters = experiment, parameters
         self.names = point.system.names
-        self.channels = correlated_channels(experiment, parameters, point)
+        self.channels = estimated_channel_noise(experiment, parameters, point)
         system = with_channel_noise(point.system, experiment, self.channels)
         self.scaled: Scaled = scaled_system(system, parameters, point.reference_gram, image_noise)
         self.found: Spectrum = spectrum(self.scaled)

@@ -11,7 +11,7 @@ from idic.identify.input_noise import channel_noise
 from idic.identify.joint import join
 from idic.identify.loop import parameters_at
 from idic.identify.noise.channel_correlation import channel_correlation
-from idic.identify.noise.channel_noise import correlated_channels, with_channel_noise
+from idic.identify.noise.channel_noise import estimated_channel_noise, with_channel_noise
 from idic.validation.studies.case import CaseJob, case_experiment, render
 from idic.validation.studies.registry import make_study
 from idic.validation.studies.store import StudyStore
@@ -148,7 +148,7 @@ def test_a_drifting_force_is_that_of_its_own_experiment(tmp_path):
     joint = join(experiments)
     point = joint.combine({name: one.point for name, one in found.items()},
                           {name: one.weights.image_noise for name, one in found.items()})
-    channels = correlated_channels(joint.whole, parameters_at(joint.whole, found["drifting"].state), point)
+    channels = estimated_channel_noise(joint.whole, parameters_at(joint.whole, found["drifting"].state), point)
     assert [joint.whole.channels[number].column for number in channels] == ["drifting.force_N"]
     with_noise = with_channel_noise(point.system, joint.whole, channels)
     assert with_noise.spread[0, 0] > 1.2 * point.system.spread[0, 0]

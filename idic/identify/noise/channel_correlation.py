@@ -9,10 +9,10 @@ since its error does not average out. The residual of the channel at the accepte
 has lost what the parameters took. Its restricted likelihood, with S the derivatives of the channel by the parameters
 and M_rest the information of everything else, gives every covariance Sigma of a grid its probability. Few frames do not
 tell the correlation: the covariance is the mean over the grid, as no single one would count that uncertainty. Where the
-grid leaves independent noise at more than even odds, it is independent, and of the stated size; of a size that nobody
-states, the mean over the sizes is taken: differences of a short log show between a quarter of it and twice as much
-(Patterson & Thompson 1971, doi:10.1093/biomet/58.3.545; autoregressions: Box, Jenkins & Reinsel 2008,
-doi:10.1002/9781118619193).
+grid leaves independent noise at more than even odds, the noise is taken as independent, with the stated standard
+deviation. Where none is stated, the mean over a grid of standard deviations is taken: the differences of a short log
+give between a quarter of the true value and twice as much (Patterson & Thompson 1971, doi:10.1093/biomet/58.3.545;
+autoregressions: Box, Jenkins & Reinsel 2008, doi:10.1002/9781118619193).
 """
 
 from __future__ import annotations

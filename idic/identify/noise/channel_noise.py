@@ -29,10 +29,12 @@ def weighted_std(experiment: Experiment, number: int) -> float:
     return logged_noise(experiment, experiment.channels[number])
 
 
-def correlated_channels(experiment: Experiment, parameters: ParameterSet, point: Evaluation) -> dict[int, ChannelNoise]:
-    """The channels whose noise is correlated from frame to frame, or of a size that nobody states, by number.
+def estimated_channel_noise(experiment: Experiment, parameters: ParameterSet,
+                            point: Evaluation) -> dict[int, ChannelNoise]:
+    """The noise of channels that is estimated from the residual, by number: where it is correlated from frame to frame,
+    or where no standard deviation is stated.
 
-    None where weights are not those of noise.
+    Empty where weights are not those of noise.
 
     point : the accepted one, with the system of all free parameters
     """
