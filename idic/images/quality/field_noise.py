@@ -81,7 +81,9 @@ def field_noise(stack: Stack, positions: np.ndarray, frames: Sequence[int], refe
 def _sum_ratio(positions: np.ndarray, correlation: np.ndarray) -> float:
     """Variance of a sum against a uniform strain over that of independent noise, the mean of both axes.
 
-    Points at an edge, which count most there, have neighbours on one side only: less than the sum of the correlation.
+    It is smaller than the sum of the correlation (by a quarter for overlaps of three distances on 12 x 18 points):
+    points at an edge, which count most, have neighbours on one side only. positions : (n_points, 2), correlation as in
+    `FieldNoise`.
     """
     pairs, place = _pairs(positions)
     shared = np.zeros(int(_lags().max()) + 1)

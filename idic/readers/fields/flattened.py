@@ -1,12 +1,12 @@
 """What a plane model can be compared with: the motion of a sheet's middle surface, laid flat.
 
 Points of three coordinates show how a sheet leaves its plane. A tilt of the whole sheet shortens it as seen from the
-front, bending stretches the seen side, and an arc is longer than its chord; a plane model has none of the three. With
-the rise w of the surface over its plane, a polynomial of the second degree whose slopes are K x, and half of the
-thickness h,
+front, bending stretches the seen side, and an arc is longer than its chord; a plane model has none of the three. The
+rise w of the surface over its plane is fitted by a polynomial of the second degree with the slope m + K x; h is half of
+the thickness:
 
-    u = R (x3 + u3) - x3                  the tilt turned back; R: the smallest turn of the normal
-      + h K x                             from the seen side to the middle (Kirchhoff 1850)
+    u = R (x3 + u3) - x3                  removes the tilt; R: the smallest rotation that levels the sheet
+      + h (m + K x)                       from the measured side to the middle (Kirchhoff 1850)
       + a(K0 + K, x) - a(K0, x)           from the chord to the arc, K0 of the reference stage
 
     a(K, x) = sum_i (k_i^2 xi_i^3 / 6) e_i,       k_i, e_i principal curvatures and their directions, xi_i = x . e_i
@@ -26,10 +26,10 @@ MIN_KNOWN = 12  # points that show the rise
 
 @dataclass(frozen=True, eq=False)
 class Flattening:
-    """Of the stages of one test.
+    """Corrects the stages of one test.
 
-    positions : (n, 3) mm, of the reference stage about its middle, along its plane and over it; curvature : (2, 2)
-    1/mm, of that stage; half_mm : from the seen side to the middle, 0 where the thickness is not known
+    positions : (n, 3) mm, points of the reference stage from their middle: along their plane, and height above it;
+    curvature : (2, 2) 1/mm, of that stage; half_mm : half of the thickness, 0 where it is not known
     """
 
     positions: np.ndarray
@@ -38,12 +38,15 @@ class Flattening:
 
     @classmethod
     def of(cls, positions: np.ndarray, heights: np.ndarray, thickness_mm: float | None) -> Flattening:
-        """heights : (n,) mm, of the reference stage over its plane"""
+        """From the reference stage: positions (n, 2) mm along its plane, heights (n,) mm above it."""
         at = np.column_stack([positions - positions.mean(axis=0), heights])
         return cls(at, _rise(at[:, :2], heights)[1], 0.5 * (thickness_mm or 0.0))
 
     def __call__(self, moved: np.ndarray) -> np.ndarray:
-        """Displacement along the plane  # (n, 3) mm -> (n, 2) mm, NaN where not measured"""
+        """Displacement of the flattened middle surface; as measured where fewer than `MIN_KNOWN` points are known.
+
+        moved : (n, 3) mm, NaN where not measured; returns (n, 2) mm
+        """
         known = np.isfinite(moved).all(axis=1)
         if known.sum() < MIN_KNOWN:
             return moved[:, :2]
@@ -57,7 +60,7 @@ class Flattening:
 
 
 def _upright(tilt: np.ndarray) -> np.ndarray:
-    """The smallest turn that lays a plane of this slope level  # (2,) -> (3, 3)"""
+    """The smallest rotation that levels a plane of this slope  # (2,) -> (3, 3)"""
     normal = np.array([-tilt[0], -tilt[1], 1.0]) / np.sqrt(1.0 + tilt @ tilt)
     skew = np.array([[0.0, 0.0, -normal[0]], [0.0, 0.0, -normal[1]], [normal[0], normal[1], 0.0]])
     return np.eye(3) + skew + skew @ skew / (1.0 + normal[2])  # Rodrigues
@@ -72,6 +75,6 @@ def _rise(x: np.ndarray, rise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _arc(curvature: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """How much longer the way along the surface is than its chord, from the middle on  # (n, 2) mm"""
+    """Length along the surface minus chord, from the middle to every point  # (n, 2) mm"""
     values, axes = np.linalg.eigh(curvature)
     return (values**2 * (x @ axes) ** 3 / 6.0) @ axes.T
