@@ -24,14 +24,14 @@ STRIP = ("example", "demo", "--reduced", "--out", "strip")
 IDENTIFY = ("identify", "strip", "--out", "run", "--workers", "0")
 HEAD = """# Failures and their messages
 
-A small test is broken in one way at a time. All cases start from the same virtual test, an open-hole strip of metal
+One error at a time is put into a small test. All cases start from the same virtual test, an open-hole strip of metal
 that yields ([tutorial.md](tutorial.md)):
 
 ```sh
 idic example demo --reduced --out strip
 ```
 
-`python docs/failures.py FOLDER` breaks the tests, runs the commands and writes their outputs into this page. Times are
+`python docs/failures.py FOLDER` makes the cases, runs the commands and writes their outputs into this page. Times are
 those of a loaded machine.
 
 | error | symptom |
@@ -129,8 +129,8 @@ CHECK = ("check", "strip", "--no-picture")
 CASES = (
     Case("noise", "Too noisy", "The camera noise is half as strong as the pattern (usual: 2 to 4 %).",
          (CHECK, IDENTIFY), "warning of `check`; wide error bars; χ² is 1",
-         "The error bars are right: this test determines no more. More light, more contrast, more frames and coarser "
-         "speckle help; `idic design` predicts the error bars of a camera.",
+         "The error bars are right: this test determines the parameters no better. More light, contrast and frames and "
+         "coarser speckle help; `idic design` predicts the error bars of a camera.",
          example=(*STRIP, "--noise", "0.5")),
     Case("no-force", "No force", "The channel of the force is missing: images alone contain no stress.",
          (CHECK, IDENTIFY), "warning of `check`; \"no force: only ratios\"",
@@ -141,9 +141,9 @@ CASES = (
          (IDENTIFY,), "the partners and their correlation are named",
          "Lock one of them, or give it a prior: `prior = { mean = 2.0, std = 0.01 }` at the entry under [[dof]].",
          spoil=free_thickness),
-    Case("wrong-law", "The wrong law", "The strip yields, the model is elastic.",
+    Case("wrong-law", "The wrong law", "The strip yields, but the model is elastic.",
          (IDENTIFY, ("diagnose", "run", "--workers", "0")), "χ² far above 1; `idic diagnose` names plasticity",
-         "The error bars of the first run are void: they count noise only, and the error of the model is larger. "
+         "Do not use the error bars of the first run: they count noise only, and the error of the model is larger. "
          "Continue with the experiment that the diagnosis wrote.", spoil=elastic),
     Case("wrong-scale", "The wrong scale",
          "The pixel size is 10 % too large: the mesh is too small in the image.",
@@ -154,15 +154,16 @@ CASES = (
     Case("upside-down", "A mirrored mesh",
          "`axes` lets mesh y point down in the image; it points up.",
          (IDENTIFY,), "none: this specimen is symmetric",
-         "The mirror image of a symmetric test is the same test. With any other specimen look at the picture of "
-         "`idic check`.",
+         "The mirror image of a symmetric test is the same test. With any other specimen compare the picture of "
+         "`idic check` with the specimen.",
          spoil=edit('axes = ["+col", "-row"]', 'axes = ["+col", "+row"]')),
     Case("lost-frame", "A frame is black", "The lamp failed in one image.",
          (CHECK, IDENTIFY), "warning of `check`; the frame is listed and left out of the verdict",
          "`exclude_frames = [6]` under [experiment] takes it out of the sums, too.", spoil=black_image),
     Case("grip-slips", "A grip slips",
-         "From the seventh frame on the log grows by 10 µm per frame more than the motion of the specimen.",
-         (IDENTIFY, ("diagnose", "run", "--workers", "0")), "χ²; `idic diagnose` names the slip",
+         "From frame 7 on the logged motion grows by 10 µm per frame more than that of the specimen.",
+         (IDENTIFY, ("diagnose", "run", "--workers", "0")),
+         "χ² above 1; `idic diagnose` names the slip, and a time offset that is not there",
          "`corrections = [{ kind = \"slip\", start_s = 6.0 }]` at the boundary, or `ux = \"measured\"`.",
          spoil=slipping),
     Case("torn-image", "A file is damaged", "One image file is truncated.", (CHECK, IDENTIFY),
