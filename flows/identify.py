@@ -79,7 +79,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
                     except Exception as problem:
                         if not server_is_gone(problem):
                             raise
-                        console.stage("the Prefect server is gone: the identification continues without it")
+                        console.stage("the Prefect server no longer answers: the identification continues without it")
                         return run.identify()
 
         return on_workers(planned, place, out, resume, console, work)

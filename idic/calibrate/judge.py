@@ -80,8 +80,8 @@ def notes_on(result: Calibration, target_std_mm: float) -> tuple[str, ...]:
                      "Tilt it by 20 to 40° about both axes")
     n_views = sum(pose is not None for pose in result.poses)
     if n_views < FEW_VIEWS:
-        notes.append(f"{n_views} images only: the standard deviations hold, but one bad image spoils the result. "
-                     f"Take 15 to 30")
+        notes.append(f"{n_views} images only: the standard deviations are right, but a single bad image would falsify "
+                     f"the result. Take 15 to 30")
     stds = rig.std
     for camera, values in enumerate(rig.cameras):
         weak = [name for name in ("k1", "k2", "k3", "p1", "p2") if f"{camera}.{name}" in rig.names

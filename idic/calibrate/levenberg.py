@@ -53,7 +53,8 @@ def minimum(distances: Callable[[np.ndarray], np.ndarray], slopes: Callable[[np.
                     return unknowns
             damping *= 10.0
             if damping > MOST_DAMPING:
-                raise NotConverged("the bundle adjustment finds no better step; free fewer values of the lens (--free)")
+                raise NotConverged("no step of the bundle adjustment reduces the residual; free fewer values of the "
+                                   "lens (--free)")
         unknowns, errors, damping = unknowns - step, trial, max(damping / 10.0, LEAST_DAMPING)
         if promised <= tolerance * cost + FLOOR * len(errors) and damping < FIRST_DAMPING:
             return unknowns

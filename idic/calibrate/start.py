@@ -62,7 +62,7 @@ def second_camera(first: dict[int, tuple], second: dict[int, tuple], views: View
     """
     pairs = sorted(set(first) & set(second))
     if not pairs:
-        raise InputError("no pair in which both cameras see the target", expected="pairs that show it to both",
+        raise InputError("no pair in which both cameras see the target", expected="pairs that both show it",
                          found="none", remedy="record the target where both fields of view overlap")
     symmetric = not any(views[v][c].unique for v in pairs for c in (0, 1))
     turns = _symmetries(points_mm) if symmetric else [(np.arange(len(points_mm)), np.eye(3), np.zeros(3))]
@@ -77,7 +77,7 @@ def second_camera(first: dict[int, tuple], second: dict[int, tuple], views: View
               for key, pose in candidates.items()}
     best = min(spread, key=lambda key: (spread[key], key))
     if spread[best] > MAX_POSE_SPREAD:
-        raise InputError("the pairs do not agree about the second camera", key="images",
+        raise InputError("the pairs give different poses of the second camera", key="images",
                          found=f"its pose differs by {np.degrees(spread[best]):.1f}° from pair to pair",
                          expected="left and right images of the same instants",
                          remedy="check that the lists of both cameras have the same order, and that no camera moved")

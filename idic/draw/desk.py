@@ -165,7 +165,7 @@ class Desk:
                              expected="a written experiment.toml",
                              found="none", remedy="write it first")
         if watch.is_at_work(self.folder, name):
-            raise InputError("this run is at work", key="run", expected="a run that has ended, or a new name",
+            raise InputError("this run is in progress", key="run", expected="a run that has ended, or a new name",
                              found=name,
                              remedy="watch it, or choose another name")
         watch.start(self.folder, name)

@@ -176,8 +176,9 @@ def _frozen_targets(steps: StepList, times: np.ndarray) -> np.ndarray:
     targets = np.asarray(steps.times, dtype=float)
     missing = np.setdiff1d(times[1:], targets)
     if len(missing):
-        raise InputError("the frozen steps do not hit every frame time", found=f"no step ends at {missing[0]:g} s",
-                         remedy="take the steps of a run with the same frames")
+        raise InputError("the fixed increments do not end at every frame time",
+                         found=f"no increment ends at {missing[0]:g} s",
+                         remedy="use the increments of a run with the same frames")
     return targets
 
 
@@ -260,9 +261,9 @@ def _attempt(system, params, now: Converged, guess: np.ndarray | None, drives, c
 
 
 def _gave_up(error: NotConverged, now: Converged, frame: int, target: float, frozen: bool) -> NotConverged:
-    tried = "with frozen steps" if frozen else f"down to increments of {target - now.time:.3g} s"
-    stop = NotConverged(f"no equilibrium beyond {now.time:.6g} s, on the way to frame {frame}, {tried}: {error}. "
-                        "Check loads and parameters at that time, or take more substeps.")
+    tried = "with fixed increments" if frozen else f"down to increments of {target - now.time:.3g} s"
+    stop = NotConverged(f"no equilibrium beyond {now.time:.6g} s, before frame {frame}, {tried}: {error}. "
+                        "Check loads and parameters at that time, or use more substeps.")
     stop.time, stop.frame = now.time, frame
     return stop
 

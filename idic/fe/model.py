@@ -194,7 +194,7 @@ def validate(model: Model, n_frames: int) -> None:
                          expected=f"{expected_dim} coordinates per node", found=str(mesh.n_dim),
                          remedy="use a mesh of that dimension, or another kind")
     if model.locking not in ("auto", "none", "mean_dilatation"):
-        raise InputError("unknown remedy for locking", expected="auto, none or mean_dilatation", found=model.locking,
+        raise InputError("unknown treatment of locking", expected="auto, none or mean_dilatation", found=model.locking,
                          remedy="write one of these names")
     if model.locking == "mean_dilatation" and model.kind == "plane_stress":
         raise InputError("plane stress does not lock: the thickness follows the volume",

@@ -64,7 +64,7 @@ class ExternalForward:
         raise InputError("stresses and tangents of an external solver are not available",
                          file=self.setup.experiment_file, key="solver",
                          expected="the built-in solver, where stresses and tangents are needed",
-                         found=" ".join(self.setup.arguments), remedy="take [solver] out for this")
+                         found=" ".join(self.setup.arguments), remedy="remove [solver] for this")
 
     def moves(self, name: str) -> bool:
         """Whether a degree of freedom changes the simulation (and not only camera or channels)."""
@@ -203,13 +203,13 @@ def build_external(experiment: Experiment) -> ExternalForward:
     for name in (*moving, *drives.loads.stems):
         if f"{TABLE}{name}" not in setup.deck.names:
             raise InputError("a motion or load that the deck does not read", file=setup.deck.file,
-                             expected=f"{{{TABLE}{name}}}: lines of time and value", found="it is not asked for",
-                             remedy="write it as the data of an *AMPLITUDE, or take the [[boundary]] out")
+                             expected=f"{{{TABLE}{name}}}: lines of time and value", found="nowhere in the deck",
+                             remedy="write it as the data of an *AMPLITUDE, or remove the [[boundary]]")
     for name in experiment.parameters.free:
         material = name.rpartition(".")[0] in {m.element_set for m in experiment.materials}
         if (material or name == THICKNESS) and name not in setup.deck.names:
             raise InputError("a parameter to be identified that the deck does not read", file=setup.deck.file,
-                             expected=f"{{{name}}}", found="it is not asked for",
+                             expected=f"{{{name}}}", found="nowhere in the deck",
                              remedy="write it where the deck has its value, or lock it with identify = false")
     morphs = any(morph.name in experiment.parameters for morph in experiment.morphs)
     if morphs and setup.mesh_file is None:

@@ -58,7 +58,7 @@ def edge_shapes(mesh: Mesh, nodes: np.ndarray, kind: str, modes: int, name: str 
         pieces = [_straight(mesh.nodes[nodes])]
     if kind == "polynomial":
         if len(pieces) > 1 or pieces[0].corners or pieces[0].closed:
-            raise InputError("a polynomial cannot turn a corner", file="experiment.toml", key=name,
+            raise InputError("polynomial modes on an edge with corners", file="experiment.toml", key=name,
                              expected="one edge without corners", found=_described(pieces),
                              remedy='use virtual = "bspline", or one set per side')
         shapes = np.zeros((len(nodes), modes))

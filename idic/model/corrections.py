@@ -67,8 +67,9 @@ def reach(correction_kind: str, mesh: Mesh, nodes: np.ndarray, component: str) -
     along = LEVERS[component][0]
     half = 0.5 * float(np.ptp(mesh.nodes[nodes, COMPONENTS.index(along)]))
     if half <= 0.0:
-        raise InputError("a set that cannot turn", key="corrections", expected=f"a node set with an extent along "
-                         f"{along}, for a rotation seen in u{component}", found="all its nodes in one place",
+        raise InputError("a node set that cannot rotate", key="corrections",
+                         expected=f"a node set with an extent along {along}, for a rotation seen in u{component}",
+                         found="all its nodes in one place",
                          remedy="leave the rotation out, or correct the other component")
     return half
 

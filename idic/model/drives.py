@@ -261,9 +261,9 @@ class _Builder:
         mesh, surface = self.experiment.mesh, self.experiment.surface
         leaders = np.arange(len(nodes)) if mesh.n_dim == 2 else seen_first(mesh, surface, nodes)
         if not len(leaders):
-            raise InputError("hidden nodes without a seen one to follow", file="experiment.toml", key=stem,
-                             expected="one [[boundary]] for the seen and the hidden nodes of an edge",
-                             found=f"{len(nodes)} nodes whose seen neighbours an earlier [[boundary]] measures",
+            raise InputError("hidden nodes without a visible node to follow", file="experiment.toml", key=stem,
+                             expected="one [[boundary]] for the visible and the hidden nodes of an edge",
+                             found=f"{len(nodes)} nodes whose visible neighbours an earlier [[boundary]] measures",
                              remedy="measure both in one set")
         own = np.unique(leaders)
         weights = np.eye(len(nodes)) if mesh.n_dim == 2 else followed(mesh.nodes[nodes], leaders)[0]
@@ -288,7 +288,7 @@ class _Builder:
         if component == normal_axis(experiment.mesh, experiment.surface) and not sees_space(experiment):
             raise InputError("a measured motion along the line of sight", file="experiment.toml", key=stem,
                              expected="a motion in the plane of the image, or two cameras with a lens",
-                             found=f"u{COMPONENTS[component]} of a surface that looks along {COMPONENTS[component]}",
+                             found=f"u{COMPONENTS[component]} of a surface with normal {COMPONENTS[component]}",
                              remedy=f"give u{COMPONENTS[component]}, or leave it free; measure the other two")
         leaders = seen_first(experiment.mesh, experiment.surface, nodes)
         if not len(leaders):

@@ -48,8 +48,8 @@ def strayed(experiment: Experiment, parameters: ParameterSet) -> list[str]:
         at = np.array([p.value for p in centre])
         if np.any((at < nodes.min(axis=0)) | (at > nodes.max(axis=0))):
             place = ", ".join(f"{p.shown:.4g}" for p in centre)
-            found.append(f"{entry.element_set}.{entry.name}: its centre ({place}) has left {entry.element_set}, where "
-                         "a slope is all that is seen of it: amount, radius and place are known together, none alone")
+            found.append(f"{entry.element_set}.{entry.name}: its centre ({place}) lies outside {entry.element_set}. "
+                         "The specimen shows only a slope of it: amount, radius and place cannot be separated")
     return found
 
 

@@ -221,7 +221,7 @@ class _Reader:
                        "correct the mesh file, or export it again: it may be truncated")
         if abs(label) > _MAX_LABEL:
             self.fail(number, "a label beyond the largest one", f"labels up to {_MAX_LABEL}", cell,
-                       "number nodes and elements anew, or export the mesh again: it may be damaged")
+                       "renumber nodes and elements, or export the mesh again: it may be damaged")
         return label
 
     def _real(self, cell: str, number: int) -> float:

@@ -73,9 +73,9 @@ def _no_hole(hole, nearest: float, roi, element_size: float, file, key) -> Input
     """
     (cx, cy, radius), (x0, y0, x1, y1) = hole, roi
     if max(x0 - cx, cx - x1, y0 - cy, cy - y1) > 0.0:
-        return InputError("a hole beside the ROI", file=file, key=key, expected=f"a centre within {list(roi)}",
+        return InputError("a hole outside the ROI", file=file, key=key, expected=f"a centre within {list(roi)}",
                           found=str(list(hole)), remedy="correct the hole: [column, row, radius]")
-    return InputError("a hole is smaller than an element: the mesh would have none", file=file, key=key,
+    return InputError("a hole is smaller than an element: the mesh would not have it", file=file, key=key,
                       expected=f"a radius above {nearest:.3g}, or elements of {radius:.2g} or less",
                       found=f"radius {radius:g}, elements of {element_size:g}",
                       remedy="choose smaller elements, or draw the outline (outline_mm, outline_px), "

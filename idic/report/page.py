@@ -71,7 +71,7 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
              maps.residuals(record),
              free_dic(record), camera_floor(record)),
         ),
-        ("law", "Which law came out?", " ".join(open_curves(record)), laws),
+        ("law", "Which law was identified?", " ".join(open_curves(record)), laws),
         (
             "determined",
             "What does the test determine?",
@@ -81,7 +81,7 @@ def draw_sections(record: RunRecord) -> tuple[Section, ...]:
         ("moved", "How did the specimen move?", "",
          (maps.displacements(record), *extra, charts.temperature(record), identified_mesh(record))),
         *(_camera_plan(name, seen) for name, seen in record.cameras),
-        ("converged", "How was it found?", "", (charts.convergence(record),)),
+        ("converged", "How did the search converge?", "", (charts.convergence(record),)),
     )
     sections = [Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan]
     sections[1:1] = [_frame_by_frame(record), _fields(record)]

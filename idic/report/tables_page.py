@@ -172,7 +172,7 @@ def specimen_tables(result: Mapping) -> list[Table]:
             "thickness; the "
             "standard deviation between specimens and its 95 % interval; the mean of the material that the specimens "
             "are drawn from; and the probability of such a scatter among equal specimens (bold: below "
-            f"{100 * MAX_P_OF_EQUAL_SPECIMENS:g} %). The joint values are of equal specimens.")
+            f"{100 * MAX_P_OF_EQUAL_SPECIMENS:g} %). The joint values assume equal specimens.")
     return [Table("Specimen by specimen",
                   ("parameter", "unit", *names, "std between", "95 %", "mean of the material", "p"),
                   tuple(rows), lead)]

@@ -87,12 +87,12 @@ def discrepancy(result: Mapping) -> str:
     """What of the standard deviations is due to the model, in a sentence; "" without an estimate."""
     found = result.get("discrepancy") or {}
     if "not_estimated" in found:
-        return f"What the model leaves unexplained is not counted: {found['not_estimated']}."
+        return f"The error bars do not count the error of the model: {found['not_estimated']}."
     if "significant" not in found:
         return ""
     if not found["significant"]:
         return "No error beyond noise widens the intervals."
-    return (f"The model leaves something unexplained (twice the gain in log-likelihood: "
+    return (f"The residual shows an error of the model (twice the gain in log-likelihood: "
             f"{found['likelihood_ratio']:.0f}; {_left_unexplained(found)}): the intervals count it.")
 
 
@@ -186,7 +186,7 @@ def undetermined(result: Mapping) -> str:
         reasons[MODES_OPEN] = modes
     if hardly := hardly_determined(result):
         reasons["the 95 % interval reaches zero: the error of the model decides the value; fix it at a known value, "
-                "or add a test that loads it"] = [names[name] for name in hardly]
+                "or add a test that depends on it"] = [names[name] for name in hardly]
     items = [f"{', '.join(group)} ({reason})" for reason, group in reasons.items()]
     return f"Not determined by this test: {'; '.join(items)}." if items else ""
 
@@ -325,8 +325,7 @@ def between_specimens(result: Mapping) -> list[str]:
              for name, entry in (result.get("specimens") or {}).items()
              if entry["p_value"] is not None and entry["p_value"] < MAX_P_OF_EQUAL_SPECIMENS]
     return [f"The specimens differ by more than their error bars; standard deviation between them: {', '.join(texts)}. "
-            f"The "
-            "joint values are of equal specimens."] if texts else []
+            "The joint values assume equal specimens."] if texts else []
 
 
 def with_unit(std: float, unit: str) -> str:

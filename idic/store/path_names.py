@@ -47,8 +47,8 @@ def refuse_names_that_are_one(labels: Iterable[str], folder: Path) -> None:
     for label in labels:
         other = seen.setdefault(unicodedata.normalize("NFC", path_name(label)).casefold(), label)
         if other != label and ignores_case(folder):
-            raise InputError("two names that are one on the disk of the results", file=folder,
-                             expected="names that differ in more than capitals", found=f"{other}, {label}",
+            raise InputError("two names that are the same for the file system of the results", file=folder,
+                             expected="names that differ in more than upper and lower case", found=f"{other}, {label}",
                              remedy="rename one of them in the mesh, the log or experiment.toml")
 
 

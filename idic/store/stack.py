@@ -77,7 +77,7 @@ class ZarrStack:
         frames = read_block(self._array, self.group / ARRAY, first, last)
         for k, image in enumerate(frames, start=first):
             if zlib.crc32(image) != self._checksums[k]:
-                raise _incomplete(self.group, f"frame {k} is not the one that was ingested")
+                raise _incomplete(self.group, f"frame {k} differs from the ingested one")
         frames.flags.writeable = False
         return frames
 

@@ -203,7 +203,7 @@ def checked_store(store: str | None, scheduler: str | None) -> str | None:
 def refuse_store(store: str | None, command: str) -> None:
     """`InputError` where ``--store`` is given to a command whose workers read the files of this machine."""
     if store is not None:
-        raise InputError(f"idic {command} sends its workers no files", key="--store (or IDIC_STORE)",
-                         expected="workers that see this disk", found=store,
+        raise InputError(f"idic {command} does not send files to its workers", key="--store (or IDIC_STORE)",
+                         expected="workers with access to this disk", found=store,
                          remedy="leave --store out and use a common disk, or run each experiment by idic identify "
                          "--store, which takes several experiments too (also idic diagnose, idic systematic)")

@@ -114,8 +114,8 @@ def _problem(job: ProbeJob) -> tuple[str, str, str] | tuple[()]:
             found = load_experiment(one.path, dict(one.overrides))
         except InputError as problem:
             return (f"the experiment {one.path}", str(problem),
-                    "put the experiment on a file system that all workers mount at the same path; laws of your own are "
-                    "given to a worker by the variable IDIC_LAWS")
+                    "put the experiment on a file system that all workers mount at the same path; for your own "
+                    "laws set the variable IDIC_LAWS on the workers")
         if one.identity not in (found.identity, found.earlier_identity):
             return (f"the experiment {one.path} as the driver read it", "another experiment at this path",
                     "put the experiment on a file system that all workers mount at the same path")

@@ -37,7 +37,7 @@ class ServedObjects:
         """See `Objects.get`."""
         content = self._asked({"get": sha256})
         if content is None or digest_of(content) != sha256:
-            raise InputError(f"{self._place} asked the driver for a file that it does not have any more",
+            raise InputError(f"{self._place} requested a file that the driver no longer has",
                              key="--store driver",
                              expected=f"the content {sha256[:16]}",
                              found="none" if content is None else "another content",

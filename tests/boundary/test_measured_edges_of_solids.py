@@ -203,7 +203,7 @@ def test_hidden_nodes_whose_seen_neighbours_are_measured_elsewhere_are_refused(e
     front = nodes[np.abs(mesh.nodes[nodes, 2]) < 1e-9]
     split = replace(experiment, mesh=replace(mesh, node_sets={**mesh.node_sets, "SEEN": front}),
                     prescribed=(Prescribed("SEEN", "x", Measured()), Prescribed("RIGHT", "x", Measured())))
-    with pytest.raises(InputError, match="without a seen one"):
+    with pytest.raises(InputError, match="without a visible node"):
         build_drives(split)
 
 

@@ -137,7 +137,7 @@ def test_a_nearest_cause_that_explains_most_is_said_and_doubted():
     said = headline(CONTENT | {"verdict": "outside_library"}, TITLES)
     assert said.startswith("Friction in the load train") and "most of it (97 %)" in said and "do not trust" in said
     far = headline(CONTENT | {"verdict": "outside_library", "fit": {"explainable_share_recovered": 0.3}}, TITLES)
-    assert "no candidate explains" in far and "riction" not in far
+    assert "No candidate explains" in far and "riction" not in far
 
 
 def test_what_is_left_is_said_with_its_size():
@@ -145,7 +145,7 @@ def test_what_is_left_is_said_with_its_size():
              "matters": False}
     left_of = {"motion_px": 0.02, "motion_z": 40.0, "motion_share": 0.29, "channels": [force]}
     said = left_over(CONTENT | {"left": left_of, "camera_floor_px": 0.019})
-    assert "0.02 px of motion that is also there at rest (29 % of the excess before)" in said
+    assert "0.02 px of motion that images at rest show too (29 % of the excess before)" in said
     assert "0.4 % of force_N (3 % of the excess before)" in said and "not a further cause" in said
     assert left_over(CONTENT) is None
 

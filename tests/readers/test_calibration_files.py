@@ -220,7 +220,7 @@ def test_the_order_of_the_angles_is_the_users_to_say(tmp_path):
      "larger"),
     ("fisheye.json", lambda: json.dumps({"K": [[900, 0, 640], [0, 900, 400], [0, 0, 1]], "D": [0] * 7 + [0.2]}),
      "distortion"),
-    ("oblique.json", lambda: json.dumps({"K": [[900, 90, 640], [0, 900, 400], [0, 0, 1]]}), "oblique"),
+    ("oblique.json", lambda: json.dumps({"K": [[900, 90, 640], [0, 900, 400], [0, 0, 1]]}), "skew"),
     ("cut.caldat", lambda: "\n".join(matchid().splitlines()[:-1]), "psi"),
     ("rubbish.txt", lambda: "hello", "format"),
     ("empty.xml", lambda: "", "format"),

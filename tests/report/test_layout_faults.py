@@ -184,4 +184,4 @@ def test_maps_of_the_start_whose_rms_is_not_that_of_the_curve_say_why(ratio, tol
     curve[list(record.residuals.frames)] = ratio * np.sqrt(np.nanmean(record.residuals.before**2, axis=(1, 2)))
     for figure in (maps.residuals, maps.local_chi2):
         caption = figure(replace(record, rms_before=curve)).caption
-        assert ("the curve of the starting values has them where they fit" in caption) == told
+        assert ("for the curve of the start values the edges are fitted" in caption) == told

@@ -327,5 +327,5 @@ def test_commands_that_send_no_files_refuse_a_store_and_say_what_takes_one(comma
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("IDIC_STORE", "s3://bucket")
     said = CliRunner().invoke(app, [*command, "--scheduler", "tcp://127.0.0.1:1"])
-    assert said.exit_code == 2 and f"idic {command[0]} sends its workers no files" in said.output
+    assert said.exit_code == 2 and f"idic {command[0]} does not send files to its workers" in said.output
     assert "idic identify" in said.output and not list(tmp_path.iterdir())

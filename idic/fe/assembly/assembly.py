@@ -271,7 +271,7 @@ def _expand(system: System, group: Group, temperature: np.ndarray, g: GroupEvalu
     free = system.model.sections[group.section].expansion * temperature
     g.expansion = points_of(system, group, free)
     if not group.law.small and not g.expansion.min() > -1.0:
-        return f"thermal expansion of {g.expansion.min():.3g} shrinks the body to nothing: check alpha and its unit"
+        return f"thermal expansion of {g.expansion.min():.3g} gives a stretch of zero or less: check alpha, its unit"
     return ""
 
 

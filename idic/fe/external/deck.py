@@ -57,7 +57,7 @@ class Deck:
         for part in self.parts:
             for name in sorted(part.expression.names - set(known)) if isinstance(part, Place) else ():
                 near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-                raise InputError("the deck asks for an unknown name", file=self.file, key=f"line {part.line}",
+                raise InputError("an unknown name in the deck", file=self.file, key=f"line {part.line}",
                                  expected=f"one of {', '.join(sorted(known))}", found=f"{{{part.text}}}",
                                  remedy=f"did you mean {near[0]}?" if near else "a literal brace is written twice: {{")
 
@@ -105,7 +105,7 @@ def parse_deck(text: str, file: Path) -> Deck:
             raise _not_a_place(file, line, text[token.start():token.start() + 30].partition("\n")[0], "it is alone")
         inside, colon, shown = token["inside"].partition(":")
         if colon and not _FORMAT.fullmatch(shown):
-            raise _not_a_place(file, line, token[0], f"{shown!r} is no format of a number, such as .6e")
+            raise _not_a_place(file, line, token[0], f"{shown!r} is not a number format such as .6e")
         try:
             expression = parse_expression(inside, ARITHMETIC)
         except ValueError as problem:
@@ -115,7 +115,7 @@ def parse_deck(text: str, file: Path) -> Deck:
 
 
 def _not_a_place(file: Path, line: int, found: str, why: str) -> InputError:
-    return InputError("a brace that is no place for a number", file=file, key=f"line {line}",
+    return InputError("a brace without a name or an expression", file=file, key=f"line {line}",
                       expected="{NAME}, {NAME:.6e}, {2 * NAME}, or {{ and }} for braces",
                       found=f"{found.strip()} ({why})",
-                      remedy="double the brace if the solver is to see it")
+                      remedy="double the brace if it is meant for the solver")

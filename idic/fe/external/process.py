@@ -73,7 +73,7 @@ def find_program(name: str, file: Path | str) -> str:
                          expected="a name found on PATH, or an absolute path", remedy="write the absolute path")
     found = shutil.which(name)
     if found is None or not os.path.isabs(found):
-        raise InputError("the program of the external solver is not there", file=file, key=key,
+        raise InputError("the program of the external solver is not found", file=file, key=key,
                          expected=f"{name!r} on PATH, executable" if not os.path.isabs(name) else "an executable file",
                          found="nothing", remedy="install it, or write its absolute path")
     return found

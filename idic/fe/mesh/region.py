@@ -36,14 +36,14 @@ def graded_boundary(segments: Segments, size: float) -> Boundary:
             break
         boundary = halved(boundary, segments, chosen)
     raise InputError("the outline cannot be meshed",
-                     expected="corners of 15 degrees or more, parts that keep a distance",
+                     expected="corners of 15 degrees or more, and gaps that elements can fill",
                      found=_narrowest(boundary),
                      remedy="draw the sharp corner or the narrow gap wider, or leave it out")
 
 
 def _narrowest(boundary: Boundary) -> str:
     x, y = boundary.middles[np.argmin(boundary.lengths)]
-    return f"a corner or gap that needs ever smaller edges near ({x:.6g}, {y:.6g})"
+    return f"a corner or gap near ({x:.6g}, {y:.6g}) that no edge length resolves"
 
 
 def size_at(boundary: Boundary, points: np.ndarray, size: float) -> np.ndarray:

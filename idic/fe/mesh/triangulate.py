@@ -48,8 +48,8 @@ def triangulate(segments: Segments, boundary: Boundary, size: float,
         if not missing.any():
             return points, triangles, boundary
         boundary = halved(boundary, segments, missing)
-    raise InputError("the outline cannot be meshed", expected="parts of the boundary that keep a distance",
-                     found=f"{int(missing.sum())} edges that do not come out", remedy="choose smaller elements")
+    raise InputError("the outline cannot be meshed", expected="gaps in the boundary that elements can fill",
+                     found=f"{int(missing.sum())} edges that no element has", remedy="choose smaller elements")
 
 
 def _triangles(boundary: Boundary, inner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

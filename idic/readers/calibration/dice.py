@@ -117,6 +117,6 @@ def _refuse_other_terms(values, from_vic, file, camera):
     other = [name for name in _OTHER if float(values.get(name, 0.0) or 0.0)]
     # with the values of VIC-3D in it, the file means VIC-3D's polynomial, whichever of its own DICe takes for that
     if other or (distorted and model not in _BROWN and not (from_vic and model == "K1R1_K2R2_K3R3")):
-        raise InputError("a distortion that this camera model has not", file=file, key=camera,
+        raise InputError("a distortion that this camera model does not have", file=file, key=camera,
                          expected="k1, k2, k3, p1, p2 of Brown's model (OPENCV_DIS, K1R3_K2R5_K3R7, VIC3D_DIS)",
                          found=", ".join([model, *other]), remedy="calibrate with one of these models")

@@ -116,7 +116,7 @@ def _distortion(value, file, camera):
         return {}
     array = _array(value)
     if array is None or array.size not in (0, 4, 5, 8, 12, 14) or np.any(array.ravel()[5:]):
-        raise InputError("a distortion that this camera model has not", file=file, key=f"camera {camera}",
+        raise InputError("a distortion that this camera model does not have", file=file, key=f"camera {camera}",
                          expected="k1, k2, p1, p2, k3 (further terms zero)", found=value,
                          remedy="calibrate without the rational, thin-prism and tilted models")
     return dict(zip(("k1", "k2", "p1", "p2", "k3"), array.ravel().tolist(), strict=False))
@@ -147,6 +147,6 @@ def _covariance(value, file):
     names, matrix = tuple(value.get("names", ())), _array(value.get("matrix"))
     if matrix is None or matrix.shape != (len(names), len(names)):
         raise InputError("not a covariance", file=file, key="covariance",
-                         expected="names, and a matrix of their number",
+                         expected="names, and a matrix with a row and a column for each",
                          found=f"{len(names)} names", remedy="run idic calibrate again")
     return names, matrix

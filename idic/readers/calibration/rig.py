@@ -186,6 +186,6 @@ def _check_units(camera, conventions, file, number, image_size):
                          expected="less than half of the radius at the corners of the image",
                          remedy="check the unit of the coefficients and their sequence (k1, k2, p1, p2, k3 in OpenCV)")
     if abs(camera.skew) > MAX_SKEW_SHARE * camera.fx:
-        raise InputError("a sensor more oblique than any", file=file, key=f"camera {number}: skew",
+        raise InputError("a skew larger than any sensor has", file=file, key=f"camera {number}: skew",
                          found=f"{camera.skew:g} px", expected=f"less than {MAX_SKEW_SHARE} of the focal length",
                          remedy="check the unit of the skew (px or deg) and the entry of the camera matrix")

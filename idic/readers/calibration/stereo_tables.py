@@ -39,7 +39,7 @@ def read_stereo_table(text: str, file, conventions: Conventions) -> CameraRig:
                 if match[1] == "fs" and units[name] in _DEGREES and conventions.skew is None:
                     own = replace(conventions, skew="deg")
             elif match:
-                raise InputError("a value that this camera model has not", file=file, key=name,
+                raise InputError("a value that this camera model does not have", file=file, key=name,
                                  expected=", ".join(_NAMES), found=value,
                                  remedy="calibrate with the pinhole model and k1, k2, k3, p1, p2")
         pose = {}

@@ -242,9 +242,9 @@ class _Fit:
         x, y, turn, _ = np.abs(vectors[:, 0])
         along = _rotation(placement.angle).T @ vectors[:2, 0]
         raise InputError("the outline of the points does not fix the position of the mesh", key="camera.placement",
-                         expected="edges of the specimen across each other, or a hole, in view",
-                         found="nothing that stops a turn" if turn > max(x, y) else
-                         f"nothing that stops a motion along ({along[0]:.2f}, {along[1]:.2f}) of the mesh",
+                         expected="edges of the specimen in different directions, or a hole, in view",
+                         found="nothing that fixes the rotation" if turn > max(x, y) else
+                         f"nothing that fixes the position along ({along[0]:.2f}, {along[1]:.2f}) of the mesh",
                          remedy="place it: origin_mm, axes and rotation_deg without placement")
 
     def distinct(self, placements: Sequence[Placement]) -> list[Placement]:

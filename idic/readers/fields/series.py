@@ -189,7 +189,7 @@ def detected(path: Path) -> str:
 
     columns = find_columns(stage_text(path).splitlines())
     if columns is None:
-        raise InputError("not a field that idic reads", file=path, key=KEY,
+        raise InputError("not a field format that idic reads", file=path, key=KEY,
                          expected="an export of " + ", ".join(name for name in FORMATS if name != "auto"),
                          found=stage_text(path).lstrip()[:60] or "an empty file",
                          remedy="export a table with the columns stage,x_mm,y_mm,ux_mm,uy_mm")

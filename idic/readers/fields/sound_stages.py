@@ -69,8 +69,8 @@ def check_stages(stack: FieldStack, frames: Sequence[int]) -> None:
     other = pattern.other_pattern(np.array(strains))
     if other is not None:
         k, size = other
-        raise _other_specimen(stack, frames[k], "points that move against their neighbours as between other stages, by "
-                              "noise", f"{size:.2g} times that, all over the field")
+        raise _other_specimen(stack, frames[k], "points that move relative to their neighbours by noise, as between "
+                              "other stages", f"{size:.2g} times that, all over the field")
 
 
 def _other_specimen(stack: FieldStack, k: int, expected: str, found: str) -> InputError:

@@ -28,7 +28,7 @@ def log_of(loads: Any, units: Mapping[str, str] | None = None, decimal: Decimal 
     Raises
     ------
     InputError
-        No columns, columns of different length, or units of columns that are not there.
+        No columns, columns of different length, or units for columns that do not exist.
     """
     if isinstance(loads, (str, os.PathLike)):
         path = Path(loads)
@@ -48,8 +48,9 @@ def log_of(loads: Any, units: Mapping[str, str] | None = None, decimal: Decimal 
                          remedy="give columns of one length, one row per image")
     unknown = sorted(set(units or {}) - set(columns))
     if unknown:
-        raise InputError("a unit of a column that is not there", key="units", expected=f"one of {', '.join(columns)}",
-                         found=unknown[0], remedy="correct the name of the column")
+        raise InputError("a unit for a column that does not exist", key="units",
+                         expected=f"one of {', '.join(columns)}", found=unknown[0],
+                         remedy="correct the name of the column")
     cells = [[_cell(value) for value in values.tolist()] for values in columns.values()]
     rows = tuple(zip(*cells, strict=True))
     table = Table(",", 0, tuple(columns), tuple((units or {}).get(name, "") for name in columns), rows,

@@ -44,7 +44,7 @@ def mesh_of(mesh: Any) -> RawMesh:
             check_indices(mesh)
         except ValueError as problem:
             raise InputError("the mesh cannot be used", key=KEY, expected="nodes, and elements that refer to them",
-                             found=str(problem), remedy="make the mesh anew") from None
+                             found=str(problem), remedy="generate the mesh again") from None
         return raw_mesh_of(mesh, NAME)
     raise InputError("not a mesh", key=KEY,
                      expected='a meshio.Mesh, a path, or {"roi_px": [x0, y0, x1, y1], "element_px": 20}',

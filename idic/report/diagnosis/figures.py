@@ -233,7 +233,7 @@ def courses(record: DiagnosisRecord) -> Picture | None:
             if one["onset_frames"]:
                 first, last = (record.abscissa[k] for k in one["onset_frames"])
                 axis.axvspan(first, last, color=FAINT, alpha=0.8, lw=0, label="onset")
-            how = "given by the data" if one["free"] else "of the candidate"
+            how = "determined by the data" if one["free"] else "of the candidate"
             title = record.titles.get(one["name"], one["name"].replace("_", " "))
             axis.set(title=f"{title}: {one['parameter']}, course {how}", ylabel=f"[{one['unit'] or '–'}]")
         label_frames(axes[-1], record.time_label)

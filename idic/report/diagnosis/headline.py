@@ -10,7 +10,7 @@ from idic.report.words import short_names, with_std
 MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
 MOSTLY = 0.5  # explained share from which a nearest candidate explains most of it
 MIN_LEFT_PX = 5e-4  # motion that is worth a word
-MIN_TEXT_Z = 5.0  # standard deviations: a smaller residual excess is not told
+MIN_TEXT_Z = 5.0  # standard deviations: a smaller residual excess is not reported
 
 
 def headline(content: Mapping, titles: Mapping[str, str]) -> str:
@@ -20,14 +20,13 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
     """
     word, share = content["verdict"], content["fit"]["explainable_share_recovered"]
     if word == "none":
-        return f"No missing physics shows: images and channels leave {_nothing(content)}."
+        return f"No missing physics is significant: the residual of images and channels is {_nothing(content)}."
     if word == "blind":
         return "This test says nothing about missing physics."
     if word == "outside_library" and not (content["named"] and (share or 0.0) > MOSTLY):
         where = when_and_where(content)
-        return (f"{side_in_words(content)} moves or reads in a way that no candidate "
-                f"explains{f' ({where})' if where else ''}: "
-                "do not trust the parameters.")
+        return (f"No candidate explains the residual, probably from {side_in_words(content)}"
+                f"{f' ({where})' if where else ''}: do not trust the parameters.")
     causes = _joined(_causes(content, titles, sizes=word != "outside_library"))
     formal = [title for title, one in _with_rounds(content, titles) if _is_formulation(content, one)]
     where = when_and_where(content)
@@ -42,12 +41,12 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
 
 
 def left_over(content: Mapping) -> str | None:
-    """What the last model leaves, in a sentence; None where it is noise."""
+    """The remaining residual of the last model, in a sentence; None where it is noise."""
     left = content.get("left") or {}
     parts = []
     if (left.get("motion_z") or 0.0) > MIN_TEXT_Z and (left.get("motion_px") or 0.0) > MIN_LEFT_PX:
         floor = content.get("camera_floor_px")
-        at_rest = " that is also there at rest" if floor and left["motion_px"] < 1.5 * floor else ""
+        at_rest = " that images at rest show too" if floor and left["motion_px"] < 1.5 * floor else ""
         place = f", largest {left['place']}," if left.get("place") else ""
         parts.append(f"{left['motion_px']:.2g} px of motion{place}{at_rest}{_of_before(left.get('motion_share'))}")
     parts += [f"{100.0 * one['reading_share']:.2g} % of {one['column']}{_of_before(one['share'])}"
@@ -55,7 +54,8 @@ def left_over(content: Mapping) -> str | None:
     if not parts:
         return None
     small = content["verdict"] in ("single", "set", "multiple")
-    return f"Left over: {_joined(parts)}{'; an error of the selected model, not a further cause' if small else ''}."
+    cause = "; an error of the selected model, not a further cause" if small else ""
+    return f"Remaining residual: {_joined(parts)}{cause}."
 
 
 def _of_before(share: float | None) -> str:
@@ -63,7 +63,7 @@ def _of_before(share: float | None) -> str:
 
 
 def _nothing(content: Mapping) -> str:
-    return "noise and what the camera shows at rest" if content.get("camera_floor_px") else "noise"
+    return "noise and motion that the camera shows at rest" if content.get("camera_floor_px") else "noise"
 
 
 def _causes(content: Mapping, titles: Mapping[str, str], sizes: bool) -> list[str]:

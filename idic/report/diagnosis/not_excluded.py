@@ -75,11 +75,11 @@ def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]
             if rival is winner or rival.name in one.equals or not share > (MIN_NEAR_SHARE if known
                                                                            else MIN_OTHER_SHARE):
                 continue
-            reach = "reaches" if rival.refitted.usable else "promised"
+            reach = "explains" if rival.refitted.usable else "was predicted to explain"
             given_up = "" if rival.refitted.usable else " (its refit was given up)"
             yield {"name": other.name,
-                   "why": f"{reach} {min(share, 1.0):.0%} of what {selected.title} explains{given_up}, and a "
-                                              f"part is left{f': {known}' if known else ''}"}
+                   "why": f"{reach} {min(share, 1.0):.0%} of what {selected.title} explains{given_up}; a part "
+                                              f"remains{f': {known}' if known else ''}"}
 
 
 def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
@@ -87,7 +87,7 @@ def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
     last = diagnosis.rounds[-1]
     if last.passed_over is not None and not holds(last.blocks):
         yield {"name": last.passed_over.name,
-               "why": "explains more where it was fitted, and less in blocks of the recording that were not fitted"}
+               "why": "explains more of the blocks of the recording that it was fitted to, but not of the others"}
     elif last.passed_over is not None:
         drop = diagnosis.rounds[0].null.judgement.chi2 - last.passed_over.refitted.judgement.chi2
         yield {"name": last.passed_over.name, "why":

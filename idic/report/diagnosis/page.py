@@ -20,7 +20,7 @@ STANDINGS = {"significant": "significant", "small": "significant, below the prac
              "cannot_tell": "not visible in this test"}
 VERDICTS = {"none": "no candidate is significant", "single": "one candidate selected",
             "set": "one of several indistinguishable candidates", "multiple": "several candidates selected",
-            "outside_library": "unexplained by the library", "blind": "this test cannot tell"}
+            "outside_library": "unexplained by the library", "blind": "this test cannot decide"}
 
 
 MIN_GOOD_PROBABILITY = 0.9  # that the selected set holds the truth: good news

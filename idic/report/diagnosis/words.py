@@ -26,7 +26,7 @@ def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
     if word == "none":
         left = "is noise"
         if (content.get("margin") or {}).get("camera_floor_px"):
-            left = "is noise and what the camera shows at rest"
+            left = "is noise and motion that the camera shows at rest"
         return (f"No candidate is significant: the residual of images and channels {left} "
                 f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
     if word == "blind":

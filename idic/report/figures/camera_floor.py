@@ -23,8 +23,7 @@ def camera_floor(record: RunRecord) -> Picture | None:
         figure.colorbar(drawn, ax=axes, label=f"floor at rest [{unit}]", shrink=0.85, aspect=15, pad=0.01)
         caption = (
             f"Free motion (rms per component) in images at rest: {', '.join(found['labels'])}. Rigid motion, image "
-            f"noise "
-            "and the leading motions of the loaded specimen are removed. Light, air, focus or aliasing make it, in "
-            "loaded frames too. A motion of this size is not attributed to a law."
+            "noise and the leading motions of the loaded specimen are removed. Its causes are light, air, focus or "
+            "aliasing, in loaded frames too. A motion of this size is not attributed to a law."
         )
         return to_picture(figure, "camera_floor", "Motion in images at rest", caption, as_photo=True)

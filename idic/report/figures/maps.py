@@ -89,8 +89,8 @@ def _start_note(record: RunRecord) -> str:
     at = curve[list(data.frames)]
     if not (np.abs(shown - at) > OTHER_THAN_CURVE * at).any():
         return ""
-    return (" Upper row: with the edges where the log or a free FE-DIC has them; the curve of the starting values has "
-            "them where they fit images and channels best.")
+    return (" Upper row: edges as logged or as measured by a free FE-DIC; for the curve of the start values the edges "
+            "are fitted to images and channels.")
 
 
 def _before_and_after(record: RunRecord, stacks, norms: Sequence[Normalize], label: str, describe, text) -> Picture:

@@ -84,7 +84,7 @@ class Mirror:
         if entry is None:
             return
         if entry.image is not None and not entry.sha256:
-            raise InputError("a worker without a common disk reads an image that was not sent", file=path,
+            raise InputError("a worker without a common disk needs an image that was not sent", file=path,
                              expected="images of the RUN", found=f"pixels of the experiment folder on {self._place}",
                              remedy="run this command without --store, on workers that see the experiment folder")
         if not os.path.exists(path):

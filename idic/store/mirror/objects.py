@@ -53,7 +53,7 @@ class StoredObjects:
             raise self._spoilt(path, "none")
         if digest_of(content) != sha256:
             self._delete(path)
-            raise self._spoilt(path, f"{len(content)} bytes of another content; the object has been deleted")
+            raise self._spoilt(path, f"{len(content)} bytes with another checksum; the object has been deleted")
         return content
 
     def put(self, contents: Sequence[bytes]) -> list[str]:
@@ -107,5 +107,5 @@ class StoredObjects:
 
     def _spoilt(self, path: str, found: str) -> InputError:
         return InputError(f"{self._place} finds an object of the store missing or damaged; it is not used", file=path,
-                          expected="the content of its name", found=found,
+                          expected="the content whose checksum is its name", found=found,
                           remedy="run the command again with --resume: the object is sent again")
