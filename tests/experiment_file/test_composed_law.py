@@ -277,6 +277,38 @@ def test_knots_by_evidence_are_the_most_and_the_chosen_ones_replace_them():
     assert "4 +0.0, 6 -5.0; smoothness 0.1" in knot_notes(edited)[0]
 
 
+@pytest.mark.parametrize(("written", "key", "most", "n", "law"), [
+    ({"law": "free_relaxation", "E": 1000.0, "nu": 0.4, "spectrum": {"times": "evidence", "shortest": 1.0,
+                                                                     "longest": 50.0}},
+     "spectrum", 24, 6, "free_relaxation(6)"),
+    ({"law": "elastoplastic", "E": 7e4, "nu": 0.3, "yield_stress": 200.0,
+      "yield_surface": {"kind": "free_surface", "knots": "evidence"}, "hardening": [{"kind": "free", "knots": 9}]},
+     "yield_surface", 27, 5, "elastoplastic(free_surface5+free9)")])
+def test_knots_of_a_spectrum_and_a_yield_surface_by_evidence_are_replaced_and_start_at_their_values(written, key, most,
+                                                                                                 n, law):
+    from idic.experiment_file.laws.free_curves import free_curves
+    from idic.identify.free_form.evidence import ChosenKnots
+    from idic.materials.composed.smoothness import Smoothness
+    from idic.parameters import ParameterSet
+    from idic.run.in_memory.knots import _with_knots
+
+    raw = with_overrides({**tables(), "material": {"SPECIMEN": written}}, None)
+    table = validated(raw, "e").material["SPECIMEN"]
+    record, found, _ = material("SPECIMEN", table, "e")
+    curve = next(c for c in free_curves([record], {"SPECIMEN": table}, found) if c.key == key)
+    assert curve.by_evidence and len(curve.names) == most
+    levels = np.linspace(0.0, 0.3, 3 * n if key == "yield_surface" else n)
+    chosen = ChosenKnots(n, Smoothness(0.1, curve.over[0]), levels, {n: 0.0})
+    made = _with_knots(raw["material"]["SPECIMEN"], curve, chosen, ParameterSet(found))
+    edited = validated(with_overrides(raw, {"material.SPECIMEN": made}), "e").material
+    record, found, _ = material("SPECIMEN", edited["SPECIMEN"], "e")
+    curve = next(c for c in free_curves([record], edited, found) if c.key == key)
+    values = {p.name: p for p in found}
+    assert record.law == law and not curve.by_evidence and curve.smoothness.strength == 0.1
+    np.testing.assert_allclose([values[name].value for name in curve.names], levels)
+    assert len({values[name].scale for name in curve.names}) == 1  # a start at zero has the step of any other
+
+
 @pytest.mark.parametrize(("changes", "key"), [
     ({"knots": "many"}, "knots"), ({"smoothness": 0.0}, "smoothness"), ({"smooth_over": "time"}, "smooth_over")])
 def test_a_wrong_smoothness_is_told(changes, key):
@@ -332,7 +364,7 @@ def test_a_free_spectrum_starts_level_with_its_smoothness_and_tells_what_the_fra
 
 
 @pytest.mark.parametrize(("changes", "key"), [
-    ({"times": 2}, "times"), ({"times": "evidence"}, "times"), ({"shortest": 0}, "shortest"),
+    ({"times": 2}, "times"), ({"times": "many"}, "times"), ({"shortest": 0}, "shortest"),
     ({"longest": None}, "longest"), ({"longest": 0.4}, "longest"), ({"share": 1.0}, "share"), ({"g_5": 0.1}, "g_5"),
     ({"smoothness": -1}, "smoothness")])
 def test_a_wrong_spectrum_is_told_with_its_place(changes, key):

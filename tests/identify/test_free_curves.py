@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from idic.identify.covariance import Scaled, spectrum
-from idic.identify.free_form.evidence import FreeCurve, choose_knots
+from idic.identify.free_form.evidence import choose_knots
+from idic.identify.free_form.forms import FreeCurve, FreeSpectrum, FreeSurface
 from idic.identify.step.ending import beyond_bounds
 from idic.identify.step.proposal import Step
 from idic.identify.step.rising import in_order
 from idic.materials.composed.free_curve import basis, knots
 from idic.materials.composed.smoothness import Smoothness, bends
+from idic.materials.plasticity.surface_forms import equivalent
+from idic.materials.rate.free_relaxation import grid, relaxing
 from idic.parameters import Parameter, ParameterSet, SmoothnessPrior
 
 LAST, N, NOISE = 0.1, 24, 1.0
@@ -70,6 +73,48 @@ def test_the_evidence_is_the_probability_of_the_data():
             best = max(best, -0.5 * (y @ np.linalg.solve(covariance, y) + np.linalg.slogdet(covariance)[1]))
         ln_z[n] = best
     assert found.evidence[12] - found.evidence[6] == pytest.approx(ln_z[12] - ln_z[6], abs=0.01)
+
+
+@pytest.mark.parametrize(("lines", "fewest"), [({8.0: 0.5}, 10), ({1.0: 0.25, 60.0: 0.25}, 8)])
+def test_the_chosen_times_of_a_spectrum_give_the_true_relaxation(lines, fewest):
+    """Measured at 60 times with noise of 0.2 % of the modulus; true times between those of every grid."""
+    t, rng, fine = np.geomspace(0.3, 300.0, 60), np.random.default_rng(5), grid(0.1, 500.0, 24)
+    true = sum(share * relaxing(t, [tau])[:, 0] for tau, share in lines.items())
+    J = relaxing(t, fine) / 0.002
+    y = true / 0.002 + rng.standard_normal(60)
+    found = choose_knots(J.T @ J, J.T @ y, np.zeros(24), np.ones(24), FreeSpectrum(tuple(range(24)), 0.1, 500.0, 0.5))
+    assert found.n >= fewest and (found.levels >= 0.0).all() and found.evidence[4] < -10.0
+    made = relaxing(t, grid(0.1, 500.0, found.n)) @ found.levels
+    assert np.sqrt(np.mean((made - true) ** 2)) < 0.002  # the noise of one reading
+
+
+@pytest.mark.parametrize("n", range(5, 9))
+def test_a_surface_of_fewer_knots_is_one_of_the_most_knots_exactly(n):
+    form = FreeSurface(tuple(range(27)), tuple(np.full(27, 1.0)), 1.0, 0.9)
+    rng = np.random.default_rng(n)
+    weights, stress = rng.uniform(0.2, 1.8, 3 * n), rng.standard_normal((40, 3))
+    q = [equivalent(w, stress)[0] for w in (weights, form.finer(n) @ weights)]
+    np.testing.assert_allclose(q[1], q[0], rtol=1e-9)
+    np.testing.assert_allclose(form.seen(n, 9) @ np.ones(3 * n), 0.0, atol=1e-9)  # Mises's, the radius of all alike
+    assert (form.finer(n) @ np.ones(3 * n)).mean() == pytest.approx(1.0)
+
+
+def test_a_surface_that_is_seen_all_around_gets_as_many_knots_as_its_noise_shows():
+    """Radii of a surface of 6 knots with a noise of 0.1 %; Mises's needs the fewest and the smoothest."""
+    stress, rng = np.random.default_rng(1).standard_normal((300, 3)), np.random.default_rng(2)
+    here = np.ones(27)
+    q, slopes = equivalent(here, stress)
+    J = -slopes / q[:, None] / 1e-3
+    form = FreeSurface(tuple(range(27)), tuple(here), 1.0, 0.9)
+    noise = rng.standard_normal(300)
+    mises = choose_knots(J.T @ J, J.T @ noise, here, np.ones(27), form)
+    assert mises.n <= 6 and mises.smoothness.strength == 0.03 and min(mises.evidence.values()) > -1.0
+    true = form.finer(6) @ rng.uniform(0.3, 1.7, 18) - here
+    found = choose_knots(J.T @ J, J.T @ (J @ true + noise), here, np.ones(27), form)
+    assert found.n == 6 and (found.levels >= 0.0).all()
+    assert found.evidence[5] < -10.0
+    error = J @ (form.finer(6) @ found.levels - here - true)
+    assert np.sqrt(np.mean(error**2)) < 0.4  # of the noise of one radius, 18 unknowns by 300 of them
 
 
 def prior(n, rising=False):

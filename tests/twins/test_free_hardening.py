@@ -6,7 +6,8 @@ from free_hardening import FORMS, FREE, true_flow_stress, truth_of, write_folder
 
 import idic
 from idic.experiment_file.load import load_experiment
-from idic.identify.free_form.evidence import MOST_KNOTS, FreeCurve, choose_knots
+from idic.identify.free_form.evidence import MOST_KNOTS, choose_knots
+from idic.identify.free_form.forms import FreeCurve
 from idic.identify.in_memory import evaluate_at
 from idic.materials.composed.free_curve import basis, knots, level_names
 from idic.materials.composed.smoothness import bends

@@ -10,8 +10,9 @@ identified and starting on the straight line of slope H (MPa); s3 = ... gives on
     I2 = { knots = 3, range = 3.0 }
 
 become ``free_rubber(8+3)`` with I1_range and the derivatives I1_g1 ... I1_g8 (MPa) of the energy, identified and
-starting as neo-Hooke's law with C10; I2, which may be left out, starts with C01 = 0. ``knots = "evidence"`` is the
-largest number, of which `idic.run.in_memory.knots` leaves what the data ask for; ``smoothness`` scales the prior,
+starting as neo-Hooke's law with C10; I2, which may be left out, starts with C01 = 0. ``knots = "evidence"``, also of a
+spectrum's ``times`` and of a yield surface, is the largest number, of which `idic.run.in_memory.knots` leaves what the
+data ask for; ``smoothness`` scales the prior,
 ``smooth_over = "root"`` states it over the root of the plastic strain.
 """
 
@@ -29,16 +30,15 @@ from idic.materials.composed.free_rubber import INVARIANTS, NAME, knots_of_rubbe
 from idic.materials.composed.free_rubber import level_names as rubber_levels
 from idic.materials.composed.smoothness import OVER, ROOT, STRAIN, Smoothness, bends, rise
 from idic.materials.composed.terms import DEFAULT_KNOTS, KNOTS, ring_knots_of, surface_weights
-from idic.materials.plasticity.free_locus import RINGS, neighbours
+from idic.materials.plasticity.free_locus import RINGS, prior_rows
 from idic.materials.rate.free_relaxation import times_of, weight_names
 from idic.model.experiment import Experiment, Material
 from idic.parameters import Parameter, SmoothnessPrior
 from idic.readers.units import factor_between
 
 BY_EVIDENCE = "evidence"  # in the place of a number of knots
-SURFACE = "yield_surface"  # key of the smoothness of a free yield surface
+SURFACE, SPECTRUM = "yield_surface", "spectrum"  # keys of the smoothness of a free yield surface, a spectrum
 NEIGHBOURS = 1.0  # std of the difference of neighbouring weights of a free yield surface, whose mean is 1
-MEAN = 0.02  # std of that mean: the surface knows the ratios of its weights, their common factor is a convention
 SMOOTHNESS_KEYS = ("smoothness", "smooth_over")
 START_SLOPE = 1000.0  # MPa, of a free hardening curve
 LAST_KNOT = 0.2  # plastic strain
@@ -200,7 +200,7 @@ def _curves(material: Material, table: MaterialTable, values: Mapping[str, float
     if n:
         weights = [f"{material.element_set}.{name}" for name in weight_names(n)]
         mean = max(sum(values[name] for name in weights) / n, SMALLEST_WEIGHT)
-        yield stated("spectrum", weights, "longest", (n - 1) * mean, (ROOT,))
+        yield stated(SPECTRUM, weights, "longest", (n - 1) * mean, (ROOT,))
 
 
 def smoothness_priors(curves: Sequence[StatedCurve], parameters: Sequence[Parameter]) -> tuple[SmoothnessPrior, ...]:
@@ -212,9 +212,7 @@ def smoothness_priors(curves: Sequence[StatedCurve], parameters: Sequence[Parame
 
 def _bends(curve: StatedCurve, values: Mapping[str, float]) -> np.ndarray:
     if curve.key == SURFACE:
-        n = len(curve.names)
-        return np.vstack([neighbours(n // RINGS) / (curve.size * curve.smoothness.strength),
-                          np.full(n, 1.0 / (n * MEAN))])
+        return prior_rows(len(curve.names) // RINGS, curve.size * curve.smoothness.strength)
     return bends(knots(values[curve.last], len(curve.names)), curve.size, curve.smoothness)
 
 

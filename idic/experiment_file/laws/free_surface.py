@@ -5,7 +5,7 @@
 becomes ``free_surface6`` with the weights yield_surface_u1 ... yield_surface_u18, identified, starting at Mises's
 surface (1) with the prior 1 ± `SPREAD`. The surface knows only their ratios: their mean is held at 1 by the prior of
 `idic.experiment_file.laws.free_curves`. u3 = ... gives one its own value. ``smoothness`` is the std of the difference
-of neighbouring weights, 1.
+of neighbouring weights, 1. ``knots = "evidence"``: as of free curves.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from idic.errors import InputError
-from idic.experiment_file.laws.free_curves import is_number
+from idic.experiment_file.laws.free_curves import BY_EVIDENCE, is_number
 from idic.materials.composed.terms import DEFAULT_RING
 from idic.materials.plasticity.free_locus import KNOTS, RINGS
 
@@ -31,9 +31,11 @@ def free_surface(entry: Mapping, file: str, key: str) -> tuple[str, dict, dict]:
         A number of knots or a smoothness that is none.
     """
     n = entry.get("knots", DEFAULT_RING)
+    stated: dict[str, object] = {"by_evidence": True} if n == BY_EVIDENCE else {}
+    n = KNOTS[1] if stated else n
     if not isinstance(n, int) or isinstance(n, bool) or not KNOTS[0] <= n <= KNOTS[1]:
         raise InputError("a free yield surface needs its number of knots on a ring", file=file, key=f"{key}.knots",
-                         expected=f"a whole number, {KNOTS[0]} to {KNOTS[1]}", found=repr(n)[:80],
+                         expected=f'a whole number, {KNOTS[0]} to {KNOTS[1]}, or "{BY_EVIDENCE}"', found=repr(n)[:80],
                          remedy=f"{DEFAULT_RING} suit most sheets; the smoothness prior decides where the test shows "
                                 "nothing")
     smoothness = entry.get("smoothness")
@@ -44,4 +46,5 @@ def free_surface(entry: Mapping, file: str, key: str) -> tuple[str, dict, dict]:
     weights = {f"u{k}": {"value": 1.0, "identify": True, "prior": {"mean": 1.0, "std": SPREAD}}
                for k in range(1, RINGS * n + 1)}
     own = {name: value for name, value in entry.items() if name not in KEYS}
-    return f"{KIND}{n}", weights | own, {} if smoothness is None else {"strength": float(smoothness)}
+    stated |= {} if smoothness is None else {"strength": float(smoothness)}
+    return f"{KIND}{n}", weights | own, stated

@@ -3,7 +3,8 @@
     spectrum = { times = 8, shortest = 0.5, longest = 500.0, share = 0.5 }
 
 of ``law = "free_relaxation"`` becomes ``free_relaxation(8)`` with shortest and longest (s) and the weights g_1 ... g_8,
-identified and starting alike with the sum ``share``; g_3 = ... gives one its own value.
+identified and starting alike with the sum ``share``; g_3 = ... gives one its own value. ``times = "evidence"``: as the
+knots of free curves.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.laws.free_curves import is_number, stated_smoothness
+from idic.experiment_file.laws.free_curves import BY_EVIDENCE, is_number, stated_smoothness
 from idic.materials.rate.free_relaxation import DEFAULT_SHARE, DEFAULT_TIMES, NAME, TIMES, times_of, weight_names
 from idic.model.experiment import Material
 from idic.parameters import Parameter
@@ -38,9 +39,11 @@ def free_relaxation(table: Mapping, file: str, key: str) -> dict:
                          expected="{ times = 8, shortest = 0.5, longest = 500.0 }", found=repr(entry)[:80],
                          remedy="write it in { }")
     n = entry.get("times", DEFAULT_TIMES)
+    chosen = n == BY_EVIDENCE
+    n = TIMES[1] if chosen else n
     if not isinstance(n, int) or isinstance(n, bool) or not TIMES[0] <= n <= TIMES[1]:
         raise InputError("a relaxation spectrum needs its number of times", file=file, key=f"{place}.times",
-                         expected=f"a whole number, {TIMES[0]} to {TIMES[1]}", found=repr(n)[:80],
+                         expected=f'a whole number, {TIMES[0]} to {TIMES[1]}, or "{BY_EVIDENCE}"', found=repr(n)[:80],
                          remedy="two or three per decade between shortest and longest")
     own, allowed = weight_names(n), ("times", *ENDS, "share", "smoothness")
     unknown = [name for name in entry if name not in (*allowed, *own)]
@@ -64,7 +67,7 @@ def free_relaxation(table: Mapping, file: str, key: str) -> dict:
                          remedy=f"write  share = {DEFAULT_SHARE}")
     flat = {"law": f"{NAME}({n})", **{name: entry[name] for name in ENDS}}
     flat |= {name: entry.get(name, {"value": share / n, "identify": True}) for name in own}
-    stated = stated_smoothness(entry, file, place)
+    stated = stated_smoothness(entry, file, place) | ({"by_evidence": True} if chosen else {})
     made = {name: value for name, value in table.items() if name != KEY} | flat
     return made | ({"smoothness": {KEY: stated}} if stated else {})
 

@@ -168,6 +168,8 @@ def _scale(declared: LawParameter, value: float) -> float:
         return 0.3  # Poisson's ratio and similar; the longest step is a third of this
     if declared is EXPANSION:
         return max(abs(value), 1e-4)  # steps of up to 3e-5/K for any start value: a few reach metals and polymers
+    if declared.unit == "-" and not declared.positive and declared.bounds[0] == 0.0:
+        return 1.0  # a weight, of which many are zero
     return abs(value) if value else abs(declared.default or 1.0)
 
 

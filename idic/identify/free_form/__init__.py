@@ -1,1 +1,1 @@
-"""Free curves of a law: choice of the number of knots by Bayesian evidence."""
+"""Free functions of a law: choice of the number of knots by Bayesian evidence."""

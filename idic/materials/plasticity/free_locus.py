@@ -26,6 +26,7 @@ from idic.materials.core.rotation import real_parts
 FREE_LOCUS = 16  # code of the surface with n knots on a ring: FREE_LOCUS + n
 RINGS, POWER = 3, 8
 KNOTS = (5, 9)  # on a ring: fewest, of which Mises's surface is made exactly, and most, all forms of degree 8
+MEAN = 0.02  # std of the mean weight, 1: the surface knows ratios of weights, their common factor is a convention
 ROOT3 = math.sqrt(3.0)
 MOST_STEPS, STEP_TOLERANCE = 60, 1e-9  # of Newton, over the trial stress; quadratic
 SMALLEST = 1e-280  # of q^8: below it nothing shears in the plane
@@ -51,6 +52,11 @@ def neighbours(n: int) -> np.ndarray:
                 other = (ring + 1) * n + np.array([k, k - 1 if ring == 0 else (k + 1) % n]) % n
                 rows.append(one[(ring + 1) * n:(ring + 2) * n][other - (ring + 1) * n].mean(axis=0) - one[ring * n + k])
     return np.array(rows)
+
+
+def prior_rows(n: int, std: float) -> np.ndarray:
+    """Combinations of the weights less 1 that are 0 ± 1: neighbours 0 ± std, their mean 0 ± `MEAN`  # (5 n + 1, 3 n)"""
+    return np.vstack([neighbours(n) / std, np.full(RINGS * n, 1.0 / (RINGS * n * MEAN))])
 
 
 _TABLE = np.zeros((KNOTS[1] + 1, RINGS * KNOTS[1], 4))

@@ -21,6 +21,12 @@ def coordinates(stress: np.ndarray) -> np.ndarray:
     return np.column_stack([1.5 * (s11 - mean), 0.5 * np.sqrt(3.0) * s22, np.sqrt(3.0) * s12])
 
 
+def knot_stresses(n: int) -> np.ndarray:
+    """Plane stresses 11, 22, 12 along the directions of n knots on a ring  # (3 n, 3)"""
+    x1, x2, x3 = directions(n)[:, :3].T
+    return np.column_stack([x1 + x2 / np.sqrt(3.0), 2.0 * x2 / np.sqrt(3.0), x3 / np.sqrt(3.0)])
+
+
 def powers(n: int, stress: np.ndarray) -> np.ndarray:
     """g_k [(n_k . x)^8 + (n'_k . x)^8] of plane stresses (m, 3), n knots on a ring  # (m, 3 n)"""
     x, knots = coordinates(stress), directions(n)

@@ -1,4 +1,4 @@
-"""``knots = "evidence"``: a curve of most knots is identified in memory, its evidence leaves the knots of the run.
+"""``knots = "evidence"``: a free function of most knots is identified in memory; its evidence chooses those of the run.
 
 The experiment of the run has the chosen knots and smoothness in its tables (as ``--set`` would), starts where the first
 identification has ended, and tells the evidence in a note.
@@ -13,13 +13,17 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from idic.errors import InputError
-from idic.experiment_file.laws.free_curves import BY_EVIDENCE, StatedCurve, by_evidence
+from idic.experiment_file.laws.free_curves import BY_EVIDENCE, SPECTRUM, SURFACE, StatedCurve, by_evidence
+from idic.experiment_file.laws.free_surface import KIND as FREE_SURFACE
+from idic.experiment_file.laws.free_surface import SPREAD
 from idic.experiment_file.toml_file import locate, read_toml, with_overrides
 from idic.identify.covariance import scaled_system
 from idic.identify.driver import log_progress
-from idic.identify.free_form.evidence import ChosenKnots, FreeCurve, choose_knots
+from idic.identify.free_form.evidence import ChosenKnots, choose_knots
+from idic.identify.free_form.forms import FreeCurve, FreeForm, FreeSpectrum, FreeSurface
 from idic.identify.in_memory import Identification, identify
 from idic.materials.composed.free_curve import TERM
+from idic.materials.plasticity.free_locus import RINGS
 from idic.model.experiment import Experiment
 from idic.parameters import ParameterSet, SmoothnessPrior
 from idic.run.context import experiments_of
@@ -60,25 +64,28 @@ def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda tex
     InputError
         A value of the curve that is not identified.
     """
-    for curve in by_evidence(experiment):
+    stated = by_evidence(experiment)
+    for curve in stated:
         locked = [name for name in curve.names if not experiment.parameters[name].free]
         if locked:
-            raise InputError("knots by evidence need a curve that is free", key=f"material.{locked[0]}",
+            raise InputError("knots by evidence need values that are all identified", key=f"material.{locked[0]}",
                              expected="identify = true", found="a locked value",
                              remedy="identify it, or give a number of knots")
-    say("knots of free curves by their evidence: a first identification with the most knots")
+    most = ", ".join(f"{len(curve.names)} values of {curve.key}" for curve in stated)
+    say(f"number of knots by evidence: a first identification with the most, {most}")
     prepared = prepare(experiment, say)
     found = identify(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
                      searched=prepared.begin is not None)
     if found.point is None or found.point.system is None:
         return {}
     made: dict[str, dict] = {}
-    for curve in by_evidence(experiment):
+    for curve in stated:
         chosen = evidence_of(found, curve)
         element_set = curve.names[0].partition(".")[0]
         key = f"material.{element_set}"
         made[key] = _with_knots(made.get(key, tables["material"][element_set]), curve, chosen, found.parameters)
-        say(f"{element_set}.{curve.key}: {chosen.n} knots, smoothness {chosen.smoothness.strength:g}")
+        what = {SPECTRUM: "relaxation times", SURFACE: "knots on a ring"}.get(curve.key, "knots")
+        say(f"{element_set}.{curve.key}: {chosen.n} {what}, smoothness {chosen.smoothness.strength:g}")
     return made
 
 
@@ -88,29 +95,48 @@ def evidence_of(found: Identification, curve: StatedCurve) -> ChosenKnots:
     parameters, system = found.parameters, found.point.system
     others = [prior for prior in parameters.joint
               if not (isinstance(prior, SmoothnessPrior) and prior.names == curve.names)]
-    without = ParameterSet(parameters.values(), others)
+    own = curve.names if curve.key == SURFACE else ()  # the prior of every weight is one of the form
+    without = ParameterSet((replace(p, prior_mean=None, prior_std=None) if p.name in own else p
+                            for p in parameters.values()), others)
     scaled = scaled_system(system, without, found.point.reference_gram, found.weights.image_noise)
     values = np.array([parameters[name].value for name in scaled.names])
-    return choose_knots(scaled.M, scaled.b, values, scaled.slopes, FreeCurve(
-        tuple(scaled.names.index(name) for name in curve.names), parameters[curve.last].value, curve.size, curve.over))
+    at = tuple(scaled.names.index(name) for name in curve.names)
+    return choose_knots(scaled.M, scaled.b, values, scaled.slopes, _form_of(curve, at, parameters))
+
+
+def _form_of(curve: StatedCurve, at: tuple[int, ...], parameters: ParameterSet) -> FreeForm:
+    if curve.key == SURFACE:
+        return FreeSurface(at, tuple(parameters[name].value for name in curve.names), curve.size, SPREAD)
+    last = parameters[curve.last].value
+    if curve.key == SPECTRUM:
+        first = curve.last.replace("longest", "shortest")
+        return FreeSpectrum(at, parameters[first].value, last, curve.size)
+    return FreeCurve(at, last, curve.size, curve.over)
 
 
 def _with_knots(table: Mapping, curve: StatedCurve, chosen: ChosenKnots, parameters: ParameterSet) -> dict:
-    """A material's table with the chosen knots of one of its curves."""
+    """A material's table with the chosen knots of one of its free functions."""
     short = [name.partition(".")[2] for name in curve.names]
-    law = table["law"]
-    if TERM.search(law):
-        law = law.replace(f"free{len(short)}", f"free{chosen.n}")
-    else:
-        name, _, counts = law.rstrip(")").partition("(")
-        numbers = counts.split("+")
-        numbers[int(curve.key[-1]) - 1] = str(chosen.n)
-        law = f"{name}({'+'.join(numbers)})"
-    made = {key: value for key, value in table.items() if key not in short[chosen.n:]} | {"law": law}
+    made = {key: value for key, value in table.items() if key not in short[len(chosen.levels):]}
+    made["law"] = _law_with(table["law"], curve, chosen.n)
     for name, key, level in zip(curve.names, short, chosen.levels, strict=False):
-        if parameters[name].transform == "log":  # the start of another one is its scale
+        if parameters[name].transform == "log" or curve.key in (SURFACE, SPECTRUM):  # the start of another is its scale
             old = table[key] if isinstance(table[key], Mapping) else {}
             made[key] = {**old, "value": float(level) / parameters[name].factor}
     own = {"strength": chosen.smoothness.strength, "over": chosen.smoothness.over, "size": curve.size,
            "evidence": {str(n): round(float(ln_z), 2) for n, ln_z in chosen.evidence.items()}}
     return made | {"smoothness": {**table["smoothness"], curve.key: own}}
+
+
+def _law_with(law: str, curve: StatedCurve, n: int) -> str:
+    """The name of the law with n knots of one of its free functions."""
+    if curve.key == SURFACE:
+        return law.replace(f"{FREE_SURFACE}{len(curve.names) // RINGS}", f"{FREE_SURFACE}{n}")
+    if curve.key == SPECTRUM:
+        return f"{law.partition('(')[0]}({n})"
+    if TERM.search(law):
+        return law.replace(f"free{len(curve.names)}", f"free{n}")
+    name, _, counts = law.rstrip(")").partition("(")
+    numbers = counts.split("+")
+    numbers[int(curve.key[-1]) - 1] = str(n)
+    return f"{name}({'+'.join(numbers)})"
