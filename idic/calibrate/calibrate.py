@@ -1,4 +1,4 @@
-"""The calibration of one camera or of a pair, with its covariance and what it does not determine."""
+"""The calibration of one camera or of a pair, with its covariance and notes on values that it does not determine."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
     InputError
         Fewer than three views of a camera, or pairs that do not fit together.
     NotConverged
-        The adjustment does not settle.
+        The adjustment does not converge.
     """
     lens, n_cameras = lens or Lens(), len(image_size_px)
     for number in range(n_cameras):

@@ -50,7 +50,7 @@ def pose_of(h: np.ndarray, focal: float, centre: np.ndarray) -> Pose:
 
 
 def mirrored(pose: Pose, middle: np.ndarray) -> Pose:
-    """The pose with the opposite tilt about the middle of the target, which a long lens hardly tells from it."""
+    """The pose with the opposite tilt about the middle of the target; a long lens hardly separates the two."""
     centre = pose.rotation @ middle + pose.translation_mm
     sight = centre / np.linalg.norm(centre)
     normal = pose.rotation[:, 2]

@@ -1,5 +1,4 @@
-"""What a calibration does not determine well: coverage of the image, tilts, values below their deviation, target
-shape."""
+"""Notes on a calibration: coverage of the image, tilts, values below their standard deviation, shape of the target."""
 
 from __future__ import annotations
 
@@ -38,8 +37,8 @@ def tilts_deg(result: Calibration) -> np.ndarray:
 
 
 def shape_error(result: Calibration) -> tuple[float, float]:
-    """Mean square of the displacements of target points that the residuals ask for, over what noise asks for, and their
-    rms.
+    """Mean square of the displacements of target points that minimise the residuals, over that by noise alone, and
+    their rms.
 
     Each point is displaced in space by least squares over all views; with noise alone the ratio is 1.
 

@@ -1,4 +1,4 @@
-"""What a calibration starts from and what comes out."""
+"""Input and result of a calibration."""
 
 from __future__ import annotations
 

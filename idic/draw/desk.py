@@ -1,4 +1,4 @@
-"""What the page can ask for: each answer is made from the folder and from what the browser sent, nothing else."""
+"""The requests of the page: each answer uses the folder and the data that the browser sent, nothing else."""
 
 from __future__ import annotations
 

@@ -26,8 +26,7 @@ def text_of(plan: Plan) -> str:
     Raises
     ------
     InputError
-        An unknown law or parameter, a name that no edge has, nothing that holds or moves the specimen, or a force
-        without a scale.
+        An unknown law or parameter, an unknown edge name, no edge that is held or moved, or a force without a scale.
     """
     _check_scale(plan)
     return "\n".join([_HEAD, *_experiment(plan), "", *_camera(plan), "", *_material(plan), *_boundaries(plan),

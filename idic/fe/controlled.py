@@ -1,7 +1,7 @@
 """One increment of a path that a gauge controls: equilibrium and the size of a drive or load, both unknown.
 
 Where a body softens, the force and even the motion of the grips fall while a crack opens. A gauge across the crack only
-opens; the size x of the drive or load is what makes it read its course:
+opens. The size x of the drive or load is an unknown, for which the gauge reads its course:
 
     R(u, x) = 0,   gauge @ u = reading(t)
 

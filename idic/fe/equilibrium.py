@@ -47,7 +47,7 @@ class Converged:
 
     ``force_scale`` (N) is the largest nodal reaction or load so far; ``factor`` is the last factorisation used,
     ``gain`` the part of the error that an iteration with it left in the last correction, inf where none was made;
-    ``symmetric``: the symmetric part of the tangent served as far as it was tried;
+    ``symmetric``: the symmetric part of the tangent was sufficient wherever it was tried;
     ``bend`` of a path that a gauge controls: how far the increment left its tangent, relative to its length.
     """
 
@@ -200,6 +200,7 @@ def _corrected(system: System, evaluate, ev: Evaluation, correction: np.ndarray,
 
 
 def admissible(ev: Evaluation) -> Evaluation:
+    """The evaluation, if it is admissible; else `NotConverged` with the reason."""
     if ev.trouble:
         raise NotConverged(ev.trouble)
     return ev
@@ -282,7 +283,8 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
 
 
 def serves(system: System, at: Converged) -> bool:
-    """Whether the factors that found an equilibrium are near its tangent: iterations cost less than new ones."""
+    """Whether the factors that found an equilibrium are near its tangent, so that iterations cost less than new
+    factors."""
     return system.pattern.costs_much and not at.factor_matrices and at.factor is not None and at.gain <= MAX_GAIN_KEPT
 
 
@@ -306,6 +308,7 @@ def kept_factor(system: System, evaluation: Evaluation, factor: Factor | None,
 
 
 def where_unbalanced(system: System, ev: Evaluation, unbalanced: float, scale: float, iterations: int) -> str:
+    """The largest out-of-balance force (N) in words: size, node, component, element, section."""
     worst = int(system.pattern.dofs[np.argmax(np.abs(ev.residual.ravel()[system.pattern.dofs]))])
     node, component = divmod(worst, system.n_dim)
     mesh, place = system.model.mesh, ""

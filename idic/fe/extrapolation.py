@@ -1,4 +1,4 @@
-"""Extrapolation in time: two simulations with n/2 and n increments between two frames, and what they tend to.
+"""Extrapolation in time: two simulations with n/2 and n increments between two frames, and their limit.
 
 The laws are integrated by backward Euler: the error of every frame begins with C h, h the length of an increment. Of
 solutions with h and 2 h (Richardson's extrapolation, Hairer, Nørsett & Wanner 1993, section II.9,
@@ -98,8 +98,9 @@ def increments_to_try(model: Model, times: np.ndarray, substeps: int, taken: Seq
     -------
     list
         Increments are kept as they were, so that solutions are comparable, and chosen anew (None) where they fail.
-        But cuts that only a poor start needed are dropped as soon as whole increments do: they would stay as an error
-        of the time integration. (Not with follower pressures, whose first increments are small on purpose.)
+        But cuts that only a poor start needed are dropped as soon as whole increments converge: otherwise they would
+        remain as an error of the time integration. (Not with follower pressures, whose first increments are small on
+        purpose.)
     """
     if taken is None:
         return [None]

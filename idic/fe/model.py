@@ -170,7 +170,7 @@ class Model:
 
 
 def uses_mean_dilatation(model: Model, cell: str) -> bool:
-    """Whether elements of this cell get the remedy against volumetric locking."""
+    """Whether elements of this cell are computed with mean dilatation, against volumetric locking."""
     if model.kind == "plane_stress" or model.locking == "none":
         return False
     if model.locking == "mean_dilatation":

@@ -1,8 +1,8 @@
 """The first guess of an increment: extrapolation in time, or the same increment of a known solution (warm start).
 
 Near the end of an identification the parameters hardly move, and the last solution, corrected at first order by its
-sensitivities, predicts the next one better than any extrapolation in time. At the beginning the parameters jump, and it
-does not. Each increment measures both guesses and decides which one the next increment takes.
+sensitivities, predicts the next one better than any extrapolation in time. At the beginning the parameters change much,
+and extrapolation is better. Each increment compares both guesses and decides which one the next increment takes.
 """
 
 from __future__ import annotations

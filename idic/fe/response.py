@@ -58,12 +58,12 @@ def first_responses(base: Alternative, times: np.ndarray, frames: Sequence[int],
     Yields
     ------
     Responses
-        nan from the frame on in which the law of another model finds no answer along the path.
+        nan from the frame on in which the law of another model has no solution along the path.
 
     Raises
     ------
     NotConverged
-        If the law of `base` finds none.
+        If the law of `base` has no solution.
     """
     first = discretise(base.model)
     systems = [like(first, other.model) for other in others]
@@ -155,6 +155,9 @@ class ModelPoints:
             return None
 
     def at(self, times: np.ndarray, before: int, frame: int, u: np.ndarray, stiffness: bool) -> assembly.Evaluation:
+        """The points at the displacement u (n_nodes, d) mm of `frame`, from their states at frame `before`; the states
+        are kept. `NotConverged` where the law has no solution.
+        """
         drives = drives_at(self.system.model, times, times[frame])
         found = assembly.evaluate(self.system, self.params, u, self.states, times[frame] - times[before], drives,
                                   guesses=self.states if before else None, stiffness=stiffness)

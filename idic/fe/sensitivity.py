@@ -169,7 +169,7 @@ def local_influence(system: System, end: Converged, factor: Factor) -> tuple[np.
 
 def answers(system: System, evaluation: Evaluation, factor: Factor, drives: Sequence[int],
             loads: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """What a unit of some drives and, after them, of some loads does to the body at fixed history.
+    """Response of the body to a unit of some drives and, after them, of some loads, at fixed history.
 
     Returns
     -------
@@ -190,7 +190,7 @@ def answers(system: System, evaluation: Evaluation, factor: Factor, drives: Sequ
 
 
 def answer_to_control(system: System, evaluation: Evaluation, factor: Factor) -> tuple[np.ndarray, np.ndarray]:
-    """What a unit of the controlled drive or load does  # du (n_dof, 1) mm, forces (n_dof, 1) N"""
+    """Response to a unit of the controlled drive or load  # du (n_dof, 1) mm, forces (n_dof, 1) N"""
     control = system.model.control
     return answers(system, evaluation, factor, *(() if which is None else (which,)
                                                  for which in (control.drive, control.load)))

@@ -4,8 +4,8 @@
 
 (docs/method.md, equation 14.2)
 with smooth weights w_j given at the nodes and one symmetric E_k per component (xx, xy, yy in the plane). K is the
-tangent of the simulated path: where the body yields, it gives way more. One evaluation of the law per frame, and one
-factorisation per frame of interest, serve all fields.
+tangent of the simulated path: the response is larger where the body yields. One evaluation of the law per frame, and
+one factorisation per frame of interest, serve all fields.
 """
 
 from __future__ import annotations

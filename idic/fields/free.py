@@ -1,4 +1,4 @@
-"""The motion that the images of one camera show without law and load, and what noise alone makes of it.
+"""The motion of the images of one camera without law and load, and the motion that noise alone causes.
 
 Free FE-DIC on the mesh of the model, frame by frame, started from the simulated motion. Its noise is that of still
 images: the reference image, compared with itself under noise of the size that two images differ by.
@@ -96,7 +96,7 @@ def still_frame(seen: Seen, rng: np.random.Generator, noise_gv: float,
 
 
 def noise_samples(seen: Seen, n: int = N_NOISE_SAMPLES) -> np.ndarray | None:
-    """Motion that noise alone makes, in repeated still images; None where the noise is not known.
+    """Motion by noise alone, in repeated still images; None where the noise is not known.
 
     Returns
     -------

@@ -48,7 +48,7 @@ class Spline:
 
 
 def prefilter(image: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> Spline:
-    """The interpolating spline of an image, blurred before where asked for (mirror boundary, float32).
+    """The interpolating spline of an image, after a low-pass where `lowpass_px` is not 0 (mirror boundary, float32).
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Inverse isoparametric mapping of plane cells, compiled, for the virtual camera only.
 
-Own code on purpose: the correlator's pixel map must not check itself.
+It is separate from the pixel map of the correlation, so that a virtual test checks that map.
 """
 
 from __future__ import annotations

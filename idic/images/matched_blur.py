@@ -36,7 +36,7 @@ _DEGREE = 5  # of the spline that is differentiated, whatever the images are int
 
 
 def matching_weights(inverse: np.ndarray, lowpass_px: float, camera_blur_px: float = PIXEL_BLUR_PX) -> np.ndarray:
-    """What every map of `ORDERS` adds to f_R in each element, to the fourth order of derivatives (equation 1.10).
+    """Weights of the maps of `ORDERS` in f_R for each element, to the fourth order of derivatives (equation 1.10).
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def matching_weights(inverse: np.ndarray, lowpass_px: float, camera_blur_px: flo
 
 def mean_shift(curvature: np.ndarray, fineness: float, lowpass_px: float,
                camera_blur_px: float = PIXEL_BLUR_PX) -> np.ndarray:
-    """By how much the pattern of a blurred frame is displaced where the strain has a gradient (equation 1.12).
+    """Displacement of the pattern of a blurred frame where the strain has a gradient (equation 1.12).
 
     Parameters
     ----------

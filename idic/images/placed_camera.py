@@ -7,8 +7,8 @@
     pixel = lens(R1 Y)                   R1: ``camera.turn_x`` ..., about the camera's own centre; ``camera.fx`` ...
 
 The lens keeps the pose of the calibration file, so that its deviations are priors of its degrees of freedom. Rotation
-with the translation held turns the camera about the origin of the rig, and moves it along; a camera that was knocked
-turns about its own centre. Placement and motion are common to all cameras of a rig.
+with the translation held turns the camera about the origin of the rig, and moves it along; a camera that was disturbed
+after the calibration turns about its own centre. Placement and motion are common to all cameras of a rig.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class PlacedCamera:
 
     @property
     def effective(self) -> PinholeCamera:
-        """One camera that does the same from the mesh frame."""
+        """The equivalent camera in the mesh frame."""
         place, move = self.placement, self.moved
         turn = rotation_of(move[:3])
         rotation = turn @ rotation_of(place[:3])

@@ -1,13 +1,13 @@
-"""The forward model of an experiment whose simulations an external program makes: it knows `solve`, no derivatives.
+"""The forward model of an experiment that an external program simulates: it has `solve`, but no derivatives.
 
-What moves the specimen stands in ``[[boundary]]`` as ever; the deck reads it as tables ``{TABLE.boundary.SET.x}`` of
-time and value. Derivatives come from perturbed runs:
+The drives are in ``[[boundary]]`` as usual; the deck reads them as tables ``{TABLE.boundary.SET.x}`` of time and value.
+Derivatives come from perturbed runs:
 
     du/dp = (u(p + dp) - u(p)) / dp
 
-also those by the frame-local unknowns (the noise w_k of a logged grip): one run with all frames shifted alike gives the
-influence on every frame. With a material that remembers, that counts the shift of the frames before as well; for a
-monotonic test the difference is of second order, and the unknown is a nuisance of a fraction of a micrometre anyway.
+Those by the frame-local unknowns (the noise w_k of a logged grip) come from one run with all frames shifted by one
+amount. With a history-dependent material this includes the shift of earlier frames; in a monotonic test the difference
+is of second order, and the unknown itself is a fraction of a micrometre.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ TIMES = ("TIME.end", "TIME.frames", "TIME.points")  # of the deck: its last time
 
 @dataclass(frozen=True)
 class ExternalForward:
-    """An experiment made ready for simulation by a program that is not ours."""
+    """An experiment prepared for simulation by an external program."""
 
     experiment: Experiment
     drives: DriveTable
@@ -85,7 +85,7 @@ class ExternalForward:
         Raises
         ------
         NotConverged
-            If the program crashed, took too long, or delivered garbage.
+            If the program crashed, took too long, or gave unusable output.
         """
         at = self.experiment.at_geometry(parameters)
         solver, texts = ExternalSolver(self.setup, self._wanted), self._tables(parameters, local)
@@ -185,7 +185,7 @@ def build_external(experiment: Experiment) -> ExternalForward:
     Raises
     ------
     InputError
-        The deck asks for what there is not, or does not ask for what moves or is to be identified.
+        The deck uses an unknown name, or does not use a drive or an identified parameter.
     """
     drives = build_drives(experiment)
     forward = ExternalForward(experiment, drives, build_readings(experiment, drives.loads))
@@ -220,7 +220,7 @@ def build_external(experiment: Experiment) -> ExternalForward:
 
 
 def _check_drives(forward: ExternalForward) -> None:
-    """A table is one history for a whole set."""
+    """Refuse drives that are not one history for a whole node set."""
     experiment, basis = forward.experiment, forward.drives.basis
     file = experiment.solver.experiment_file
     if (drive := controlled(experiment)) is not None:

@@ -1,4 +1,4 @@
-"""What really happens at a grip where its log is not the whole story: slip, rotation, compliance, misalignment.
+"""Corrections of the logged motion of a grip: slip, rotation, compliance, seating, misalignment.
 
 A correction adds ``amplitude * course(t) * pattern(X)`` to a prescribed displacement; the amplitude is the degree of
 freedom ``boundary.SET.COMPONENT.KIND``, zero where the log is right:
@@ -9,7 +9,7 @@ freedom ``boundary.SET.COMPONENT.KIND``, zero where the log is right:
     rotation      rad/mm   the set turns about its middle in proportion to the motion
     misalignment  -        the set moves across, too, in proportion to the motion
 
-Slip, rotation and misalignment may have a course that the data give (`idic.model.free_course`).
+Slip, rotation and misalignment may have an identified time course (`idic.model.free_course`).
 
 Rotation and misalignment may follow a column of the log, or begin at a time with a course of their own; the amplitude
 (rad, mm) is then that at the column's largest value, or at the end of the course. At a set that is held at a fixed

@@ -53,7 +53,7 @@ class DriveTable:
 
     @property
     def local_scatter(self) -> np.ndarray:
-        """`local_precision` as far as it is the scatter of a log; measured edges are but held smooth  # (m, m)"""
+        """`local_precision` as far as it is the scatter of a log, without the smoothness of measured edges  # (m, m)"""
         return np.where(self.measured[:, None] | self.measured, 0.0, self.local_precision)
 
     def histories(self, parameters: ParameterSet, local: np.ndarray | None = None) -> np.ndarray:
@@ -301,7 +301,7 @@ class _Builder:
         return nodes
 
     def _require_edge(self, stem: str, nodes: np.ndarray) -> None:
-        """A measured boundary lies on the boundary: motion inside the body is for the simulation to explain."""
+        """Refuse measured nodes inside the body: the simulation determines their motion."""
         mesh = self.experiment.mesh
         inside = np.setdiff1d(nodes, face_set_nodes(mesh, boundary_faces(mesh)))
         if len(inside):

@@ -41,8 +41,8 @@ class Correction:
     """What a drive may lack: ``amplitude * course(t)`` times a pattern on its set; see `idic.model.corrections`.
 
     kind : "slip" | "rotation" | "compliance" | "misalignment" | "seating"; reach : largest value of the pattern (mm for
-    a rotation); towards : the component that a misalignment moves; knot : frame of the knot whose course it is, of a
-    course that the data give (`idic.model.free_course`).
+    a rotation); towards : the component that a misalignment moves; knot : frame of its knot, of an identified time
+    course (`idic.model.free_course`).
     """
 
     kind: str
@@ -222,7 +222,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class CorrelatedNoise:
-    """Noise whose neighbours are correlated, as the recording shows it (docs/method.md, section 11).
+    """Noise with correlation between neighbours, as the recording shows it (docs/method.md, section 11).
 
     recorded_gv : standard deviation of a pixel as recorded (GV)
     sum_std_gv : of independent pixel noise that scatters sums against the gradient as this noise does (GV)
@@ -242,7 +242,7 @@ class CorrelatedNoise:
 class Noise:
     """Grey-value noise of one image (standard deviation) and where the figure comes from.
 
-    std_gv : of independent noise that leaves in the pixels that are compared the variance that this noise leaves
+    std_gv : of independent noise that has the same variance in the compared pixels
     stabiliser : where the noise depends on the grey value: the transform of the images that makes it `std_gv` all over
     correlated : where neighbours are correlated, or the noise is larger than stated
     """

@@ -47,7 +47,7 @@ class Solution:
 
 @dataclass(frozen=True)
 class ForwardModel:
-    """An experiment made ready for simulation."""
+    """An experiment prepared for simulation."""
 
     experiment: Experiment
     drives: DriveTable

@@ -1,4 +1,4 @@
-"""A course in time that the data give: linear between knots at even numbers of frames, zero at the reference frame.
+"""An identified time course: linear between knots at even numbers of frames, zero at the reference frame.
 
 Every knot is a degree of freedom ``NAME_knot[FRAME]``, the amplitude in that frame.
 """

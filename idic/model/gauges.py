@@ -1,6 +1,6 @@
 """Where fields are read off: points, virtual extensometers, line cuts and circles, as declared in experiment.toml.
 
-They decide nothing of the identification; a report of a finished RUN may use others than the RUN began with.
+They do not affect the identification; a report of a finished RUN may use others than those of its start.
 """
 
 from __future__ import annotations

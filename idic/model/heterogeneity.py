@@ -37,7 +37,7 @@ def _variation(experiment: Experiment, entry: Heterogeneity, parameters: Paramet
 
 
 def strayed(experiment: Experiment, parameters: ParameterSet) -> list[str]:
-    """What is to be said of spots whose centre the search has taken out of the elements that they belong to."""
+    """Notes on inclusions whose identified centre lies outside of their element set."""
     found = []
     for entry in experiment.heterogeneities:
         centre = [parameters[f"{entry.element_set}.{entry.name}.{axis}"] for axis in "xyz"

@@ -21,7 +21,7 @@ def leading_frames(experiment: Experiment, n_frames: int) -> Experiment:
     Raises
     ------
     InputError
-        If nothing after the reference frame would be left.
+        If no frame after the reference would remain.
     """
     last = experiment.n_frames
     if not experiment.reference + 2 <= n_frames <= last:

@@ -1,4 +1,4 @@
-"""Modes of virtual boundaries in texts and tables: many degrees of freedom of one motion, spoken of as one."""
+"""Modes of virtual boundaries in texts and tables: the many degrees of freedom of one motion under one name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A known error of the simulated motion and channels, which is added to what the simulation gives.
+"""A known error of the simulated motion and channels, which is added to the simulation.
 
 The mesh of a model is coarser than its body, and a thick body is not in plane stress: its motion at the same parameters
 differs from that of a finer mesh, or of bricks. A diagnosis adds the difference, so that no cause is blamed for it
@@ -16,7 +16,7 @@ from idic.fe.march import FrameState
 
 @dataclass(frozen=True, eq=False)
 class MotionError:
-    """What a simulation lacks, per frame; zero in the reference and before.
+    """Correction that is added to a simulation, per frame; zero in the reference and before.
 
     u : (n_frames, n_nodes, dim) mm; channels : (n_frames, n_channels); thickness : the part of it by which a body of
     real thickness differs from a sheet in plane stress, None: not counted
@@ -27,7 +27,7 @@ class MotionError:
     thickness: MotionError | None = None
 
     def added(self, state: FrameState, frame: int) -> FrameState:
-        """The state of a frame with what it lacks; derivatives stay."""
+        """The state of a frame with the correction added; derivatives are unchanged."""
         return replace(state, u=state.u + self.u[frame], channels=state.channels + self.channels[frame])
 
     def with_thickness(self, thickness: MotionError) -> MotionError:

@@ -2,8 +2,8 @@
 
 Later records win where they overlap. Nodes that no record covers get their temperature by steady conduction from the
 others (`idic.fe.conduction`): two thermocouples make a linear course between two grips, one makes a uniform body.
-Thermal expansion knows the change since the reference frame only, where K and °C are the same; laws whose parameters
-depend on the temperature take °C.
+Thermal expansion needs only the change since the reference frame, for which K and °C are the same; laws whose
+parameters depend on the temperature take °C.
 """
 
 from __future__ import annotations

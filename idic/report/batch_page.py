@@ -85,7 +85,8 @@ def _panel(axis, rows: Sequence[Mapping], name: str, experiments: Sequence[str])
 
 
 def _limits(points) -> tuple[float, float] | None:
-    """Room for the converged runs and their bars: one that ended far off must not hide how they scatter."""
+    """Limits of the axis from the converged runs and their bars, so that a run that ended far off does not hide their
+    scatter."""
     done = [entry for _, row, entry in points if row["status"] == "converged"]
     if not done:
         return None

@@ -1,4 +1,4 @@
-"""The numbers of a batch: how repeated identifications scatter, and a CSV with one row per run."""
+"""The numbers of a batch: scatter of repeated identifications, and a CSV with one row per run."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ class AgainstFree:
 
     @property
     def follows(self) -> bool:
-        """Whether the model leaves next to nothing that a free motion would explain."""
+        """Whether a free motion would explain next to nothing more than the model."""
         saved = self.model - max(self.free, self.floor)
         return not self.failed and saved <= max(MAX_CHI2_OVER_FREE, MAX_SHARE_OVER_FREE * (self.model - 1.0))
 
@@ -105,7 +105,7 @@ def cluster(result: Mapping) -> str:
 
 
 def images(result: Mapping) -> tuple[str, str, str]:
-    """What the images say of the fit: level "good" | "look", verdict in a few words, explanation in sentences."""
+    """The fit to the images: level "good" | "look", verdict in a few words, explanation in sentences."""
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     if chi2 is None:
         return "look", "Look closer: the noise of the images is not known", ""
@@ -138,14 +138,14 @@ def images(result: Mapping) -> tuple[str, str, str]:
 
 
 def in_error_bars(result: Mapping) -> str:
-    """Whether the error bars count what the model does not explain, in a sentence."""
+    """Whether the error bars count the error of the model, in a sentence."""
     if (result.get("discrepancy") or {}).get("significant"):
         return "The error bars count it as a smooth error of motion, stress and channels."
     return "The error bars do not include that."
 
 
 def remedies(result: Mapping) -> str:
-    """What the tried remedies do to χ² at the same motion, in a sentence; empty where none was tried."""
+    """Effect of the tried remedies on χ² at the same motion, in a sentence; empty where none was tried."""
     tried = result.get("remedies") or ()
     if not tried:
         return ""

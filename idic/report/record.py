@@ -1,4 +1,4 @@
-"""What the report is made of: one frozen record of a finished (or interrupted) run. No files, no solver."""
+"""The data of the report: one frozen record of a finished (or interrupted) run. No files, no solver."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class SectionProfile:
 
 @dataclass(frozen=True)
 class PointMaps:
-    """Measured fields and what the model leaves of them, point by point, in some frames.
+    """Measured fields and the residual of the model, point by point, in some frames.
 
     Attributes
     ----------
@@ -363,7 +363,8 @@ class TemperatureFactor:
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """What noise alone does to displacement (px) and strain: free FE-DIC of a still image, and the identified model.
+    """Standard deviation of displacement (px) and strain by noise alone: free FE-DIC of a still image, and the
+    identified model.
 
     None: not known. model_frame : the frame of the figures of the model, which grow with the motion. free_rise : of
     height images, in their unit.
@@ -496,6 +497,7 @@ class RunRecord:
 
     @property
     def noise_gv(self) -> float | None:
+        """Standard deviation of the noise of one image, in the unit of its values; None where it is not known."""
         return self.result.get("noise", {}).get("std_gv")
 
     @property
@@ -518,6 +520,7 @@ class RunRecord:
 
     @property
     def n_frames(self) -> int:
+        """Number of frames, the reference included."""
         return len(self.result.get("frames", ())) or (0 if self.times is None else len(self.times))
 
     @property

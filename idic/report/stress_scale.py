@@ -1,4 +1,4 @@
-"""Without a force no stress is measured: stresses are shown as ratios to one that is held, never in MPa."""
+"""Without a force no stress is measured: stresses are shown as ratios to a locked one, never in MPa."""
 
 from __future__ import annotations
 

@@ -27,6 +27,7 @@ PARAMETER_COLUMNS = (
 
 
 def parameters(record: RunRecord) -> str:
+    """One row per parameter: unit, start, value, standard deviations and their parts, bias, interval, status."""
     rows = []
     for name, p in record.result["parameters"].items():
         low, high = p.get("ci95") or (None, None)
@@ -86,6 +87,7 @@ def frames(record: RunRecord) -> str:
 
 
 def iterations(record: RunRecord) -> str:
+    """One row per evaluated point: stage, whether it was accepted, functional, damping, values."""
     header = ["evaluation", "stage", "accepted", "phi", "damping", *record.names]
     rows = [
         [
@@ -102,6 +104,7 @@ def iterations(record: RunRecord) -> str:
 
 
 def correlation(record: RunRecord) -> str:
+    """Correlation coefficients of the identified parameters, one row each."""
     table = record.result.get("correlation", {})
     names = list(table.get("names", ()))
     return _csv(["name", *names], [[n, *row] for n, row in zip(names, table.get("matrix", ()), strict=False)])

@@ -151,7 +151,7 @@ def joint_page(result: Mapping) -> str:
 
 
 def specimen_tables(result: Mapping) -> list[Table]:
-    """What each specimen alone says of the shared parameters, and the scatter between them; [] without one."""
+    """Shared parameters from each specimen alone, and the scatter between specimens; [] without one."""
     content = result.get("specimens") or {}
     names = list(result["experiments"])
     rows = []

@@ -84,7 +84,7 @@ def two_digits(std: float) -> str:
 
 
 def discrepancy(result: Mapping) -> str:
-    """What of the standard deviations is due to the model, in a sentence; "" without an estimate."""
+    """The part of the standard deviations that is due to the model, in a sentence; "" without an estimate."""
     found = result.get("discrepancy") or {}
     if "not_estimated" in found:
         return f"The error bars do not count the error of the model: {found['not_estimated']}."
@@ -145,6 +145,7 @@ def derived_names(result: Mapping) -> dict[str, str]:
 
 
 def convergence(result: Mapping) -> str:
+    """How the search ended, in a sentence."""
     n = result.get("iterations", 0)
     text = STATUS.get(result["status"], "Status: " + str(result["status"]) + " after {n}.")
     bounds, names = result.get("at_bound", {}), short_names(result["parameters"])
@@ -192,7 +193,7 @@ def undetermined(result: Mapping) -> str:
 
 
 def hardly_determined(result: Mapping) -> list[str]:
-    """Moduli whose 95 % interval reaches zero by what the model leaves, not by noise."""
+    """Moduli whose 95 % interval reaches zero by the error of the model, not by noise."""
     open_ = left_open(result)
     return [name for name, entry in result["parameters"].items()
             if entry.get("free") and entry.get("ci95") and entry.get("unit") in STRESS_UNITS and name not in open_
@@ -334,6 +335,7 @@ def with_unit(std: float, unit: str) -> str:
 
 
 def readable_unit(value: float, unit: str) -> tuple[float, str]:
+    """Divisor and unit to show a value: 1e3 and GPa from 10 000 MPa on."""
     if unit == "MPa" and abs(value) >= 1e4:
         return 1e3, "GPa"
     return 1.0, unit

@@ -1,4 +1,4 @@
-"""The state of a run as one small JSON file, replaced atomically, with a copy beside it for the day it is damaged."""
+"""The state of a run as one small JSON file, replaced atomically, with a copy in case it is damaged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The image files of a RUN: what they held when they were ingested, and whether they still do.
+"""The image files of a RUN: their content when they were ingested, and whether it has changed.
 
 The identity of an experiment hashes the ends of every image alone, as it is asked for at every start of a worker. Here
 whole files are hashed, once at ingest, and again on ``--resume`` where size or time of a file have changed.
@@ -29,7 +29,7 @@ def describe(path: Path) -> dict:
 
 
 def refuse_changed(stack: Stack, known: Iterable[Mapping]) -> None:
-    """Check that the files of a stack hold what they held when they were ingested.
+    """Check that the files of a stack are unchanged since they were ingested.
 
     known : their descriptions of then, in the same order
 

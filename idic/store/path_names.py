@@ -36,12 +36,13 @@ def path_name(label: str) -> str:
 
 
 def refuse_names_that_are_one(labels: Iterable[str], folder: Path) -> None:
-    """Two labels that the disk of a folder takes for one name: ``Sheet`` and ``sheet`` on most macOS and Windows disks.
+    """Refuse two labels that the file system of a folder treats as one name: ``Sheet`` and ``sheet`` on most macOS and
+    Windows disks.
 
     Raises
     ------
     InputError
-        There are two such labels, and the disk does not tell them apart.
+        There are two such labels, and the file system ignores case.
     """
     seen: dict[str, str] = {}
     for label in labels:

@@ -1,7 +1,7 @@
 """What every worker of an existing cluster must share with the driver: packages, experiments, the RUN folder, rounding.
 
 A job is asked of each worker before a run writes anything. A worker that reads another experiment from the same path,
-or writes to another disk, would be a wrong result and no error.
+or writes to another disk, would give a wrong result without an error.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""An empty working folder: a file in the folder where a command was started configures no dependency.
+"""An empty working folder, so that no file in the folder where a command was started configures a dependency.
 
 Prefect reads ``.env``, ``prefect.toml`` and ``pyproject.toml`` of the working folder, numba ``.numba_config.yaml``,
-Matplotlib ``matplotlibrc``, and Python imports modules from it. In the folder of a stranger each of them would be his
-program or his settings. Commands therefore work in an empty folder, and so do the processes that they start
+Matplotlib ``matplotlibrc``, and Python imports modules from it. In the folder of a stranger these would be the
+stranger's programs and settings. Commands therefore work in an empty folder, and so do the processes that they start
 (docs/safety.md).
 """
 

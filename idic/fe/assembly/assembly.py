@@ -187,7 +187,8 @@ class Evaluation:
 
     @property
     def residual(self) -> np.ndarray:
-        return self.internal - self.external  # (n_nodes, d)
+        """Internal minus external nodal forces  # (n_nodes, d) N"""
+        return self.internal - self.external
 
 
 def evaluate(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, states, dt: float, drives: Drives,
@@ -389,7 +390,7 @@ def stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.nd
 
 
 def held_stiffness_times(system: System, ev: Evaluation, fields: np.ndarray) -> np.ndarray:
-    """K fields at the prescribed dofs; elsewhere it means nothing  # fields (n_dof, m) -> (n_dof, m)"""
+    """K fields at the prescribed dofs; other rows are undefined  # fields (n_dof, m) -> (n_dof, m)"""
     fields = np.ascontiguousarray(fields)
     out = np.zeros_like(fields)
     for group, g in zip(system.groups, ev.groups, strict=True):

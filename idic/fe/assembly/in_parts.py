@@ -1,4 +1,4 @@
-"""Points of large models in parts, one for each thread; every point is computed as without, so are its bits."""
+"""Points of large models in parts, one for each thread; the results have the same bits as in one part."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
     P = C (F - I),     dP = (dC/dlambda) (F - I),     Ke of an element once
 
-A long test of such a law is then a product and a solution per frame; no point is asked again. Small strain, no memory,
-no temperature, no mean dilatation (which changes the tangent of every point).
+A long test of such a law then takes a product and a solution per frame; the law is not evaluated again. Small strain,
+no memory, no temperature, no mean dilatation (which changes the tangent of every point).
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class LinearResponse:
 
 
 class KeptResponse:
-    """The response for the parameters that were asked for last, of one group of elements."""
+    """The last response of one group of elements, kept for the next call with the same parameters."""
 
     def __init__(self, law: CompiledLaw, mode: int, grads: np.ndarray, weights: np.ndarray, n_elements: int) -> None:
         self._law, self._mode, self._n_elements = law, mode, n_elements

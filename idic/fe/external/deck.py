@@ -90,7 +90,7 @@ def parse_deck(text: str, file: Path) -> Deck:
     Raises
     ------
     InputError
-        A brace that opens nothing, an expression that is none, a format that is not one of numbers.
+        A single brace, an invalid expression, or a format that is not one of numbers.
     """
     parts: list[str | Place] = []
     end = 0

@@ -88,7 +88,8 @@ def segments_of(outline: Sequence, holes: Sequence = ()) -> Segments:
     Raises
     ------
     InputError
-        Fewer than three points (two with an arc), a point that repeats, an arc without a circle, numbers that are none.
+        Fewer than three points (two with an arc), a repeated point, an arc without a circle, values that are not
+        numbers.
     """
     parts = [_loop(entries, "outline" if k == 0 else f"hole {k}") for k, entries in enumerate((outline, *holes))]
     loop = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])

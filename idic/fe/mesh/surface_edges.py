@@ -29,7 +29,7 @@ def seen_first(mesh: Mesh, surface: str, nodes: np.ndarray) -> np.ndarray:
 
 
 def followed(points: np.ndarray, leaders: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How the hidden nodes of a set move with the seen ones.
+    """Motion of the hidden nodes of a set from that of the visible ones.
 
         u(hidden) = u(nearest seen) + G d,      G = sum_k g_k v_k^T over the directions v_k with s_k > max |d . v_k| / 2
 
@@ -66,7 +66,7 @@ def followed(points: np.ndarray, leaders: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def normal_axis(mesh: Mesh, surface: str) -> int | None:
-    """The axis (0, 1, 2) along which a flat surface looks; None where it is curved or looks between the axes."""
+    """The axis (0, 1, 2) of the normal of a flat surface; None where it is curved or its normal is along no axis."""
     normals = np.concatenate([_normals(mesh.nodes[block.connectivity]) for block in
                               face_cells(mesh, np.asarray(mesh.edge_sets[surface]))])
     along = np.abs(normals) > MIN_NORMAL_ALONG_AXIS

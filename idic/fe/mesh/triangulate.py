@@ -36,7 +36,7 @@ def triangulate(segments: Segments, boundary: Boundary, size: float,
     Raises
     ------
     InputError
-        The boundary edges do not come out.
+        A boundary edge is missing in the triangulation.
     """
     for _ in range(MAX_REPAIRS):
         inner = _lattice(boundary, size, square)

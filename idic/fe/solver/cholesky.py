@@ -1,7 +1,7 @@
 """Cholesky factors of the symmetric part of a sparse matrix, by the fronts of `idic.fe.solver.multifrontal`.
 
 Half the work and the memory of an LU. The tangent of most laws is nearly symmetric (F-bar and follower loads are not,
-by parts of the order of stress over stiffness), and a few iterations correct what the symmetric part leaves
+by parts of the order of stress over stiffness), and a few iterations correct the remaining error
 (`idic.fe.solver.krylov`).
 """
 

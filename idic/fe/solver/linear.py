@@ -71,7 +71,8 @@ class Pattern:
 
     @cached_property
     def costs_much(self) -> bool:
-        """Whether a factorisation costs so much that an earlier one is kept while it still serves."""
+        """Whether a factorisation costs so much that an earlier one is kept as long as iterations with it converge
+        fast."""
         sizes = [(float(front.end - front.first), len(front.boundary)) for front in self.fronts]
         entries = sum(s * (s + 1) / 2 + s * b for s, b in sizes)
         return sum(s**3 / 3 + s**2 * b + s * b**2 for s, b in sizes) > MIN_OPERATIONS_PER_ENTRY * entries

@@ -42,7 +42,7 @@ def _shift(one: np.ndarray, other: np.ndarray, seen: np.ndarray) -> np.ndarray:
 
 
 def drift_note(images: Sequence[np.ndarray], labels: Sequence[str], mask: np.ndarray | None = None) -> str:
-    """What is said of still frames that have moved; empty where they stand still."""
+    """A note on still frames that have moved; empty where they are at rest."""
     found = shifts(images, mask)
     size = np.hypot(*found.T)
     worst = int(np.argmax(size))

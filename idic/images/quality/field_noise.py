@@ -1,14 +1,14 @@
-"""Noise of a measured field, from the stages themselves: its size, and how it is correlated between neighbours.
+"""Noise of a measured field, from its stages: standard deviation, and correlation between neighbours.
 
 Subsets of a DIC overlap and filters smooth, so that neighbouring points share their noise. A stage is predicted from
 the stages before and after it and from a quadratic polynomial of the position; the rest is noise:
 
     v_t = a v_(t-1) + b v_(t+1) + polynomial + noise,      variance s² [1 + a² + b² + (1 - a - b)²/N]
 
-(docs/method.md, equations 15.2 and 15.3). A course that is smooth in time and any field that grows in proportion are
-taken out. The fit takes a part of correlated noise with it, most where points are few: with the projection P of a stage
-on what its fit leaves, the covariance C is the one for which P C P has the sums of products that are seen (equation
-15.4). Noise that all of a stage shares (a shift, a stretch) is not seen here.
+(docs/method.md, equations 15.2 and 15.3). This removes motion that is smooth in time and fields that grow in
+proportion. The fit also removes a part of correlated noise, most where points are few: with the projection P onto the
+residual of the fit, the covariance C is the one for which P C P reproduces the observed sums of products (equation
+15.4). Noise that a whole stage shares (a shift, a stretch) is not visible here.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ MAX_VARIANCE_RATIO = 2.0  # of what is left of a stage to the median of the stag
 class FieldNoise:
     """Noise of one component of a point.
 
-    std : of a point; sum_std : of independent noise that scatters sums against a uniform strain as this one does;
+    std : of a point; sum_std : of independent noise that gives sums against a uniform strain the same scatter;
     correlation : (2 L + 1, 2 L + 1) of points so many rows and columns apart, 1 in the middle
     """
 

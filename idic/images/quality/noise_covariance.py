@@ -1,10 +1,10 @@
 """Noise that is correlated between neighbours: its covariance, from consecutive images in which the specimen moves.
 
-Demosaicing, compression and in-camera filters smooth the noise. A sum against the gradient of the pattern, which is all
-that a correlation uses, then carries more of it than white noise of the same pixels would. The difference of two
-consecutive images shows the noise where what is not noise is taken out of it: in small tiles, aligned to the pixel, a
-change of brightness, the motion that is left (odd derivatives of the mean image; even ones cancel) and its gradient are
-fitted out by least squares. No image is interpolated, so the noise is that of the camera (docs/method.md, section 11).
+Demosaicing, compression and in-camera filters smooth the noise. Sums against the gradient of the pattern, the only
+quantities of a correlation, then have more noise than with white noise of the same pixels. The difference of two
+consecutive images shows the noise after everything else is removed: in small tiles, aligned to the pixel, a change of
+brightness, the remaining motion (odd derivatives of the mean image; even ones cancel) and its gradient are fitted and
+subtracted by least squares. No image is interpolated, so the noise is that of the camera (docs/method.md, section 11).
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class NoiseCovariance:
 
 def noise_covariance(stack: Stack, frames: Sequence[int], region: np.ndarray,
                      lowpass_px: float) -> NoiseCovariance | None:
-    """Covariance of the noise from consecutive images of a series; None where too few tiles tell it.
+    """Covariance of the noise from consecutive images of a series; None where too few tiles are usable.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 A pattern that the spline represents comes back as it was. White noise loses a known part of its finest waves; that part
 is subtracted in quadrature. The rest is the error of the spline on the pattern. It is systematic: averaging over frames
-does not lessen it. A shift by half a pixel is the worst case of a symmetric interpolation kernel.
+does not reduce it. A shift by half a pixel is the worst case of a symmetric interpolation kernel.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Any calibration file to a rig: the format is told by the content, not by the name."""
+"""Reads any calibration file as a rig: the format is found by the content, not by the name."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def read_calibration(path: str | Path, conventions: Conventions | None = None) -
     Raises
     ------
     InputError
-        Where the file is missing, of no known format, or holds what a pinhole with Brown's distortion cannot say.
+        Where the file is missing, of no known format, or has values beyond a pinhole with Brown's distortion.
     """
     path = Path(path)
     conventions = conventions or Conventions()

@@ -1,4 +1,4 @@
-"""The record that every calibration file becomes: cameras in one common frame, mm and px, distortion normalised."""
+"""The record of every calibration file: cameras in one common frame, mm and px, distortion normalised."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MAX_ROUNDING = 1e-3          # of a rotation matrix printed with few digits
 
 @dataclass(frozen=True)
 class Conventions:
-    """What a file leaves open.
+    """Units and order of angles that a file does not state.
 
     Attributes
     ----------

@@ -26,7 +26,7 @@ def read_vic3d(text: str, file, conventions: Conventions) -> CameraRig:
     Raises
     ------
     InputError
-        Without cameras, or with values that this model of a camera has not.
+        Without cameras, or with values that this camera model does not have.
     """
     cameras, seen = [], []
     for number, intrinsic, orientation in _CAMERA.findall(text):

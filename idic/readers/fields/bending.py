@@ -1,7 +1,7 @@
-"""How far a sheet is bent while it is pulled: the strain of bending at its surface over the strain of its middle.
+"""Bending of a sheet in tension: the bending strain at its surface over the strain of its middle.
 
-Tension tests call it percent bending and allow 5 to 10 % (ASTM E1012): more tells of grips that are not in line, or of
-a sheet that was not flat.
+It is called percent bending; 5 to 10 % are allowed (ASTM E1012). More indicates grips that are not aligned, or a sheet
+that was not flat.
 """
 
 from __future__ import annotations

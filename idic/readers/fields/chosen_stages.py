@@ -73,8 +73,8 @@ def _by_difference(series: FieldSeries, points: MeasuredPoints, rule: StageRule,
 
 @dataclass(frozen=True, eq=False)
 class _Shape:
-    """What a rule compares of a stage: moved (n, 2) mm, strain (2, 2), time s; each None where the rule needs it
-    not."""
+    """The quantities of a stage that a rule compares: moved (n, 2) mm, strain (2, 2), time s; each None where the rule
+    does not need it."""
 
     moved: np.ndarray | None
     strain: np.ndarray | None
@@ -123,6 +123,6 @@ def change_of_shape(positions: np.ndarray, moved: np.ndarray) -> float:
 
 
 def strain_path(series: FieldSeries, points: MeasuredPoints, stages: Sequence[int]) -> float:
-    """Length of the way that the mean strain goes over these stages."""
+    """Length of the path of the mean strain over these stages."""
     strains = [mean_strain(points.positions, points.moved(series.stage(k))[:, :2]) for k in stages]
     return float(sum(np.linalg.norm(b - a) for a, b in pairwise(strains)))

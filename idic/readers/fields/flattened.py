@@ -1,4 +1,4 @@
-"""What a plane model can be compared with: the motion of a sheet's middle surface, laid flat.
+"""Motion of the middle surface of a sheet, flattened, for the comparison with a plane model.
 
 Points of three coordinates show how a sheet leaves its plane. A tilt of the whole sheet shortens it as seen from the
 front, bending stretches the seen side, and an arc is longer than its chord; a plane model has none of the three. The

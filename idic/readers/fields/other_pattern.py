@@ -1,10 +1,9 @@
-"""Stages of another specimen on the same grid of points: a jump of the whole field that is smooth nowhere.
+"""Stages of another specimen on the same grid of points: a jump of the whole field that is nowhere smooth.
 
-Two specimens have two patterns: their points lie a little beside each other, each in its own way, even where both grids
-have the same numbers and the same pitch. From a stage of one specimen to a stage of the other, points move against
-their four neighbours, all over the field; between stages of one specimen they do so by noise and by the curvature of
-the field alone. Points that lie on the very same places (a computed grid, coordinates rounded to the grid) do not show
-it.
+Points of two specimens differ slightly and irregularly in position, even where both grids have the same numbers and the
+same pitch. From a stage of one specimen to a stage of the other, points move against their four neighbours, all over
+the field; between stages of one specimen they do so by noise and by the curvature of the field alone. Points that lie
+on the very same places (a computed grid, coordinates rounded to the grid) do not show it.
 """
 
 from __future__ import annotations

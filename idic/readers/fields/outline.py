@@ -45,7 +45,7 @@ def outline_of(points: np.ndarray, pitch: float, margin: float) -> PointOutline:
     Raises
     ------
     InputError
-        The points hang together nowhere.
+        No points are connected.
     """
     loops = sorted(loops_of(points, pitch), key=lambda loop: -abs(_area(loop)))
     if not loops:

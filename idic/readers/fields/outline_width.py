@@ -1,4 +1,4 @@
-"""The narrowest width of an outline of measured points, and by how much it may be off: a force is compared with it."""
+"""The narrowest width of an outline of measured points and its uncertainty: a force is compared with it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MIN_NOTCH = 0.7  # radii of a closed gap: how much wider it is a gap beside the 
 
 
 def width_error(found: PointOutline, pitch: float) -> float:
-    """By how much the narrowest width of an outline may be off  # mm
+    """Uncertainty of the narrowest width of an outline  # mm
 
     Each edge lies half a distance beyond the outermost points, give or take half a distance. The tip of a notch is
     filled where it is narrower than the gaps that are closed, and the lines of its sides meet deeper than its round:

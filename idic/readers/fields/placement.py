@@ -1,4 +1,4 @@
-"""Where a mesh with axes of its own lies under measured points: a rigid fit of their outlines.
+"""Position of a mesh with its own axes under measured points: a rigid fit of their outlines.
 
     Y = R(-angle) (p - origin),      d(Y) = margin        at the points p of an outline
 

@@ -1,4 +1,4 @@
-"""Surfaces that were measured in three coordinates: their mean plane, and what moves out of it."""
+"""Surfaces that were measured in three coordinates: their mean plane, and the motion out of it."""
 
 from __future__ import annotations
 

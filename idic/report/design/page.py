@@ -50,7 +50,7 @@ def _plan(plan: Mapping, section: Section) -> dict:
 
 
 def said(plan: Mapping) -> list[str]:
-    """Facts on a plan below the table."""
+    """Facts on a plan, shown below the table."""
     return [*say.open_parameters(plan), *say.confusions(plan), say.weakest(plan), *say.mode_groups(plan["parameters"])]
 
 

@@ -78,7 +78,7 @@ def _spectrum(analysis: Analysis, confusable: float) -> dict:
 
 
 def confusable_pairs(told: Mapping, limit: float) -> list[dict]:
-    """Pairs that stand in for one another: correlated above the limit, or only their combination is determined."""
+    """Pairs that the test does not separate: correlated above the limit, or only their combination is determined."""
     names, matrix = told["correlation"]["names"], np.array(told["correlation"]["matrix"])
     pairs = [{"names": [names[i], names[j]], "correlation": float(matrix[i, j])}
              for i, j in zip(*np.triu_indices(len(names), 1), strict=True) if abs(matrix[i, j]) > limit]

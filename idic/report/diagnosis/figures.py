@@ -127,7 +127,7 @@ def _scores(axis, record: DiagnosisRecord, entries) -> list[Patch]:
 
 
 def parameters(record: DiagnosisRecord) -> Picture | None:
-    """How far every parameter moved, in its standard deviations and in per cent."""
+    """Change of every parameter, in its standard deviations and in per cent."""
     before, after = (record.content["model"][key] for key in ("parameters_before", "parameters_after"))
     names = [n for n in before if n in after and before[n]["value"] and after[n]["std"] is not None]
     if not names:

@@ -1,4 +1,4 @@
-"""The headline of a diagnosis, as an engineer says it: cause, place, time, size, what it does to the parameters."""
+"""The headline of a diagnosis: cause, place, time, size, effect on the parameters."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """What a diagnosis cannot exclude: indistinguishable rivals, rivals that come near, and effects that this test cannot
 see.
 
-An effect that the identified parameters imitate does not show, and moves them all the same: its plausible size is named
-with the shift that it would cause.
+An effect that the identified parameters absorb leaves no residual, but biases them: its plausible size is named with
+the shift that it would cause.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _indistinguishable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
 
 
 def _untestable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
-    """Rivals of a selected candidate that this record cannot tell from it."""
+    """Rivals that this record cannot separate from a selected candidate."""
     for one in won:
         selected = one.winner.ranked.candidate  # type: ignore[union-attr]
         for rival, why in one.screening.untestable:
@@ -54,14 +54,14 @@ def _untestable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
 
 
 def _waiting(last: Round) -> Iterator[dict[str, str]]:
-    """Candidates of grey values that the motion which is left hides."""
+    """Candidates of grey values that are not tested because of unexplained motion."""
     for candidate, why in last.screening.untestable:
         if why == HIDDEN_BY_MOTION:
             yield {"name": candidate.name, "why": why}
 
 
 def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
-    """Rivals that explain a good part of what the selected candidate explains, where something is left."""
+    """Rivals that explain a large part of what the selected candidate explains."""
     if not (diagnosis.verdict.after.excess_z > MIN_EXCESS_Z or any(one.is_significant for one in diagnosis.channels)):
         return
     for one in won:
@@ -96,7 +96,7 @@ def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
 
 
 def _hidden(diagnosis: Diagnosis, before: Mapping[str, Mapping]) -> list[dict[str, str]]:
-    """Candidates that this test cannot see, whose plausible size would move an identified parameter."""
+    """Candidates that this test cannot detect, whose plausible size would change an identified parameter."""
     stds = {name: entry["std"] * abs(diagnosis.found.parameters[name].factor)
             for name, entry in before.items() if entry["std"]}
     shown = short_names(list(stds))

@@ -1,4 +1,4 @@
-"""What the page of a diagnosis is made of. No files, no solver."""
+"""The data of the page of a diagnosis. No files, no solver."""
 
 from __future__ import annotations
 

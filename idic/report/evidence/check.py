@@ -204,7 +204,7 @@ def _sets_px(experiment: Experiment, points: np.ndarray) -> dict[str, np.ndarray
 
 
 def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray, areas: np.ndarray, noise: Noise):
-    """What is wrong with the pattern below a mesh that lies where it belongs."""
+    """Warnings of the pattern below a mesh at its right place."""
     if areas.mean() < _MIN_ELEMENT_PX and experiment.surface is None:
         yield (f"only {areas.mean():.0f} px per element: enough for the identification, too few for the free FE-DIC of "
                "the report; larger elements would do for both")
@@ -221,7 +221,7 @@ def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
 
 
 def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray):
-    """What is wrong with the images; every one is decoded."""
+    """Warnings of the images; every one is decoded."""
     if reference.dtype.kind == "u":
         share = float((reference[roi] >= np.iinfo(reference.dtype).max).mean())
         if share > _MAX_SATURATED_SHARE:
@@ -245,7 +245,7 @@ def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
 
 def _warnings_of_images(experiment: Experiment, reference: np.ndarray, corners: list[np.ndarray], visible: np.ndarray,
                         roi: np.ndarray, areas: np.ndarray) -> tuple[str, ...]:
-    """Scale first: the pattern below a mesh of another size tells nothing."""
+    """Warnings of scale, then, if there are none, of the pattern."""
     scale = tuple(_scale_warnings(experiment, corners, visible))
     place = () if scale else tuple(_place_warnings(experiment, reference, roi, areas, experiment.noise))
     return (*scale, *place, *_image_warnings(experiment, reference, roi))
@@ -265,7 +265,7 @@ def _points_line(experiment: Experiment) -> str:
 
 
 def _field_warnings(experiment: Experiment, corners: list[np.ndarray], visible: np.ndarray) -> Iterator[str]:
-    """What is wrong with measured fields; every stage is read."""
+    """Warnings of measured fields; every stage is read."""
     points = experiment.points
     assert points is not None and experiment.stack is not None
     sizes = np.array([_area(cell) for cell, seen in zip(corners, visible, strict=True) if seen])

@@ -83,7 +83,7 @@ class Cost:
                 f"disk (each within a factor of 2){here}")
 
     def warnings(self) -> list[str]:
-        """What will not fit, or takes longer than a day."""
+        """Warnings if memory is short or the run takes longer than a day."""
         found = []
         if self.available is not None and self.memory > _TIGHT_SHARE * self.available:
             verb = "needs" if self.memory > _FITS_SHARE * self.available else "may need"

@@ -1,4 +1,4 @@
-"""What the matrices and sensitivity maps of a report stand for: eliminated boundary modes, the step of a parameter."""
+"""Matrices and sensitivity maps of a report: eliminated boundary modes, the step of a parameter."""
 
 from __future__ import annotations
 

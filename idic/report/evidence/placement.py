@@ -1,5 +1,5 @@
 """Input that contradicts the images: still frames from elsewhere, a mesh that would fit better with an axis mirrored,
-and ends that move otherwise than the log says."""
+and ends that move differently than in the log."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MIN_STRETCH, MAX_STRETCH = 0.3, 2.5  # motion between the ends, seen over logged
 def misplaced_still_frames(experiment: Experiment, roi: np.ndarray) -> Iterator[str]:
     """Declared still frames whose pattern is elsewhere than in the first of them.
 
-    Shifts below half a pixel are told, and taken out of the noise, by `idic.images.quality.drift`.
+    `idic.images.quality.drift` reports shifts below half a pixel and removes them from the noise.
     """
     images = list(_still_images(experiment))
     if len(images) < 2:

@@ -1,4 +1,4 @@
-"""Input that can be read but hardly is meant: values far from typical ones, a scale off by ten, a ROI on the
+"""Input that is readable but probably wrong: values far from typical ones, a scale off by ten, a ROI on the
 background."""
 
 from __future__ import annotations
@@ -55,9 +55,8 @@ def implausible_values(experiment: Experiment) -> Iterator[str]:
 
 
 def opposed_forces(experiment: Experiment) -> Iterator[str]:
-    """Forces that fall while their set is pulled along its axis: no material does that over a whole test.
-
-    A reaction is the force that holds a set. At the moving set it goes with the motion, at the held one against it.
+    """Forces with the wrong sign: a reaction is the force on a node set, with the motion at the moving set and against
+    it at the held one; no material opposes this over a whole test.
     """
     moved = [(one, one.drive) for one in experiment.prescribed if isinstance(one.drive, Column)]
     counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]

@@ -1,4 +1,4 @@
-"""The measured points of some frames with what the model leaves of them."""
+"""The measured points of some frames with the residual of the model."""
 
 from __future__ import annotations
 

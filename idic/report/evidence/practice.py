@@ -1,4 +1,4 @@
-"""What a reader needs to judge a correlation: the facts of the good-practice table, and frames to look at."""
+"""Data to judge a correlation: the facts of the good-practice table, and frames to look at."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What cameras with a lens leave open, said by `idic check` before the run: poses, lenses and places that are free."""
+"""Warnings of `idic check` on cameras with a lens: free poses, lenses and positions that the test does not
+determine."""
 
 from __future__ import annotations
 
@@ -67,7 +68,7 @@ def _thinned(experiment: Experiment) -> Experiment:
 
 
 def _held_thickness(experiment: Experiment) -> Iterator[str]:
-    """Measured edges behind a surface that tells nothing of the motion across it."""
+    """Measured edges whose visible surface does not determine the motion through the thickness."""
     mesh, surface = experiment.mesh, experiment.surface
     if mesh.n_dim == 2 or surface is None or normal_axis(mesh, surface) is not None:
         return

@@ -1,4 +1,4 @@
-"""What the gauges read, as CSV files and as rows of the page."""
+"""Readings of the gauges, as CSV files and as rows of the page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The camera's own floor on the specimen."""
+"""Motion that the camera shows at rest (floor), on the specimen."""
 
 from __future__ import annotations
 

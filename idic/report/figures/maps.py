@@ -81,7 +81,7 @@ def local_chi2(record: RunRecord) -> Picture | None:
 
 
 def _start_note(record: RunRecord) -> str:
-    """Why the maps of the starting values have another rms than their curve, where they do."""
+    """A note if the maps of the start values have another rms than their curve."""
     data, curve = record.residuals, record.rms_before
     if curve is None:
         return ""

@@ -1,4 +1,4 @@
-"""Measured fields point by point: what was measured, and what the model leaves of it in µm and in its noise."""
+"""Measured fields point by point: displacement, and residual of the model in µm and in units of its noise."""
 
 from __future__ import annotations
 

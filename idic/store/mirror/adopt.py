@@ -1,4 +1,4 @@
-"""What a worker has made, written into the RUN: whole groups at once, as if it had been written there."""
+"""Writes the files of a worker into the RUN, whole groups at once, as if the worker had written there."""
 
 from __future__ import annotations
 
