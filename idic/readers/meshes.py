@@ -32,8 +32,8 @@ def mesh_suffixes() -> tuple[str, ...]:
 def read_mesh_file(path: Path) -> RawMesh:
     """The cells and sets of a mesh file.
 
-    gmsh: physical groups are sets (``physical_7`` where they have no name). VTU: an integer array of 0 and 1 is the set
-    of that name, other integer arrays give ``NAME_value``.
+    gmsh: physical groups are sets (``physical_7`` where they have no name). MED (Salome): groups are sets. VTU: an
+    integer array of 0 and 1 is the set of that name, other integer arrays give ``NAME_value``.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def read_mesh_file(path: Path) -> RawMesh:
         return read_inp(path)
     if path.suffix.lower() not in mesh_suffixes():
         raise InputError("not a mesh format that idic reads", file=path, key="mesh",
-                         expected=".inp (Abaqus, CalculiX), .msh (gmsh), .vtu, or another format of meshio",
+                         expected=".inp (Abaqus, CalculiX), .bdf (Nastran), .msh (gmsh), .med, .vtu or others",
                          found=path.suffix or "no suffix", remedy="export the mesh in one of these")
     from idic.readers.foreign_mesh import read_by_meshio
 
@@ -87,7 +87,8 @@ def raw_mesh_of(mesh: meshio.Mesh, path: Path) -> RawMesh:
             _add(raw.element_sets, name, [np.asarray(ids, dtype=np.int64) + s for ids,
                                           s in zip(parts, starts, strict=True) if ids is not None])
     _gmsh_groups(mesh, starts, raw)
-    _array_sets(mesh, starts, raw)
+    named = _med_groups(mesh, starts, raw)
+    _array_sets(mesh, starts, raw, named)
     return raw
 
 
@@ -108,11 +109,29 @@ def _gmsh_groups(mesh: meshio.Mesh, starts: list[int], raw: RawMesh) -> None:
                 _add(raw.element_sets, name, [np.flatnonzero(tags == tag) + start])
 
 
-def _array_sets(mesh: meshio.Mesh, starts: list[int], raw: RawMesh) -> None:
+def _med_groups(mesh: meshio.Mesh, starts: list[int], raw: RawMesh) -> tuple[str, ...]:
+    """The groups of a MED file: a family is the nodes or elements that are in the same groups. Returns the arrays that
+    hold the numbers of families, where any has a name."""
+    points, cells = getattr(mesh, "point_tags", {}), getattr(mesh, "cell_tags", {})
+    if "point_tags" in mesh.point_data:
+        families = np.asarray(mesh.point_data["point_tags"])
+        for family, names in points.items():
+            for name in names:
+                _add(raw.node_sets, name, [np.flatnonzero(families == family)])
+    for start, values in zip(starts, mesh.cell_data.get("cell_tags", ()), strict=False):
+        for family, names in cells.items():
+            for name in names:
+                _add(raw.element_sets, name, [np.flatnonzero(np.asarray(values) == family) + start])
+    return (*(["point_tags"] if points else []), *(["cell_tags"] if cells else []))
+
+
+def _array_sets(mesh: meshio.Mesh, starts: list[int], raw: RawMesh, named: tuple[str, ...]) -> None:
     for name, values in mesh.point_data.items():
-        for label, inside in _labelled(name, np.asarray(values)):
+        for label, inside in [] if name in named else _labelled(name, np.asarray(values)):
             _add(raw.node_sets, label, [np.flatnonzero(inside)])
     for name, parts in mesh.cell_data.items():
+        if name in named:
+            continue
         values = np.concatenate([np.asarray(part) for part in parts])
         for label, inside in _labelled(name, values):
             _add(raw.element_sets, label, [np.flatnonzero(inside)])

@@ -34,6 +34,7 @@ GOOD = ("converged",)
 MAX_LOST_SHARE = 0.05  # of the pixels; more is marked
 MIN_CHANNEL_CHI2 = 0.2  # below, the stated noise of the channel is twice too large
 MIN_READINGS = 8  # of a channel: of fewer, chance alone leaves such a small mean square in one test of a hundred
+HARDLY = "interval reaches 0"  # status of a modulus that the headline tells as not determined
 MAX_LARGE_TEXT_VALUES = 6  # values in the first sentence, beyond which it is set smaller
 
 
@@ -174,7 +175,7 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
         local = result["residual"].get("local")
         if local:
             facts.append(("largest local χ²", f"{local['chi2']:.2f} ({local['typical_chi2']:.2f} in the median)",
-                          not local["is_cluster"]))
+                          not local["is_cluster"] and local["typical_chi2"] <= NOISE_CHI2[1]))
     floor = result.get("camera_floor") or {}
     if floor:
         scale, unit = record.motion_unit
@@ -214,13 +215,13 @@ def _is_used(frame) -> bool:
 
 
 def _parameter_rows(record: RunRecord) -> list[dict]:
-    shown = words.short_names(record.result["parameters"])
+    shown, hardly = words.short_names(record.result["parameters"]), words.hardly_determined(record.result)
     rows = []
     for name, p in record.result["parameters"].items():
         if is_mode(name):
             continue
         std = p.get("std") if p.get("free") else None
-        ci, status = p.get("ci95"), parameter_status(record, name)
+        ci, status = p.get("ci95"), HARDLY if name in hardly else parameter_status(record, name)
         rows.append(
             {
                 "name": shown[name],
@@ -238,7 +239,7 @@ def _parameter_rows(record: RunRecord) -> list[dict]:
             }
         )
     rows += _virtual_rows(record)
-    order = {"identified": 0, "at bound": 0, "derived": 1, "not determined": 2, "locked": 3}
+    order = {"identified": 0, "at bound": 0, HARDLY: 0, "derived": 1, "not determined": 2, "locked": 3}
     return sorted(rows + _derived_rows(record), key=lambda row: order[row["status"]])
 
 

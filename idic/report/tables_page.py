@@ -38,13 +38,13 @@ class Table:
 
 
 def render_tables(title: str, first: Sequence[str], tables: Sequence[Table], pictures: Sequence[Picture] = (),
-                  doubtful: bool = False) -> str:
+                  verdict: tuple[str, str] | None = None) -> str:
     """The HTML text of a page; figures are in it, linked pages are not.
 
-    doubtful : the first sentence is not set in bold
+    verdict : level ("good" | "look" | "bad") and words above the sentences; the first is bold where it is good
     """
     return filled_in("tables.html.j2", title=title, first=first, sections=tables,
-                     pictures=pictures, doubtful=doubtful)
+                     pictures=pictures, verdict=verdict)
 
 
 # runs side by side ----------------------------------------------------------------------------------------------
@@ -141,11 +141,10 @@ def joint_page(result: Mapping) -> str:
                               "image noise"), tuple(rows), "The report of each shows its images, fields and channels."),
     ]
     tables[1:1] = specimen_tables(result)
-    values, *rest = words.headline(result)
-    first = [values, f"{words.verdict(result)[1]}.", *rest, *words.between_specimens(result), *words.cautions(result)]
+    first = [*words.headline(result), *words.between_specimens(result), *words.cautions(result)]
     picture = correlation(RunRecord(result["title"], result))
     page = render_tables(result["title"], [line for line in first if line], tables, [picture] if picture else [],
-                         doubtful=words.verdict(result)[0] != "good")
+                         verdict=words.verdict(result))
     fields = all(part["noise"]["unit"] == result["noise"]["unit"] for part in result["experiments"].values())
     return in_words_of(result, page) if fields else page
 

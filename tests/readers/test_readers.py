@@ -228,6 +228,29 @@ def test_integer_arrays_of_a_vtk_file_are_sets(name, tmp_path):
     assert read_back.element_sets["part_3"].tolist() == [0] and read_back.element_sets["part_5"].tolist() == [1]
 
 
+def test_groups_of_a_med_file_are_sets(tmp_path):
+    """Salome numbers families; a node or element of several groups is in a family of its own."""
+    mesh = gmsh_mesh()
+    written = meshio.Mesh(mesh.points, mesh.cells, point_data={"point_tags": np.array([0, 0, 0, 2, 2, 2])},
+                          cell_data={"cell_tags": [np.array([-8, -8]), np.array([-6, -7])]})
+    written.point_tags, written.cell_tags = {2: ["TOP"]}, {-6: ["ALL", "SOFT"], -7: ["ALL"], -8: ["BASE"]}
+    meshio.write(tmp_path / "mesh.med", written)
+    read_back = read(tmp_path / "mesh.med")
+    assert read_back.node_sets["TOP"].tolist() == [3, 4, 5] and len(read_back.edge_sets["BASE"]) == 2
+    assert {name: ids.tolist() for name, ids in read_back.element_sets.items()} == {"ALL": [0, 1], "SOFT": [0]}
+
+
+def test_properties_of_a_nastran_file_are_sets(tmp_path):
+    mesh = gmsh_mesh()
+    grid = [f"GRID,{100 + k},,{x},{y},0.0" for k, (x, y, _) in enumerate(mesh.points)]
+    quads = [f"CQUAD4,{k + 1},{(11, 12)[k]},{','.join(str(100 + i) for i in cell)}"
+             for k, cell in enumerate(mesh.cells[1].data)]
+    (tmp_path / "mesh.bdf").write_text("\n".join(["SOL 101", "CEND", "BEGIN BULK", *grid, *quads, "ENDDATA", ""]))
+    read_back = read(tmp_path / "mesh.bdf")
+    assert read_back.element_sets["nastran:ref_11"].tolist() == [0]
+    assert read_back.element_sets["nastran:ref_12"].tolist() == [1]
+
+
 def test_a_mirrored_mesh_is_turned_around_and_keeps_its_edges(tmp_path):
     text = inp_text()
     for j in range(4):

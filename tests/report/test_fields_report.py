@@ -56,6 +56,7 @@ def test_a_modulus_that_only_the_misfit_moves_is_not_determined():
     entry.update(value=17.0, std=16.5, std_noise=6.0, std_model=15.4, ci95=[-15.0, 49.0], unit="MPa")
     assert "E = " not in words.headline(result)[0]
     assert "E (the 95 % interval reaches zero" in words.undetermined(result)
+    assert '<td class="text warn-text">interval reaches 0</td>' in render_page(make_record(result=result), ())
     entry.update(std_noise=16.0, std_model=4.0)  # noise alone: it is found, badly
     assert words.hardly_determined(result) == [] and "E = 17 ± 16" in words.headline(result)[0]
 

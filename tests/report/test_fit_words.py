@@ -77,6 +77,12 @@ def test_a_cluster_is_never_only_noise(chi2):
     assert words.verdict(judged(chi2, free=chi2, local=CLUSTER | {"is_cluster": False}))[0] == "good"
 
 
+@pytest.mark.parametrize("typical, mark", [(1.02, ""), (14.2, ' class="warn"')])
+def test_a_local_chi2_that_is_raised_everywhere_is_not_marked_as_right(typical, mark):
+    local = CLUSTER | {"is_cluster": False, "typical_chi2": typical}
+    assert f"<li{mark}><span>largest local χ²" in render_page(make_record(result=judged(local=local)), ())
+
+
 def test_values_of_a_doubtful_fit_are_not_set_in_bold():
     good, doubtful = (render_page(make_record(result=judged(chi2)), ()) for chi2 in (1.0, 1.4))
     assert '<p class="first">' in good and '<td class="value">' in good

@@ -75,6 +75,33 @@ def test_the_scale_of_the_local_chi2_ends_at_its_maximum_in_each_row(drawn):
     assert start[0].norm.vmax > 1000.0 > 50.0 > identified[0].norm.vmax
 
 
+def test_numbers_of_a_low_colour_bar_do_not_overprint(drawn):
+    """Maps of a wide specimen are low, and a row of starting values reaches far."""
+    record = make_record()
+    data = record.residuals
+    before, after = (np.asarray(stack)[:, 60:140] for stack in (data.before, data.after))
+    maps.local_chi2(replace(record, residuals=replace(data, before=100.0 * before, after=after)))
+    bars = [axis for axis in drawn[0].axes if axis.get_ylabel().startswith("local")]
+    assert len(bars) == 2
+    for bar in bars:
+        boxes = [label.get_window_extent() for label in bar.get_yticklabels() if label.get_text()]
+        assert len(boxes) >= 3 and all(not a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+
+
+def test_a_parameter_that_moves_nothing_has_a_map_without_a_pattern(drawn):
+    record = make_record()
+    data = record.sensitivities
+    maps.sensitivities(replace(record, sensitivities=replace(data, phi_px=np.concatenate(
+        [1e-16 * data.phi_px[:1], data.phi_px[1:]]))))
+    labels = [axis.get_xlabel() for axis in drawn[0].axes if axis.get_xlabel()]
+    assert labels[0] == "no motion" and "no motion" not in labels[1:]
+
+
+def test_more_curves_than_colours_are_told_apart():
+    styles = [charts.curve_style(i, "p") for i in range(20)]
+    assert len({(style["color"], style["marker"]) for style in styles}) == 20
+
+
 def test_rows_of_the_local_chi2_that_differ_little_have_one_scale(drawn):
     record = make_record()
     maps.local_chi2(replace(record, residuals=replace(record.residuals, before=1.3 * record.residuals.after)))

@@ -198,8 +198,13 @@ def temperature(record: RunRecord) -> Picture | None:
                           "Change since the reference frame, as given in the experiment file.")
 
 
+def curve_style(i: int, label: str) -> dict:
+    """Colour, marker and label of curve i; the eighth has the first colour with another marker."""
+    return {"color": CYCLE[i % len(CYCLE)], "marker": MARKERS[(i + i // len(CYCLE)) % len(MARKERS)], "label": label}
+
+
 def _trace(middle, right, record, accepted, name, label, i):
-    style = {"color": CYCLE[i % len(CYCLE)], "marker": MARKERS[i % len(MARKERS)], "label": label}
+    style = curve_style(i, label)
     evaluations = np.array([h["evaluation"] for h in accepted])
     values = np.array([h["values"][name] for h in accepted], dtype=float)
     parameter = record.result["parameters"].get(name, {})

@@ -23,6 +23,10 @@ RESIDUAL_RANGE = 4.0  # times the noise level
 MIN_CHI2_WINDOWS = 16  # windows of the local chi² across the shorter side of the specimen
 OTHER_THAN_CURVE = 0.03  # relative difference of the rms of a map of the starting values from their curve: is explained
 MAX_SHARED_POWER = 3.0  # of the smaller maximum: beyond it one scale for both rows would hide the lower one
+BAR_SHARE = 0.8  # height of a colour bar over that of its maps
+MARGINS_INCH = 0.4  # inch, of a figure of maps, without room for bars below
+TICK_INCH = 0.17  # inch, a number of a colour bar and the space above it
+MIN_SHOWN_MOTION = 1e-9  # of a sensitivity field, in px or std of a point: below, rounding
 MIN_CHI2_REACH = 2.0  # the colour scale reaches at least to this factor above (and below) noise
 TRIANGLES = {
     "tri3": ((0, 1, 2),),
@@ -113,20 +117,23 @@ def _before_and_after(record: RunRecord, stacks, norms: Sequence[Normalize], lab
             axes[row, 0].set_ylabel(name)
         for row, norm in enumerate(norms):
             own = axes if len(norms) == 1 else axes[row, :]
-            bar = figure.colorbar(axes[row, 0].images[0], ax=own, label=label, shrink=0.8,
+            bar = figure.colorbar(axes[row, 0].images[0], ax=own, label=label, shrink=BAR_SHARE,
                                   aspect=30 if len(norms) == 1 else 15,
                                   pad=0.01, extend="neither" if isinstance(norm, LogNorm) else "both")
             if isinstance(norm, LogNorm):
-                _ratio_ticks(bar, norm)
+                _ratio_ticks(bar, norm, BAR_SHARE * (figure.get_figheight() - MARGINS_INCH) / len(norms))
         return to_picture(figure, *text, as_photo=True)  # type: ignore[misc]
 
 
-def _ratio_ticks(bar, norm: Normalize) -> None:
-    """Ticks at 1, at the ends, and at powers between them: 8, or 1/8."""
+def _ratio_ticks(bar, norm: Normalize, height_inch: float) -> None:
+    """Ticks at 1, at the ends, and at powers between them, as many as there is room for: 8, or 1/8."""
     reach = float(norm.vmax)  # type: ignore[arg-type]
     base = 2.0 if reach <= 20.0 else 10.0
     steps = base ** np.arange(1, int(np.log(reach) / np.log(base)) + 1)
     steps = steps[np.log(steps) < 0.7 * np.log(reach)]  # room for the label of the end
+    n = max(int(height_inch / TICK_INCH) - 3, 0) // 2  # beside 1 and the ends
+    if n < len(steps):
+        steps = steps[np.unique(np.linspace(0, len(steps) - 1, n + 2).round().astype(int)[1:-1])]
     ups = [*steps, reach]
     bar.set_ticks([*(1.0 / t for t in reversed(ups)), 1.0, *ups],
                   labels=[*(f"1/{_ratio(t)}" for t in reversed(ups)), "1", *(_ratio(t) for t in ups)])
@@ -226,15 +233,17 @@ def sensitivities(record: RunRecord) -> Picture | None:
         for column, (name, step) in enumerate(zip(data.names, data.steps, strict=True)):
             phi = scale * data.phi_px[column]
             largest = float(np.abs(phi[used_nodes(record)]).max())
+            if largest < MIN_SHOWN_MOTION:
+                phi, largest = np.zeros_like(phi), 0.0
             unit, text = _power(largest)
             norm = Normalize(-largest / unit or -1.0, largest / unit or 1.0)
             for row in range(len(components)):
                 drawn = draw(axes[row, column], record, phi[:, row] / unit, norm, DIVERGING)
             parts = shown.get(name, name).split(".")
             entitle(axes[0, column], *(f"{part}." for part in parts[:-1]), parts[-1], below=f"per {step}")
-            figure.colorbar(drawn, ax=axes[:, column], location="bottom", label=f"{text}{name_of_unit}", shrink=0.9,
-                            aspect=18,
-                            pad=0.02, ticks=MaxNLocator(2 if tall else 4, symmetric=True))
+            figure.colorbar(drawn, ax=axes[:, column], location="bottom", shrink=0.9, aspect=18, pad=0.02,
+                            label=f"{text}{name_of_unit}" if largest else "no motion",
+                            ticks=MaxNLocator(2 if tall else 4, symmetric=True) if largest else [0.0])
         for row, text in enumerate(components):
             axes[row, 0].set_ylabel(text)
         rises = "" if len(components) == 2 else "and rises (over the size of a pixel) "
@@ -299,7 +308,7 @@ def grid(rows: int, columns: int, window, bottom: float = 0.0):
     label_width = 0.35 if bottom else 1.3
     width = min((PAGE_WIDTH_INCH - label_width) / columns, MAX_ROW_HEIGHT_INCH / max(aspect, 1e-9), 4.2)
     figure = new_figure(min(PAGE_WIDTH_INCH, columns * width + label_width),
-                        rows * ((width - 0.1) * aspect + 0.12) + 0.4 + bottom)
+                        rows * ((width - 0.1) * aspect + 0.12) + MARGINS_INCH + bottom)
     return figure, np.asarray(figure.subplots(rows, columns, squeeze=False))
 
 

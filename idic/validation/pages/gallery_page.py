@@ -44,7 +44,7 @@ def key_numbers(result: Mapping, truth: Mapping[str, float]) -> list[dict]:
 
 
 def _row(name: str, value: float, std: float | None, unit: str, truth: float | None) -> dict:
-    off = None if truth is None or not std else (value - truth) / std
+    off = None if truth is None or not std else round((value - truth) / std, 1) + 0.0  # no -0.0
     return {"name": name, "text": words.with_std(value, std, unit or ""),
             "truth": "" if truth is None else words.with_std(truth, None, unit or ""), "off": off}
 
