@@ -22,13 +22,14 @@ import numpy as np
 
 from idic.dic.boundary import boundary_start, edge_modes, with_boundary_start
 from idic.identify.in_memory import Identification
+from idic.identify.step.estimator import misfit
 from idic.images.stack import Stack
 from idic.images.stack_views import StackView
 from idic.model.experiment import Experiment, FieldPoints, Measured, Noise
 from idic.model.drives import pixel_size
 
 MAX_REGISTER_PX = 1.0  # rms of a frame; with more the residual of its image is no error of motion to first order
-MIN_MISFIT_CHI2 = 4.0  # per pixel: below, images are in register
+MIN_MISFIT_CHI2 = 10.0  # per pixel; where contrast is well above noise, an error of 1 px leaves more
 MOTION_STD_PX = 0.1  # of a measured node: what regularisation and interpolation leave, far above noise
 UM_PER_MM = 1e3
 
@@ -108,11 +109,8 @@ def may_be_out_of_register(found: Identification) -> bool:
 
 
 def image_chi2(found: Identification) -> float:
-    """About chi² per pixel at the accepted point: mean square of the residual over the variance of two images, with the
-    noise that their low-pass leaves."""
-    system = found.point.system  # type: ignore[union-attr]
-    noise = 2.0 * float(found.weights.image_noise) ** 2
-    return sum(record.rr for record in system.frames) / max(system.n_pixels, 1) / noise
+    """Roughly chi² per pixel at the accepted point (`idic.identify.step.estimator.misfit`): 0.8 to 1.2 for noise."""
+    return misfit(found.point, found.experiment.options.lowpass_px)  # type: ignore[arg-type]
 
 
 def out_of_register(found: Identification, u_px: np.ndarray) -> OutOfRegister | None:

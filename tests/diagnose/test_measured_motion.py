@@ -42,10 +42,10 @@ def noisy(u_px):
 
 
 def identified(experiment, values, stored=None, rr=0.0):
-    """As if an identification had ended there; stored : displacements, rr : squares of the residual of its images."""
+    """As if an identification had ended there; stored : displacements, rr : weighted sum of squares of its images."""
     found = identification_at(experiment, experiment.parameters.as_values() | values,
                               np.zeros((experiment.n_frames, build_drives(experiment).n_local)), None)
-    system = SimpleNamespace(frames=(SimpleNamespace(rr=rr),), n_pixels=1000)
+    system = SimpleNamespace(frames=(SimpleNamespace(n_pixels=1000),), phi_image=rr)
     return replace(found, stored=None if stored is None else lambda: iter(stored), point=SimpleNamespace(system=system))
 
 

@@ -1,4 +1,4 @@
-"""`idic diagnose` on a RUN whose model ends pixels off its images: judged by the measured motion, then by the images."""
+"""`idic diagnose` where the model ends pixels off its images: judged by the measured motion, then by the images."""
 
 import csv
 import json
@@ -41,7 +41,7 @@ def test_a_machine_that_gives_way_by_pixels_is_named_from_the_measured_motion(so
     register = content["register"]
     assert max(register["gap_px"]) > 1.0 and "out of register" in register["words"]
     assert content["verdict"] == "single" and content["named"] == ["machine_compliance"], content["headline"]
-    assert register["image_chi2_after"] < 0.2 * register["image_chi2_before"]
+    assert register["image_chi2_before"] > 10.0 and register["image_chi2_after"] < 1.5
 
 
 @pytest.mark.slow
