@@ -1,7 +1,7 @@
 """Many identifications as one Prefect flow: whole ones side by side where there are enough of them to fill the workers,
 otherwise one after the other with their simulations and frames side by side.
 
-What is finished lies in the RUN folders; a batch that was killed finds it there (``resume``) and does the rest.
+Finished results lie in the RUN folders; a killed batch finds them there (``resume``) and continues with the others.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def _expect(work: _Work, spent_s: float, done: int, total: int) -> None:
 
 
 def _side_by_side(work: _Work, jobs: Sequence[BatchJob]) -> None:
-    """Whole identifications as tasks; one that kills its workers again and again is given up, the others go on."""
+    """Whole identifications as tasks; one that repeatedly kills its workers is given up, the others continue."""
     todo = list(jobs)
     while todo:
         done = len(jobs) - len(todo)

@@ -26,9 +26,9 @@ def identify(experiment: str, out: str, workers: int | None = None, scheduler: s
     """``idic identify EXPERIMENT --out RUN --resume`` on the worker.
 
     Paths are the worker's; where the variable IDIC_DATA_ROOT is set there, they must lie below that folder. The run
-    fails where the identification did not converge; its results are in `out` all the same. Started again after a lost
-    worker, it resumes where it stood. With `pause_after` it is suspended at the end of that stage of the schedule, so
-    that the worker is free, until somebody resumes it in Prefect.
+    fails where the identification did not converge; its results are in `out` nevertheless. Started again after a lost
+    worker, it resumes. With `pause_after` it is suspended at the end of that stage of the schedule, so that the worker
+    is free, until somebody resumes it in Prefect.
     """
     from prefect.flow_runs import suspend_flow_run
 

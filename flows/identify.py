@@ -1,8 +1,8 @@
 """The identification as a Prefect flow around the one driver of the loop (`idic.identify.driver`).
 
 One Prefect task per stage of an iteration; inside a stage the simulations and the chunks of frames are Dask tasks with
-names such as ``simulate-it003-SPECIMEN.E``. A killed run resumes from the RUN folder alone; Prefect holds no state of
-it.
+names such as ``simulate-it003-SPECIMEN.E``. A killed run resumes from the RUN folder alone; Prefect holds none of its
+state.
 """
 
 from __future__ import annotations

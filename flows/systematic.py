@@ -18,7 +18,8 @@ def run_systematic(run: str | Path, bias: bool = True, spread: bool = True, work
                    scheduler: str | None = None, memory_limit: str | None = None,
                    stage: Callable[[str], None] = lambda text: None, progress: Progress | None = None,
                    store: str | None = None) -> dict:
-    """Estimate what the error bars of a finished RUN do not count; returns the new content of its result.json.
+    """Estimate the errors that the error bars of a finished RUN do not count; returns the new content of its
+    result.json.
 
     Parameters
     ----------

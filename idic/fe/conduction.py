@@ -1,4 +1,4 @@
-"""Steady conduction of heat on a mesh: temperatures where none was measured.
+"""Steady heat conduction on a mesh: temperatures at nodes without a measurement.
 
 Uniform conductivity, insulated surface: ``K T = 0`` at the nodes without a value (Laplace's equation, the smoothest
 field in the sense of least ``∫ |grad T|² dV``); a body with one known temperature has it everywhere.

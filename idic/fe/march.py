@@ -167,7 +167,7 @@ def _check_run(model: Model, params, times: np.ndarray, substeps: int) -> None:
 
 
 def _usable(section, values: np.ndarray) -> np.ndarray:
-    """Finite, or infinite where that means no effect (a yield stress)  # (n_params,) bool"""
+    """Whether parameters are finite, or infinite where that means no effect (a yield stress)  # (n_params,) bool"""
     nulls = np.array([np.nan if p.null is None else p.null for p in section.law.spec.parameters])
     return np.isfinite(values) | (values == nulls)
 

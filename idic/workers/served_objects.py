@@ -65,7 +65,8 @@ class ServedObjects:
 
 
 class ObjectServer:
-    """Answers the workers from a thread of the driver; what they send waits in a folder until the driver takes it.
+    """Answers the workers from a thread of the driver; contents that they send wait in a folder until the driver takes
+    them.
 
     find : digest -> the file of the driver with this content; folder : for what workers send
     """

@@ -152,7 +152,7 @@ def test_a_bent_target_is_told_and_identified_with_its_points():
 def test_pairs_in_another_order_are_refused():
     views = stereo_views(0.02, 6)
     shifted = tuple((a[0], b[1]) for a, b in zip(views, views[1:] + views[:1]))
-    with pytest.raises(InputError, match="pairs do not agree"):
+    with pytest.raises(InputError, match="different poses"):
         calibrate(shifted, (SIZE, SIZE), SPACING)
 
 

@@ -10,7 +10,7 @@ async function read(answer) {
   return content;
 }
 
-const lost = () => { throw new Refused({ what: "idic draw does not answer. A run goes on without it; start idic draw again to watch." }); };
+const lost = () => { throw new Refused({ what: "idic draw does not answer. A started run continues; start idic draw again to watch it." }); };
 export const get = (name, query = {}) => fetch(`api/${name}?${new URLSearchParams(query)}`).catch(lost).then(read);
 export const post = (name, content) => fetch(`api/${name}`, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) }).catch(lost).then(read);
 

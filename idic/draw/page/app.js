@@ -61,7 +61,7 @@ function tellMesh() {
   const { mesh } = page, size = number("pixel"), floor = mesh.floor_median;
   const um = floor !== null && size ? ` = ${short(floor * size * 1000, 2)} µm` : "";
   $("mesh-text").textContent = `${mesh.elements.length} elements, ${mesh.nodes.length} nodes, smallest angle ${mesh.smallest_angle.toFixed(0)}°, ${mesh.px_per_element.toFixed(0)} px per element. ` +
-    (floor === null ? "No pattern: nothing can be measured." : `Noise floor of the displacement of an element: ${short(floor, 2)} px${um} (median), as a whole and without the smoothing of a free FE-DIC.`);
+    (floor === null ? "No pattern: nothing can be measured." : `Noise floor of the displacement of a whole element: ${short(floor, 2)} px${um} (median), without the smoothing of a free FE-DIC.`);
 }
 
 function sketchRecord() { return { ...sketch.record(), element_px: elementSize(), elements: $("elements").value, mesher: $("mesher").value }; }

@@ -31,7 +31,7 @@ class Halved:
 
 
 def can_halve(mesh: Mesh) -> bool:
-    """Whether there are children for every element (all but tetrahedra)."""
+    """Whether every element can be divided (all but tetrahedra)."""
     return all(block.cell in LINEAR for block in mesh.blocks)
 
 

@@ -1,4 +1,5 @@
-"""Size of the speckle: the width of its autocorrelation, as good practice asks for it (doi:10.32720/idics/gpg.ed1)."""
+"""Size of the speckle: the width of its autocorrelation, as in the guide of good practice
+(doi:10.32720/idics/gpg.ed1)."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def mesh_of(mesh: Any) -> RawMesh:
     Raises
     ------
     InputError
-        Something else; elements or sets that refer to nodes and cells that are not there.
+        Another object; elements or sets that refer to missing nodes or cells.
     """
     if isinstance(mesh, (str, os.PathLike)):
         path = Path(mesh)

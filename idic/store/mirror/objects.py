@@ -89,7 +89,7 @@ class StoredObjects:
         return f"{self._root}/{sha256[:2]}/{sha256}"
 
     def _tried(self, what: str, call: Callable[[], _T], **missing: Any) -> _T:
-        """A call to the file system; its failure is told with the place."""
+        """A call to the file system; a failure is reported with its place."""
         try:
             return call()
         except FileNotFoundError as problem:

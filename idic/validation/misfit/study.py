@@ -1,4 +1,4 @@
-"""The misfit study: do the error bars hold where the model is a little wrong, and stay narrow where it is right?
+"""The misfit study: whether the error bars hold for a slightly wrong model, and stay narrow for a right one.
 
 Every draw of a world has its own error, its own truth and its own noise (`idic.validation.misfit.worlds`). Figures:
 `idic.validation.misfit.page`.
@@ -46,6 +46,6 @@ def _write(drawn: Draw, folder: Path) -> ArrayStack:
 
 
 def _case(drawn: Draw, k: int, seed: int) -> Case:
-    """Starts at the truth: where an identification ends does not depend on its start."""
+    """Starts at the truth: the result of an identification does not depend on its start."""
     return Case(f"{drawn.world}/{k:02d}-{seed - SEED:02d}", f"{drawn.world}-{k:02d}", drawn.overrides,
                 noise=NOISE_GV[drawn.elastic], seed=seed, disturbance=DISTURBANCE)

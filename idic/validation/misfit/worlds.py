@@ -1,7 +1,7 @@
-"""Recordings that the model follows almost: strips with a hole whose truth differs a little from what the model says.
+"""Recordings with a small model error: strips with a hole whose truth differs slightly from the model.
 
-The truth of every world lies on another mesh than the user's, and no code that correlates the images has painted them.
-The seed draws size and sign of the error. `metal` and `polymer` differ from the model by their mesh alone.
+The truth of every world lies on another mesh than the user's, and is rendered by other code than that which correlates
+the images. The seed draws size and sign of the error. `metal` and `polymer` differ from the model by their mesh alone.
 
 hardening     metal that saturates (Voce) under linear hardening; E and nu have the same meaning in both
 solid         bricks, 1 to 3 mm thick, under plane stress

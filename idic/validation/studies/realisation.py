@@ -25,7 +25,7 @@ class Disturbance:
     records : the logs of channels and driven boundaries get the noise that the experiment states for them
     gain, offset_gv : standard deviations of the gain and the offset of the light, in every frame but the reference
     exposure_gv : largest change of brightness, the same in all frames of a realisation; it varies the rounding error
-    sensor : how the camera makes its noise, see `idic.virtual_tests.sensors`
+    sensor : noise of the camera, see `idic.virtual_tests.sensors`
     stated : noise that the experiment states over the noise that there is
     channel_correlation : of the noise of a channel from frame to frame (first-order autoregression)
     subsets : half width and distance of the subsets of another DIC, px, whose displacements take the place of the
@@ -71,7 +71,7 @@ def realisation(experiment: Experiment, noise_gv: float, disturbance: Disturbanc
 def as_measured_fields(experiment: Experiment, half: int, step: int) -> Experiment:
     """The experiment with the displacements that a subset DIC finds in its images, in the place of these.
 
-    Subsets are 2 half + 1 px wide and `step` px apart. Their noise is what the displacements show.
+    Subsets are 2 half + 1 px wide and `step` px apart. Their noise is estimated from the displacements.
     """
     stack, pm = experiment.stack, build_reference(experiment, experiment.camera).pixel_map
     whole = pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0  # type: ignore[union-attr]

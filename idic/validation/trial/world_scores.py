@@ -44,7 +44,7 @@ def world_goals(records: Sequence[TrialRecord]) -> tuple[Goal, ...]:
 
 
 def right_or_flagged(record: TrialRecord) -> bool:
-    """Whether the truth is in the reported set, or is told as unexplained on the right side."""
+    """Whether the truth is in the reported set, or is reported as unexplained on the right side."""
     return record.inside or (record.verdict == "outside_library" and record.side_right)
 
 

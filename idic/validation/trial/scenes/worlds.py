@@ -37,7 +37,7 @@ MARGIN_MM = 0.4  # that the strip's view leaves the motion of an end
 
 
 def drawn_world(rng: np.random.Generator, kinds: Sequence[str], null: str) -> dict[str, Any]:
-    """A world in which effects of these kinds can be told from others."""
+    """A world in which effects of these kinds can be separated from others."""
     low, high, _ = COLUMNS_PX[rng.choice(len(COLUMNS_PX), p=[share for *_, share in COLUMNS_PX])]
     programmes = set(PROGRAMMES) - ({"reversed"} if null != "plastic" else {"hold"})
     for kind in kinds:
