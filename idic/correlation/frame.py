@@ -150,7 +150,8 @@ def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
     spline : Spline
         Of the frame (`idic.images.interpolate.prefilter`).
     u_px : array (n_nodes, 2)
-        Displacement of the nodes in the image: camera(X + u) - camera(X).
+        Displacement of the nodes in the image: camera(X + u) - camera(X). Or monomial coefficients (n_elements, 2, 8)
+        of the way to another image, which may have another size.
     brightness : "none" | "frame" | "patch"
     exclude : array of pixel numbers, optional
         Pixels of the map to leave out, e.g. `lost_pixels` of an earlier call.
@@ -224,6 +225,8 @@ def _inverse_gradients(reference, motion):
 
 
 def _motion(reference, spline, u_px):
+    if np.ndim(u_px) == 3:
+        return reference.seen_motion(u_px)
     if spline.shape != reference.pixel_map.shape:
         raise ValueError(f"frame of {spline.shape} px, reference of {reference.pixel_map.shape} px")
     if np.shape(u_px) != (reference.pixel_map.n_nodes, 2):  # the kernels below read two components, whatever is there

@@ -31,6 +31,7 @@ import numpy as np
 
 from idic.correlation.context import CorrelationContext
 from idic.correlation.equations import Weights, dense
+from idic.correlation.pinhole.texture import texture_equations
 from idic.correlation.system import CorrelationSystem, FrameRecord, LocalEquations, OpenSums, solve_positive
 
 # frame-local ones, in one matrix (0.3 GB): beyond, frame by frame, with the same values within rounding
@@ -60,16 +61,26 @@ def closed_system(context: CorrelationContext, system: CorrelationSystem) -> tup
     system : M, b and spread of its kind
     reference_gram : (n, n), what ``image_noise**2`` multiplies in the covariance of b
     """
-    return close(system, context.weights, context.reference.n_images, lambda columns: reference_gram(context, columns))
+    def gram(columns: np.ndarray) -> np.ndarray:
+        return reference_gram(context, columns)
+
+    texture = texture_equations(context, system.names)
+    if texture is None:
+        return close(system, context.weights, context.reference.n_images, gram)
+    closed, whole = close(system, context.weights, context.reference.n_images, gram, texture.shared)
+    return texture.added_to(closed), whole
 
 
-def close(system: CorrelationSystem, weights: Weights, n_images: int,
-          gram: Callable[[np.ndarray], np.ndarray]) -> tuple[CorrelationSystem, np.ndarray]:
-    """The same, given the Gram matrix of columns in the basis of the reference, `reference_gram`."""
+def close(system: CorrelationSystem, weights: Weights, n_images: int, gram: Callable[[np.ndarray], np.ndarray],
+          texture: np.ndarray | float = 0.0) -> tuple[CorrelationSystem, np.ndarray]:
+    """The same, given the Gram matrix of columns in the basis of the reference, `reference_gram`.
+
+    texture : (n_shared, n) what the reference images' noise multiplies in comparisons of cameras with each other
+    """
     sums, variance, shared = system.sums, weights.image_noise**2, dense(system.shared)
     bare = replace(system, shared=shared[:0], sums=None)
     if sums is None or not sums.visible.any():
-        return bare, gram(shared) / n_images
+        return bare, gram(shared + texture) / n_images
     kappa = sums.kappa / np.maximum(sums.visible, 1e-12)  # mean over the frames that show the node
     c = 1.0 / (sums.visible + n_images * np.maximum(kappa, 1e-3))
     if not weights.generalised:
@@ -77,19 +88,20 @@ def close(system: CorrelationSystem, weights: Weights, n_images: int,
         taken = variance * pattern.T @ sums.product
         ratio = ordinary_variance(n_images)  # of the two weights of an image
         predicted = system.M + (ratio - 1.0) * sums.image - 0.5 * ratio**2 * (taken + taken.T)
-        return replace(bare, predicted=predicted), gram(shared) / n_images
-    return _without_pattern(system, sums, c, variance, n_images, gram)
+        return replace(bare, predicted=predicted), gram(shared + texture) / n_images
+    return _without_pattern(system, sums, c, variance, n_images, gram, texture)
 
 
 def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, variance: float, n_images: int,
-                     gram: Callable[[np.ndarray], np.ndarray]) -> tuple[CorrelationSystem, np.ndarray]:
+                     gram: Callable[[np.ndarray], np.ndarray],
+                     texture: np.ndarray | float) -> tuple[CorrelationSystem, np.ndarray]:
     """Generalised least squares closed: pattern and frame-local unknowns of all frames eliminated.
 
     c : (n_shared,)
     """
     n, frames = len(system.names), sums.frames
     if sum(len(f.rhs) for f in frames) > MAX_DENSE_UNKNOWNS:
-        return _frame_by_frame(system, sums, c, variance, n_images, gram)
+        return _frame_by_frame(system, sums, c, variance, n_images, gram, texture)
     columns = np.hstack([sums.columns, *(f.columns for f in frames)])  # w S, frame-local unknowns after the shared ones
     product = np.hstack([sums.product, *(f.product for f in frames)])
     noisy = np.hstack([sums.noisy, *(f.kappa[:, None] * f.product for f in frames)])
@@ -109,11 +121,12 @@ def _without_pattern(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, v
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
                      shared=dense(system.shared)[:0], M=A[:n, :n] - A[:n, n:] @ slope, b=b[:n] - slope.T @ b[n:],
                      spread=spread, frames=_with_steps(system.frames, step, slope))
-    return closed, gram(columns - sums.visible[:, None] * pattern) / n_images
+    return closed, gram(columns - sums.visible[:, None] * pattern + texture) / n_images
 
 
 def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, variance: float, n_images: int,
-                    gram: Callable[[np.ndarray], np.ndarray]) -> tuple[CorrelationSystem, np.ndarray]:
+                    gram: Callable[[np.ndarray], np.ndarray],
+                    texture: np.ndarray | float) -> tuple[CorrelationSystem, np.ndarray]:
     """The same for many frame-local unknowns, without a matrix of all of them.
 
     With blocks B of the frames and U = [pattern, product]^T of their unknowns, A = B - variance/2 U J U^T, J exchanges
@@ -158,7 +171,7 @@ def _frame_by_frame(system: CorrelationSystem, sums: OpenSums, c: np.ndarray, va
     closed = replace(system, phi=system.phi - system.phi_image + plain, phi_image=plain, generalised=True, sums=None,
                      shared=dense(system.shared)[:0], M=M, b=b, spread=spread,
                      frames=_with_steps(system.frames, np.concatenate(steps), np.vstack(slopes)))
-    return closed, gram(columns - sums.visible[:, None] * pattern) / n_images
+    return closed, gram(columns - sums.visible[:, None] * pattern + texture) / n_images
 
 
 def _arrow(shared: np.ndarray, crosses: Sequence[np.ndarray], blocks: Sequence[np.ndarray]) -> np.ndarray:

@@ -69,3 +69,29 @@ class ExperimentFile(Strict):
                              "no material has", "choose another name", name)
             taken.add(name)
         return self
+
+    @model_validator(mode="after")
+    def _textures(self):
+        tables = {table.name: table for table in (self.camera or CameraTable(), *self.further_cameras)}
+        pinhole = [name for name, table in tables.items() if table.model == "pinhole"]
+        for name, table in tables.items():
+            if table.texture is None:
+                continue
+            others = [other for other in pinhole if other != name]
+            if table is self.camera:
+                raise refuse("the first camera is what others are compared with", "texture in a further [[camera]] "
+                             "table: two cameras with a lens or more", f"leave texture out of {name}", table.texture)
+            if name not in pinhole or table.texture not in others:
+                raise refuse(f"{name} has no texture to be compared with", 'the name of another camera, both with '
+                             'model = "pinhole"', f"write one of {', '.join(others) or 'none'}, or leave texture out",
+                             f"texture = {table.texture!r}" + ("" if name in pinhole else f", {name} telecentric"))
+            chain = [name]
+            while (following := tables[chain[-1]].texture) is not None:
+                if following in chain:
+                    raise refuse("the same images are compared twice", "at least one camera without texture in a chain",
+                                 f"leave texture out of {following}", " to ".join([*chain, following]))
+                chain.append(following)
+        if self.options.method != "integrated" and any(table.texture for table in self.further_cameras):
+            raise refuse("two steps compare no texture", 'method = "integrated"', "leave texture out",
+                         self.options.method)
+        return self

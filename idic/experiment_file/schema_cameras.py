@@ -128,6 +128,7 @@ class CameraTable(LensTable):
     magnification_column: str | None = None
     magnification_knots: Annotated[int, Field(ge=1, le=100)] | None = None
     motion: Literal["free"] | None = None
+    texture: str | None = None  # name of the camera whose reference image its own is compared with as well
 
     @model_validator(mode="after")
     def _one_map(self):

@@ -9,6 +9,7 @@ import numpy as np
 
 from idic.correlation.frame import ResidualMap
 from idic.correlation.frame_equations import correlated_frames
+from idic.correlation.pinhole.texture import TexturePair
 from idic.identify.input_noise import noise_content
 from idic.identify.step.state import Evaluation
 from idic.model.experiment import Experiment
@@ -73,9 +74,10 @@ def frame_entries(experiment: Experiment, fits: Mapping[int, FrameFit], excluded
 
 
 def camera_entries(experiment: Experiment, point: Evaluation | None, fits: Sequence[Mapping[int, FrameFit]],
-                   excluded_by_user: Collection[int], free_chi2: Sequence[np.ndarray | None]) -> dict:
+                   excluded_by_user: Collection[int], free_chi2: Sequence[np.ndarray | None],
+                   textures: Sequence[TexturePair] = ()) -> dict:
     """Noise, fit and frames of every camera of several, by name; fits, free_chi2 : per camera, as for
-    `frame_entries`."""
+    `frame_entries`; textures : pairs that were compared."""
     entries = {}
     for number, view in enumerate(experiment.views):
         used = used_fits(view, fits[number])
@@ -84,6 +86,8 @@ def camera_entries(experiment: Experiment, point: Evaluation | None, fits: Seque
             "noise": noise_content(view),
             "residual": {"image_rms_gv": mean_rms(used), "image_chi2_dof": mean_chi2(used), "lost_pixels": lost},
             "frames": frame_entries(view, fits[number], excluded_by_user, free_chi2[number])}
+    for pair in textures:
+        entries[pair.second]["texture"] = pair.entry()
     return entries
 
 

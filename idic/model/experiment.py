@@ -311,7 +311,8 @@ class FieldPoints:
 class FurtherCamera:
     """Another camera on the same specimen: one image per frame, taken at the same times, with its own everything.
 
-    axis_order : the mesh axes as it sees them, () = as the main camera; e.g. (0, 2, 1) sees x and z.
+    axis_order : the mesh axes as it sees them, () = as the main camera; e.g. (0, 2, 1) sees x and z. texture : name of
+    the camera whose reference image its own is compared with as well.
     """
 
     name: str  # its degrees of freedom are NAME.rotation_deg, ...
@@ -322,6 +323,7 @@ class FurtherCamera:
     mask: np.ndarray | None = None
     surface: str | None = None
     axis_order: tuple[int, ...] = ()
+    texture: str | None = None
 
 
 @dataclass(frozen=True)

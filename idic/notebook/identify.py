@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from idic.correlation.frame_equations import correlated_frames
+from idic.correlation.pinhole.texture import texture_pairs
 from idic.errors import InputError
 from idic.experiment_file.laws.free_curves import by_evidence
 from idic.experiment_file.toml_file import with_overrides
@@ -117,7 +118,10 @@ def _content(given: Experiment, prepared: Prepared, found: Identification, field
                            frame_entries(experiment, fits[0], excluded, free_chi2[0]),
                            {"forward_runs": state.evaluations}, found.discrepancy)
     if experiment.cameras:
-        content["cameras"] = camera_entries(experiment, point if simulated else None, fits, excluded, free_chi2)
+        textures = texture_pairs(fields.context) if simulated else ()
+        content["cameras"] = camera_entries(experiment, point if simulated else None, fits, excluded, free_chi2,
+                                            textures)
+        content["notes"] += [pair.note() for pair in textures]
     return content | {"has_force": has_force(experiment), "history": [dict(entry) for entry in state.history]}
 
 

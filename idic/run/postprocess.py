@@ -16,12 +16,13 @@ import numpy as np
 
 from idic.correlation.channels import channel_values, measured_values
 from idic.correlation.frame_equations import correlated_frames
+from idic.correlation.pinhole.texture import texture_pairs
 from idic.correlation.view import GREY, SPACE
 from idic.identify.frame_fit import FrameFit, camera_entries, frame_entries, residual_summary
 from idic.identify.judgement.local_residual import ElementSums, element_sums
 from idic.identify.result import build_result
 from idic.identify.step.state import Evaluation, LoopState
-from idic.run.context import RunContext, open_run
+from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.discrepancy import discrepancy_job, discrepancy_of
 from idic.run.judgement.fields import write_fields
 from idic.run.judgement.floor import PointJob
@@ -114,7 +115,11 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
                           _cost(state, timing, began), discrepancy_of(session, state, point))
     if experiment.cameras:
         free = [_free_chi2(context, number) for number in range(len(fits))]
-        result["cameras"] = camera_entries(experiment, point, fits, context.settings["excluded_by_user"], free)
+        textures = () if point is None else texture_pairs(
+            correlation_context(context, context.experiment.parameters.with_values(state.accepted.values)))
+        result["cameras"] = camera_entries(experiment, point, fits, context.settings["excluded_by_user"], free,
+                                           textures)
+        result["notes"] += [pair.note() for pair in textures]
     result |= judgement.top | {"has_force": has_force(experiment)}
     result["residual"] |= judgement.residual
     result["sensitivity"] = session.sensitivity

@@ -151,3 +151,48 @@ def test_clicks_of_swapped_cameras_are_refused_where_the_points_lie_at_several_d
     further = other(tmp_path, clicks(LEFT, points=deep))
     with pytest.raises(InputError, match="swapped"):
         load_experiment(written(tmp_path, main(clicks(RIGHT, points=deep)), further))
+
+
+def test_the_texture_of_a_camera_is_named_and_what_it_shares_is_said(tmp_path):
+    experiment = load_experiment(written(tmp_path, main(), other(tmp_path, 'texture = "left"\n')))
+    assert experiment.cameras[0].texture == "left"
+    assert any("texture of left" in note and "% of the pixels" in note for note in experiment.notes)
+    assert any("until the search reaches it" in note for note in experiment.notes)  # two images of noise
+
+
+@pytest.mark.parametrize("first, second, words", [
+    ('texture = "right"\n', "", "what others are compared with"),
+    ("", 'texture = "right"\n', "the name of another camera"),
+    ("", 'texture = "top"\n', "write one of left"),
+    ("", 'texture = "left"\n[options]\nmethod = "two_step"\n', "two steps compare no texture"),
+])
+def test_a_texture_without_a_second_image_is_refused(tmp_path, first, second, words):
+    with pytest.raises(InputError) as found:
+        load_experiment(written(tmp_path, main(POSE + first), other(tmp_path, second)))
+    assert words in str(found.value)
+
+
+def test_one_camera_or_telecentric_ones_have_no_common_texture(tmp_path):
+    with pytest.raises(InputError, match="two cameras with a lens"):
+        load_experiment(written(tmp_path / "one", main(POSE + 'texture = "left"\n')))
+    telecentric = TELECENTRIC.replace("[camera]", '[[camera]]\nname = "left"')
+    further = other(tmp_path / "two", 'texture = "left"\n').replace('model = "pinhole"\ncalibration = "cal.json"\n',
+                                                                  "pixel_size_mm = 0.1\norigin_px = [10, 40]\n")
+    with pytest.raises(InputError, match="telecentric"):
+        load_experiment(written(tmp_path / "two", telecentric, further))
+
+
+def test_a_chain_of_textures_that_closes_is_refused(tmp_path):
+    further = other(tmp_path, 'texture = "top"\n')
+    third = further.replace('"right"\nmodel', '"top"\nmodel').replace('"top"\n', '"right"\n').replace(
+        'name = "right"', 'name = "top"')
+    with pytest.raises(InputError, match="compared twice"):
+        load_experiment(written(tmp_path, main(), further + third))
+
+
+def test_cameras_that_see_two_ends_of_a_sheet_share_no_texture(tmp_path):
+    away = PinholeCamera(2020.0, 2030.0, 31.0, 25.0, rotation=ROTATION, translation_mm=[-6.0, 1.5, 200.0])
+    near = PinholeCamera(2000.0, 2010.0, 29.0, 24.0, rotation=ROTATION, translation_mm=[1.0, 1.5, 200.0])
+    pose = f"rotation = {ROTATION.tolist()}\ntranslation_mm = {near.translation_mm.tolist()}\n"
+    with pytest.raises(InputError, match="different parts of the surface"):
+        load_experiment(written(tmp_path, main(pose), other(tmp_path, 'texture = "left"\n'), cameras=(near, away)))

@@ -19,6 +19,8 @@ from side_twins import screening  # noqa: E402
 from idic.correlation.context import CorrelationContext, FrameResponse
 from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.frame_equations import frame_system, with_all_cameras
+from idic.correlation.pinhole.texture import texture_equations
+from idic.correlation.shared_noise import reference_gram
 from idic.diagnose.locate.adjoint_sources import image_adjoint
 from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.refit import identification_at
@@ -33,6 +35,7 @@ from idic.identify.discrepancy.mesh_error import is_counted, mesh_error
 from idic.identify.in_memory import identify
 from idic.identify.systematic.refinement import refined
 from idic.identify.weights import noise_weights
+from idic.images.spline_reference import spline_slopes, spline_values
 from idic.model.experiment import Column
 from idic.model.forward import build_forward
 from idic.report.evidence.rig import rig_warnings
@@ -71,6 +74,66 @@ def test_the_equations_of_two_cameras_with_a_lens_add(folder):
     of_channel = np.outer(*[response.dchannels[0]] * 2) / 10.0**2  # the force counts once
     assert np.allclose(joined.M + of_channel, first.M + second.M, rtol=1e-6)
     assert joined.n_pixels == first.n_pixels + second.n_pixels
+
+
+def test_two_textures_compared_pixel_by_pixel_give_the_same_equations(folder):
+    """Every pixel projected exactly, columns by difference quotients of the place that it shows in the other image."""
+    names = ("left.fx", "left.k1", "left.t_z", "right.fx", "right.cy", "right.turn_y", "right.t_x", "placement.t_z",
+             "placement.rotation_x")
+    plain = load_experiment(folder, {"dof": [{"name": name} for name in names],
+                                     "options": {"lowpass_px": 0.0, "substeps": 1}})
+    experiment = replace(plain, cameras=(replace(plain.cameras[0], texture="left"),))
+
+    def context_at(values):
+        parameters = experiment.parameters.with_values(values)
+        camera = camera_at(experiment, parameters)
+        return with_all_cameras(CorrelationContext(experiment, parameters, names, (), camera, build_reference(
+            experiment, camera), noise_weights(experiment), np.zeros((0, 0))))
+
+    start = experiment.parameters.as_values()
+    context = context_at(start)
+    found = texture_equations(context, names)
+    assert found.pairs[0].is_used and found.pairs[0].correlation > 0.99
+    kept = context.reference.pixel_map
+    pixels, (one, two) = kept.points(), context.cameras
+
+    def shown(values):
+        """Where the other camera shows the point that a pixel shows: rays meet the plane z = 0."""
+        left, right = (camera_at(view, experiment.parameters.with_values(values)) for view in experiment.views)
+        return right.project(left.inverse(pixels))
+
+    at = shown(start)
+    sees = two.reference.pixel_map.to_image(np.ones(two.reference.pixel_map.n_pixels), 0.0)
+    column, row = np.rint(at).astype(int).T
+    ok = sees[row, column] > 0
+    columns = np.empty((len(pixels), 2, len(names)))
+    for i, name in enumerate(names):
+        step = 1e-3 * experiment.parameters[name].scale
+        columns[:, :, i] = (shown({**start, name: start[name] + step}) - shown({**start, name: start[name] - step})
+                            ) / (2.0 * step)
+    across = np.stack([one.camera.inverse(pixels + h) - one.camera.inverse(pixels - h) for h in np.eye(2)], axis=2)
+    F = two.camera.jacobian(one.camera.inverse(pixels))[:, :, :2] @ (0.5 * across[:, :2])
+    images = [view.stack.frame(0).astype(float) for view in experiment.views]
+    degree, gain = context.reference.degree, found.pairs[0].gain
+    slopes = np.linalg.solve(np.swapaxes(F, 1, 2), spline_slopes(images[0], pixels, degree)[:, :, None])[:, :, 0]
+    r = context.reference.f - context.reference.level - gain * (
+        spline_values(images[1], at, degree) - two.reference.level)
+    L = np.einsum("xc,xci->xi", slopes, columns)[ok]
+    patch = np.repeat(context.reference.layout("patch").patch, kept.pixels_per_element)[ok]
+    of_patch = (patch[:, None] == np.arange(patch.max() + 1)).astype(float)
+    light = np.linalg.qr(np.hstack([of_patch, of_patch * context.reference.f[ok, None]]))[0]
+    L, r = L - light @ (light.T @ L), r[ok] - light @ (light.T @ r[ok])
+    weight = 1.0 / (1.0 + gain**2) / experiment.noise.std_gv**2
+    M, b = weight * L.T @ L, weight * L.T @ r
+    std = np.sqrt(np.diagonal(M))
+    assert found.pairs[0].n_pixels == ok.sum()
+    # one F per element, its middle's; M is of second order in the size of a face
+    np.testing.assert_allclose(found.M / np.outer(std, std), M / np.outer(std, std), atol=5e-3)
+    np.testing.assert_allclose(found.b / std, b / std, atol=0.1)  # in standard deviations
+    assert found.phi == pytest.approx(weight * r @ r, rel=5e-3)
+    # noise of both reference images scatters b as much as independent noise of every pixel does
+    scatter = experiment.noise.std_gv**2 * reference_gram(context, found.shared)
+    np.testing.assert_allclose(scatter / np.outer(std, std), M / np.outer(std, std), atol=0.06)
 
 
 def test_the_error_of_a_coarse_mesh_is_the_motion_of_a_finer_one_less_its_own(folder):

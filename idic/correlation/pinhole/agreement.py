@@ -13,6 +13,7 @@ import numpy as np
 import scipy
 
 from idic.correlation.pinhole.ray_map import build_ray_map
+from idic.correlation.pinhole.view import in_space
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Mesh, surface_cells
@@ -20,6 +21,7 @@ from idic.images.placed_camera import PlacedCamera
 
 COARSE_PX = 4.0   # blur before a comparison that has to survive a rough alignment
 MIN_POINTS, MAX_POINTS = 200, 200_000  # of an image; more are thinned out
+MAX_APART_PX = 5.0  # between a point and what another camera shows in its place; more: another face hides it
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,40 +33,62 @@ class Seen:
     surface: str | None
 
 
-def speckle_agreement(mesh: Mesh, one: Seen, two: Seen, blur_px: float = 0.0) -> float:
-    """Correlation of the grey values of two cameras at common material points, -1 … 1; NaN where they share too few.
+@dataclass(frozen=True)
+class Agreement:
+    """Of two cameras: correlation of the grey values at common material points, -1 … 1, NaN where they share too few;
+    share : of the points that the first sees, those that the second sees as well."""
 
-    blur_px : of both images first
-    """
+    correlation: float
+    share: float
+
+
+def speckle_agreement(mesh: Mesh, one: Seen, two: Seen, blur_px: float = 0.0) -> Agreement:
+    """How two cameras agree on the speckle; blur_px : of both images first."""
     every = max(1, int(np.ceil(np.sqrt(one.image.size / MAX_POINTS))))
     some, wanted = (np.zeros(seen.image.shape, dtype=bool) for seen in (one, two))
     some[::every, ::every] = True
     ny, nx = two.image.shape
     try:
         pixels = _ray_map(mesh, one, some)
-        at = two.camera.project(pixels.interpolate(mesh.nodes))
+        places = pixels.interpolate(in_space(mesh.nodes))
+        at = two.camera.project(places)
         column, row = np.rint(at).astype(int).T
         inside = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
         wanted[row[inside], column[inside]] = True
         other = _ray_map(mesh, two, wanted)
     except InputError:
-        return float("nan")
+        return Agreement(float("nan"), 0.0)
     images = [scipy.ndimage.gaussian_filter(np.asarray(seen.image, dtype=float), blur_px) for seen in (one, two)]
-    owned = np.isfinite(other.to_image(np.zeros(other.n_pixels)))  # what the second camera sees of the mesh
-    inside[inside] = owned[row[inside], column[inside]]
+    inside = seen_as_well(places, two.camera, other, in_space(mesh.nodes))
+    share = float(inside.mean())
     if inside.sum() < MIN_POINTS:
-        return float("nan")
+        return Agreement(float("nan"), share)
     ours = images[0][pixels.iy[inside], pixels.ix[inside]]
     theirs = scipy.ndimage.map_coordinates(images[1], at[inside, ::-1].T, order=1)
     if ours.std() == 0.0 or theirs.std() == 0.0:
-        return float("nan")
-    return float(np.corrcoef(ours, theirs)[0, 1])
+        return Agreement(float("nan"), share)
+    return Agreement(float(np.corrcoef(ours, theirs)[0, 1]), share)
+
+
+def seen_as_well(places: np.ndarray, camera: PlacedCamera, pixel_map: PixelMap, nodes: np.ndarray) -> np.ndarray:
+    """Which points a camera sees, and no other face in their place  # places (n, 3), nodes (n_nodes, 3) mm -> (n,) bool
+
+    pixel_map : of this camera
+    """
+    column, row = np.rint(camera.project(places)).astype(int).T
+    ny, nx = pixel_map.shape
+    seen = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
+    there = np.full((ny, nx, 3), np.nan)
+    there[pixel_map.iy, pixel_map.ix] = pixel_map.interpolate(nodes)
+    apart = np.linalg.norm(there[row[seen], column[seen]] - places[seen], axis=1)
+    seen[seen] = apart < MAX_APART_PX * camera.pixel_size  # not where it is NaN
+    return seen
 
 
 def _ray_map(mesh: Mesh, seen: Seen, mask: np.ndarray) -> PixelMap:
     return build_ray_map(mesh, surface_cells(mesh, seen.surface), seen.camera, seen.image.shape, mask, seen.surface)
 
 
-def agreements(mesh: Mesh, cameras: Sequence[Seen]) -> list[float]:
+def agreements(mesh: Mesh, cameras: Sequence[Seen]) -> list[Agreement]:
     """Of the first camera with every other one."""
     return [speckle_agreement(mesh, cameras[0], other) for other in cameras[1:]]

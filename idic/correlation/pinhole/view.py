@@ -103,7 +103,7 @@ class PinholeView:
         carried = np.einsum("nij,njk->nik", gradient, tangents)
         after = np.einsum("nci,nik->nck", self.moved_camera.jacobian(moved)[:, :, :gradient.shape[1]], carried)
         before = np.einsum("nci,nik->nck", self.camera.jacobian(still)[:, :, :tangents.shape[1]], tangents)
-        back = _solved(before, self.camera.parameter_jacobian(still, name))
+        back = solved_at_seen(before, self.camera.parameter_jacobian(still, name))
         return (changed - np.einsum("nck,nk->nc", after, back)).ravel()
 
 
@@ -143,7 +143,7 @@ def _tangents(normals: np.ndarray) -> np.ndarray:
     return np.stack([first, np.cross(unit, first)], axis=2)
 
 
-def _solved(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+def solved_at_seen(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Solutions of 2 x 2 systems; 0 at nodes whose surface stands edge on or looks away: no pixel shows them."""
     det = np.linalg.det(matrices)
     usable = np.abs(det) > 1e-6 * np.abs(det).max(initial=0.0)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from idic.correlation.pinhole.agreement import COARSE_PX, Seen, agreements, speckle_agreement
+from idic.correlation.pinhole.texture import MIN_CORRELATION
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.fe.mesh.mesh import Mesh
@@ -35,13 +36,15 @@ def pairing_notes(config: ExperimentFile, mesh: Mesh, camera, stack: Stack, othe
     if len(seen) < 2:
         return []
     (first, one), notes = seen[0], []
-    for (name, two), found in zip(seen[1:], agreements(mesh, [own for _, own in seen]), strict=True):
+    for (name, two), agreement in zip(seen[1:], agreements(mesh, [own for _, own in seen]), strict=True):
+        found = agreement.correlation
         if np.isnan(found):
             continue
         if found < CLEAR and one.image.shape == two.image.shape:
             exchanged = replace(one, image=two.image), replace(two, image=one.image)
-            fine = speckle_agreement(mesh, *exchanged)
-            given, swapped = (speckle_agreement(mesh, *pair, COARSE_PX) for pair in ((one, two), exchanged))
+            fine = speckle_agreement(mesh, *exchanged).correlation
+            given, swapped = (speckle_agreement(mesh, *pair, COARSE_PX).correlation
+                              for pair in ((one, two), exchanged))
             if fine > max(CLEAR, found + MIN_GAIN) or swapped > max(0.5, given + 0.5):
                 raise InputError("the images of two cameras are swapped", file=file, key="camera.calibration_camera",
                                  expected="images that show one speckle at the same points of the mesh",
@@ -51,4 +54,22 @@ def pairing_notes(config: ExperimentFile, mesh: Mesh, camera, stack: Stack, othe
             notes.append(f"{first} and {name} see different grey values at the same points of the mesh (correlation "
                          f"{found:.2f}): placement or calibration are off by about a speckle, or the light differs; "
                          "idic check draws the mesh on both images")
-    return notes
+    return notes + list(_textures(mesh, dict(seen), others, file))
+
+
+def _textures(mesh: Mesh, seen: dict[str, Seen], others: Sequence[FurtherCamera], file) -> Iterator[str]:
+    """Notes on the cameras that are compared with the texture of another one."""
+    for number, other in enumerate(others, 1):
+        if other.texture is None:
+            continue
+        found = speckle_agreement(mesh, seen[other.texture], seen[other.name])
+        if np.isnan(found.correlation):
+            raise InputError("two cameras with one texture see different parts of the surface", file=file,
+                             key=f"camera[{number}].texture", expected=f"points of the mesh that {other.texture} and "
+                             f"{other.name} both see", found=f"{100.0 * found.share:.2g} % of those of {other.texture}",
+                             remedy="name a camera that sees the same part, or leave texture out")
+        yield (f"{other.name} is compared with the texture of {other.texture}: it sees {100.0 * found.share:.0f} % of "
+               f"the pixels of {other.texture} that lie on the mesh (correlation {found.correlation:.2f})")
+        if found.correlation < MIN_CORRELATION:
+            yield (f"the textures of {other.texture} and {other.name} are compared from a correlation of "
+                   f"{MIN_CORRELATION:g} on; until the search reaches it, only the frames of each camera count")

@@ -96,7 +96,7 @@ class _Reader:
         visible = visible_cells(mesh, kind, surface, camera, stack.shape)
         noise = self.noise(stack, seen_region(corners, visible, stack.shape, mask), still)
         notes += [f"{table.name}: {note}" for note in stack.notes()]
-        return FurtherCamera(table.name, camera, stack, stack.labels, noise, mask, surface, order), notes
+        return FurtherCamera(table.name, camera, stack, stack.labels, noise, mask, surface, order, table.texture), notes
 
     def stack(self, patterns, name: str) -> FileStack:
         key = f"{self.key}.{name}"

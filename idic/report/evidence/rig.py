@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from idic.correlation.pinhole.texture import determined_by_texture
 from idic.errors import InputError, NotConverged
 from idic.fe.mesh.surface_edges import followed, normal_axis, seen_first
 from idic.identify.design import design_test
@@ -28,6 +29,11 @@ def rig_warnings(experiment: Experiment, time_s: float) -> Iterator[str]:
     identification would leave out in the end.
     """
     yield from _held_thickness(experiment)
+    compared = [other for other in experiment.cameras if other.texture is not None]
+    if compared and not determined_by_texture(experiment, experiment.parameters.free):
+        names = ", ".join(other.name for other in compared)
+        yield (f"texture of {names} changes nothing: no lens, pose, placement or shape is free; set "
+               "identify_calibration, or give [[dof]] such as placement.t_z")
     stems = {PLACEMENT_STEM, *(view.camera_name for view in experiment.views if isinstance(view.camera, PlacedCamera))}
     free = [name for name in experiment.parameters.free if name.partition(".")[0] in stems]
     if len(stems) == 1 or not free:
