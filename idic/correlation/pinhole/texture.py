@@ -11,6 +11,8 @@ state: no other degree of freedom has a column. With the frames of both cameras 
 pair holds all differences of the images; frames of one against the reference of the other would repeat them.
 
 Gain and offset of every patch of elements are eliminated. Points that the other camera does not see are left out.
+Gloss, blur and interpolation leave more than noise. The weight is that of the variance with which the residual scatters
+sums against the gradient, element by element, and no more than that of noise: M is then the covariance of b.
 """
 
 from __future__ import annotations
@@ -121,7 +123,7 @@ def texture_equations(context: CorrelationContext, names: tuple[str, ...]) -> Te
             for start, own, sigma in ((starts[first], of_one, one.weights.image_noise),
                                       (starts[second], of_two, two.weights.image_noise)):
                 total.shared[start:start + len(own)] += found.weight * sigma / noise * own
-            base = found.weight * found.variance  # 1 unless the images are weighted otherwise than by their noise
+            base = found.weight * found.variance
             total = replace(total, M=total.M + M, b=total.b + b,
                             spread=total.spread + (found.pair.excess - 1.0) * base * M)
     return replace(total, pairs=tuple(pairs))
@@ -183,7 +185,8 @@ class _Comparison:
         self.nodal = nodal_equations(self.reference, spline, motion, BRIGHTNESS, np.flatnonzero(~seen))
         self.back = _inverse_gradients(self.reference.pixel_map, motion)
         self.pair, left = self._judged(spline, motion)
-        self.phi = self.weight * left
+        self.phi = self.weight * left  # of one weight at all points of a search: it is to fall
+        self.weight /= self.pair.excess
 
     def _seen(self) -> np.ndarray:
         """Pixels of the first camera whose point is compared in the second one as well  # (n_pixels,) bool"""
