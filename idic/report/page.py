@@ -118,8 +118,18 @@ def _camera_plan(name: str, record: RunRecord):
                 maps.displacements(record), maps.sensitivities(record))
     return (f"camera-{name}", f"Camera {name}",
             f"Its own images, noise ({record.noise_gv:.3g} {record.value_unit}) and residuals"
-            + ("." if chi2 is None else f"; χ² per pixel {chi2:.3f}."),
+            + ("." if chi2 is None else f"; χ² per pixel {chi2:.3f}.") + _texture(record),
             tuple(p and replace(p, name=f"{p.name}_{name}") for p in pictures))
+
+
+def _texture(record: RunRecord) -> str:
+    """With which reference image that of a camera was compared."""
+    pair = record.result.get("texture")
+    if pair is None:
+        return ""
+    return (f" Its reference image and that of {pair['compared_with']} correlate by {pair['correlation']:.3f} on "
+            f"{pair['pixels']} px ({100.0 * pair['share']:.0f} % of those of {pair['compared_with']})"
+            + ("." if pair["used"] else ", too little to be compared."))
 
 
 def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) -> str:

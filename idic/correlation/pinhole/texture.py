@@ -27,13 +27,10 @@ from idic.correlation.context import CorrelationContext
 from idic.correlation.frame import nodal_equations, residual_map
 from idic.correlation.grey import GreyReference, squares_about_mean
 from idic.correlation.pinhole.agreement import seen_as_well
-from idic.correlation.pinhole.view import in_space, solved_at_seen, surface_tangents
-from idic.correlation.pixels.cells import (N_MONOMIALS, N_NODES, NODE_POINTS, TRANSFORMS, inverse_gradients,
-                                           monomials)
-from idic.correlation.pixels.pixel_map import PixelMap
+from idic.correlation.pinhole.two_views import columns_between, moves_at_rest, pulled_back, way_between
+from idic.correlation.pinhole.view import in_space
 from idic.correlation.system import CorrelationSystem, solve_positive
 from idic.images.interpolate import Spline, prefilter
-from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
 from idic.model.experiment import Experiment
 
 BRIGHTNESS = "patch"  # light falls on two cameras differently, and not evenly
@@ -74,10 +71,9 @@ class TexturePair:
         if not self.is_used:
             return (f"the textures of {self.first} and {self.second} were not compared: their correlation is "
                     f"{self.correlation:.2f}, less than {MIN_CORRELATION:g}; check placement, calibration and light")
-        share = 100.0 * self.n_pixels / max(self.n_all, 1)
-        return (f"{self.second} is compared with the texture of {self.first}: correlation {self.correlation:.3f} on "
-                f"{share:.0f} % of the pixels of {self.first}; the differences scatter sums against the gradient "
-                f"{np.sqrt(self.excess):.2f} times as much as noise, which the standard deviations count")
+        return (f"the textures of {self.first} and {self.second} correlate by {self.correlation:.3f} at the end; "
+                f"their differences scatter sums against the gradient {np.sqrt(self.excess):.2f} times as much as "
+                "noise, which sets the weight of the pair")
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +136,7 @@ def determined_by_texture(experiment: Experiment, names: Sequence[str]) -> list[
     compared = {name for further in experiment.cameras if further.texture is not None
                 for name in (further.texture, further.name)}
     views = [view for view in experiment.views if view.camera_name in compared]
-    return [name for name in names if any(_moves(view, name) for view in views)]
+    return [name for name in names if any(moves_at_rest(view, name) for view in views)]
 
 
 def _compared(context: CorrelationContext) -> Iterator[tuple[int, int]]:
@@ -149,14 +145,6 @@ def _compared(context: CorrelationContext) -> Iterator[tuple[int, int]]:
     for number, further in enumerate(context.experiment.cameras, 1):
         if further.texture is not None and isinstance(context.cameras[number].reference, GreyReference):
             yield names.index(further.texture), number
-
-
-def _moves(view: Experiment, name: str) -> bool:
-    """Whether a degree of freedom moves the image of a point of the undeformed surface in this camera."""
-    stem = f"{view.camera_name}."
-    if name.startswith((stem, f"{PLACEMENT_STEM}.")):
-        return isinstance(view.camera, PlacedCamera) and not view.camera.is_motion(name.removeprefix(stem))
-    return any(morph.name == name for morph in view.morphs)
 
 
 def _n_rows(context: CorrelationContext) -> int:
@@ -181,9 +169,9 @@ class _Comparison:
         self.weight = own.image * own.image_noise**2 / self.variance
         self.weight *= 1.0 if own.generalised else 1.0 + 1.0 / n_images
         seen = self._seen()
-        spline, motion = self._spline(), _motion(self.reference.pixel_map, one, two)
+        spline, motion = self._spline(), way_between(self.reference.pixel_map, one, two)
         self.nodal = nodal_equations(self.reference, spline, motion, BRIGHTNESS, np.flatnonzero(~seen))
-        self.back = _inverse_gradients(self.reference.pixel_map, motion)
+        self.back = pulled_back(self.reference.pixel_map, motion)
         self.pair, left = self._judged(spline, motion)
         self.phi = self.weight * left  # of one weight at all points of a search: it is to fall
         self.weight /= self.pair.excess
@@ -220,7 +208,7 @@ class _Comparison:
 
     def equations(self, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """M (n, n), b (n,), weighted, and the columns (2 n_nodes, n) in the bases of both references."""
-        pixel_map, n, columns = self.reference.pixel_map, len(names), _columns(self.one, self.two, names)
+        pixel_map, n, columns = self.reference.pixel_map, len(names), columns_between(self.one, self.two, names)
         found = self.nodal.gram(columns)
         whole, rhs = self.weight * found.matrix, self.weight * found.rhs
         slope = solve_positive(whole[n:, n:], np.column_stack([whole[n:, :n], rhs[n:]]))
@@ -233,52 +221,3 @@ class _Comparison:
         of_one = np.einsum("nij,njm->nim", back, fields).reshape(columns.shape)
         of_two = -self.gain**2 * (density[:, None, None] * fields).reshape(columns.shape)
         return 0.5 * (M + M.T), b, of_one, of_two
-
-
-def _motion(pixel_map: PixelMap, one: CorrelationContext, two: CorrelationContext) -> np.ndarray:
-    """From the pixel of one camera to that of the other: monomial coefficients  # (n_elements, 2, 8) px
-
-    Quadratic on every face, also of linear elements: perspective is not linear between their nodes.
-    """
-    nodes, found = in_space(one.experiment.mesh.nodes), np.zeros((pixel_map.n_elements, 2, N_MONOMIALS))
-    for kind in np.unique(pixel_map.kind):
-        quadratic, of_kind = 2 + kind % 2, pixel_map.kind == kind
-        points, n = NODE_POINTS[quadratic], N_NODES[kind]
-        shape = (monomials(points[:, 0], points[:, 1]) @ TRANSFORMS[kind])[:, :n]  # (n_points, n)
-        places = np.einsum("qi,eid->eqd", shape, nodes[pixel_map.conn[of_kind, :n]]).reshape(-1, 3)
-        apart = (two.camera.project(places) - one.camera.project(places)).reshape(-1, len(points), 2)
-        found[of_kind] = np.einsum("kq,eqc->eck", TRANSFORMS[quadratic][:, :len(points)], apart)
-    return found
-
-
-def _inverse_gradients(pixel_map: PixelMap, motion: np.ndarray) -> np.ndarray:
-    """F^-1 of every element  # (n_elements, 2, 2)"""
-    inverse = np.empty((pixel_map.n_elements, 2, 2))
-    inverse_gradients(motion, pixel_map.centre, pixel_map.inverse_jacobian, inverse, np.empty(pixel_map.n_elements))
-    return inverse
-
-
-def _columns(one: CorrelationContext, two: CorrelationContext, names: tuple[str, ...]) -> np.ndarray:
-    """Motion of the second image against the first by every degree of freedom  # (2 n_nodes, n) px per unit"""
-    experiment = one.experiment
-    nodes = experiment.mesh.nodes
-    tangents = in_space(surface_tangents(experiment.mesh, experiment.surface))  # (n_nodes, 3, 2)
-    before, after = (context.camera.jacobian(nodes) @ tangents for context in (one, two))
-    columns = np.zeros((len(nodes), 2, len(names)))
-    for i, name in enumerate(names):
-        if _moves(one.experiment, name) or _moves(two.experiment, name):
-            along = solved_at_seen(before, _velocity(one, name))  # of the point that a pixel shows, along the surface
-            columns[:, :, i] = _velocity(two, name) - np.einsum("nck,nk->nc", after, along)
-    return columns.reshape(2 * len(nodes), -1)
-
-
-def _velocity(context: CorrelationContext, name: str) -> np.ndarray:
-    """Motion of the images of the nodes at rest by a degree of freedom  # (n_nodes, 2) px per unit"""
-    nodes = in_space(context.experiment.mesh.nodes)
-    if not _moves(context.experiment, name):
-        return np.zeros((len(nodes), 2))
-    for morph in context.experiment.morphs:
-        if morph.name == name:
-            return np.einsum("ncd,nd->nc", context.camera.jacobian(nodes), in_space(morph.velocity))
-    stem = f"{context.experiment.camera_name}."
-    return context.camera.parameter_jacobian(nodes, name.removeprefix(stem))

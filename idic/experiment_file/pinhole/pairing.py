@@ -69,7 +69,7 @@ def _textures(mesh: Mesh, seen: dict[str, Seen], others: Sequence[FurtherCamera]
                              f"{other.name} both see", found=f"{100.0 * found.share:.2g} % of those of {other.texture}",
                              remedy="name a camera that sees the same part, or leave texture out")
         yield (f"{other.name} is compared with the texture of {other.texture}: it sees {100.0 * found.share:.0f} % of "
-               f"the pixels of {other.texture} that lie on the mesh (correlation {found.correlation:.2f})")
+               f"the pixels of {other.texture} that lie on the mesh (correlation {found.correlation:.2f} at the start)")
         if found.correlation < MIN_CORRELATION:
             yield (f"the textures of {other.texture} and {other.name} are compared from a correlation of "
                    f"{MIN_CORRELATION:g} on; until the search reaches it, only the frames of each camera count")

@@ -1,0 +1,75 @@
+"""The way from the image of one camera with a lens to that of another, at rest, and its derivatives.
+
+    x + v(x) = Q(X(x)),      phi = q(X) - F p(X),      F = J_Q T [J_P T]^-1        docs/method.md, 17.10 to 17.12
+
+The symbols are those of `idic.correlation.pinhole.texture`; J_P and J_Q are the Jacobians of the projections.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from idic.correlation.context import CorrelationContext
+from idic.correlation.pinhole.view import in_space, solved_at_seen, surface_tangents
+from idic.correlation.pixels.cells import (N_MONOMIALS, N_NODES, NODE_POINTS, TRANSFORMS, inverse_gradients,
+                                           monomials)
+from idic.correlation.pixels.pixel_map import PixelMap
+from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
+from idic.model.experiment import Experiment
+
+
+def way_between(pixel_map: PixelMap, one: CorrelationContext, two: CorrelationContext) -> np.ndarray:
+    """From the pixel of one camera to that of the other: monomial coefficients  # (n_elements, 2, 8) px
+
+    Quadratic on every face, also of linear elements: perspective is not linear between their nodes.
+    """
+    nodes, found = in_space(one.experiment.mesh.nodes), np.zeros((pixel_map.n_elements, 2, N_MONOMIALS))
+    for kind in np.unique(pixel_map.kind):
+        quadratic, of_kind = 2 + kind % 2, pixel_map.kind == kind
+        points, n = NODE_POINTS[quadratic], N_NODES[kind]
+        shape = (monomials(points[:, 0], points[:, 1]) @ TRANSFORMS[kind])[:, :n]  # (n_points, n)
+        places = np.einsum("qi,eid->eqd", shape, nodes[pixel_map.conn[of_kind, :n]]).reshape(-1, 3)
+        apart = (two.camera.project(places) - one.camera.project(places)).reshape(-1, len(points), 2)
+        found[of_kind] = np.einsum("kq,eqc->eck", TRANSFORMS[quadratic][:, :len(points)], apart)
+    return found
+
+
+def pulled_back(pixel_map: PixelMap, motion: np.ndarray) -> np.ndarray:
+    """F^-1 of every element  # (n_elements, 2, 2)"""
+    inverse = np.empty((pixel_map.n_elements, 2, 2))
+    inverse_gradients(motion, pixel_map.centre, pixel_map.inverse_jacobian, inverse, np.empty(pixel_map.n_elements))
+    return inverse
+
+
+def columns_between(one: CorrelationContext, two: CorrelationContext, names: tuple[str, ...]) -> np.ndarray:
+    """Motion of the second image against the first by every degree of freedom  # (2 n_nodes, n) px per unit"""
+    experiment = one.experiment
+    nodes = experiment.mesh.nodes
+    tangents = in_space(surface_tangents(experiment.mesh, experiment.surface))  # (n_nodes, 3, 2)
+    before, after = (context.camera.jacobian(nodes) @ tangents for context in (one, two))
+    columns = np.zeros((len(nodes), 2, len(names)))
+    for i, name in enumerate(names):
+        if moves_at_rest(one.experiment, name) or moves_at_rest(two.experiment, name):
+            along = solved_at_seen(before, _velocity(one, name))  # of the point that a pixel shows, along the surface
+            columns[:, :, i] = _velocity(two, name) - np.einsum("nck,nk->nc", after, along)
+    return columns.reshape(2 * len(nodes), -1)
+
+
+def moves_at_rest(view: Experiment, name: str) -> bool:
+    """Whether a degree of freedom moves the image of a point of the undeformed surface in this camera."""
+    stem = f"{view.camera_name}."
+    if name.startswith((stem, f"{PLACEMENT_STEM}.")):
+        return isinstance(view.camera, PlacedCamera) and not view.camera.is_motion(name.removeprefix(stem))
+    return any(morph.name == name for morph in view.morphs)
+
+
+def _velocity(context: CorrelationContext, name: str) -> np.ndarray:
+    """Motion of the images of the nodes at rest by a degree of freedom  # (n_nodes, 2) px per unit"""
+    nodes = in_space(context.experiment.mesh.nodes)
+    if not moves_at_rest(context.experiment, name):
+        return np.zeros((len(nodes), 2))
+    for morph in context.experiment.morphs:
+        if morph.name == name:
+            return np.einsum("ncd,nd->nc", context.camera.jacobian(nodes), in_space(morph.velocity))
+    stem = f"{context.experiment.camera_name}."
+    return context.camera.parameter_jacobian(nodes, name.removeprefix(stem))
