@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.pinhole.view import PinholeView
+from idic.correlation.pinhole.view import PinholeView, in_space
 from idic.errors import InputError
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh
-from idic.images.camera import Camera, fixed_pixel_sensitivity
+from idic.images.camera import Camera, fixed_pixel_sensitivity, normal_sign
 from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.model.experiment import Experiment
 
@@ -40,7 +40,8 @@ class View:
     kind : "grey" | "height" | "section" | "space"
     camera : Camera
     axis : int
-        Component of the displacement that is the height (2 for a solid, 1 for a cross-section); -1 for grey images.
+        Component of the displacement that is the height (2 for a solid and a sheet, 1 for a cross-section); -1 for grey
+        images.
     rise : float
         Height in the images' unit per mm of that component: its sign times 1/height_unit; 0 for grey images; of a
         field, its sign along the normal of the points over their distance.
@@ -78,23 +79,23 @@ class View:
 
     def deformed(self, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Where the nodes are in the frame  # (n_nodes, dim) mm"""
-        return nodes + u
+        return nodes + u[:, :nodes.shape[1]]
 
     def motion(self, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Motion in the image (docs/method.md, equation 1.1)  # (n_nodes, dim) mm -> (n_nodes, n_components)"""
-        still, moved = self.points(nodes), self.points(nodes + u)
+        still, moved = self.points(nodes), self.points(self.deformed(nodes, u))
         plane = self.moved_camera.project(moved) - self.camera.project(still)
         return plane if self.kind == GREY else np.column_stack([plane, self.rise * u[:, self.axis]])
 
     def columns(self, nodes: np.ndarray, u: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Nodal sensitivities in the image  # (n_nodes, dim, m) mm per unit -> (n_components n_nodes, m)"""
-        jacobian = self.moved_camera.jacobian(self.points(nodes + u))  # (n_nodes, 2, 2)
+        jacobian = self.moved_camera.jacobian(self.points(self.deformed(nodes, u)))  # (n_nodes, 2, 2)
         if self.kind == SECTION:
             jacobian = jacobian * [1.0, 0.0]  # the height does not move in the image
         plane = jacobian[:, :, :1] * columns[:, None, 0] + jacobian[:, :, 1:] * columns[:, None, 1]
         if self.kind == GREY:
             return plane.reshape(2 * len(nodes), -1)
-        whole = np.concatenate([plane, self.rise * columns[:, self.axis:self.axis + 1]], axis=1)
+        whole = np.concatenate([plane, self.rise * in_space(columns)[:, self.axis:self.axis + 1]], axis=1)
         return whole.reshape(3 * len(nodes), -1)
 
     def camera_column(self, nodes: np.ndarray, u: np.ndarray, gradient: np.ndarray, name: str) -> np.ndarray:
@@ -112,7 +113,9 @@ class View:
         if self.kind == GREY:
             return fixed_pixel_sensitivity(self.camera, points, u, gradient, name, self.later).ravel()
         plane_gradient = gradient[:, :2, :2]
-        slope = self.rise * (gradient[:, self.axis, :2] - np.eye(3)[self.axis, :2])  # (n_nodes, 2) height per mm
+        slope = np.zeros((len(nodes), 2))  # height per mm; the small one of a sheet is left out
+        if self.axis < gradient.shape[1]:
+            slope = self.rise * (gradient[:, self.axis, :2] - np.eye(3)[self.axis, :2])
         if self.kind == SECTION:
             slope = slope * [1.0, 0.0]
             plane_gradient = gradient[:, :1, :1] * [[1.0, 0.0], [0.0, 0.0]] + np.diag([0.0, 1.0])
@@ -146,14 +149,6 @@ def view_of(experiment: Experiment, camera: AnyCamera) -> View | PinholeView:
                          "edge set in `surface`", found=f"kind = {experiment.kind!r} without a surface",
                          remedy="name the set that is seen, or model the specimen as a solid")
     return View(SECTION, camera, 1, surface_sign(experiment.mesh, experiment.surface) / experiment.height_unit)
-
-
-def normal_sign(camera: Camera) -> float:
-    """+1 where the third axis of the mesh points along the normal of measured points, -1 against it.
-
-    Both systems are right-handed; rows count downwards.
-    """
-    return -float(np.sign(np.linalg.det(camera.jacobian(np.zeros((1, 2)))[0])))
 
 
 def is_section(experiment: Experiment) -> bool:

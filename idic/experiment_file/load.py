@@ -197,7 +197,9 @@ class ExperimentFolder(RecordedFolder):
         noise = noise_of_fields(self.config, stack, frames.points, counted, counted[0], n_references, self.file)
         if frames.points.depth is None:
             return noise, frames.points, ()
-        points, note = with_depth(frames.points, noise, stack, counted, counted[0], n_references)
+        table = self.config.experiment
+        points, note = with_depth(frames.points, noise, stack, counted, counted[0], n_references,
+                                  bool(table.fields_thickness_change), table.thickness_mm)
         return noise, points, (note,)
 
     def _scale(self, frames: Frames, lens: Lenses) -> Lengths:

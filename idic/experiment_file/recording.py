@@ -150,7 +150,7 @@ class RecordedFolder:
             raise InputError("no stage follows the reference", file=file, key="experiment.fields",
                              expected="two stages or more, the reference before the others", found=f"{len(labels)}",
                              remedy="check the pattern, reference and exclude_frames")
-        stack, recorded = stack_of(series, averaged, table.kind, table.thickness_mm), None
+        stack, recorded = stack_of(series, averaged, table), None
         if table.stages is not None:
             kept, note = kept_stages(table.stages, stack, averaged, excluded)
             recorded = Recorded(stack, (reference, *later), kept)

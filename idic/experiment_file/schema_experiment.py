@@ -133,6 +133,8 @@ class ExperimentTable(Strict):
     fields_unit: Literal["m", "mm", "um", "px", "in"] | None = None  # None: as the files say
     fields_subset_mm: Positive | None = None  # width of the subsets (facets) of the other system
     fields_noise_um: Positive | None = None  # of one component of a point; None: from the stages
+    fields_seen_from: Literal["+z", "-z"] = "+z"  # of three coordinates: where the cameras were
+    fields_thickness_change: bool | None = None  # of a sheet: compared; None: where it can exceed the noise
     stages: StagesTable | None = None  # of fields: which ones are compared; None: all
     loads: str | None = None
     decimal: Literal[".", ","] | None = None  # mark in loads and image_times; None: as their numbers show

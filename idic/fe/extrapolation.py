@@ -61,7 +61,8 @@ def time_order(model: Model) -> int:
 def _extrapolated(fine: FrameState, coarse: FrameState, order: int) -> FrameState:
     share = 1.0 / (2.0**order - 1.0)
     ahead = {name: getattr(fine, name) + share * (getattr(fine, name) - getattr(coarse, name))
-             for name in ("u", "channels", "du", "dchannels", "local_du", "local_dchannels", "rise", "d_rise")
+             for name in ("u", "channels", "du", "dchannels", "local_du", "local_dchannels", "rise", "d_rise",
+                          "local_rise")
              if getattr(fine, name) is not None}
     return replace(fine, n_newton=fine.n_newton + coarse.n_newton,
                    steps=StepList(fine.steps.times + coarse.steps.times), **ahead)

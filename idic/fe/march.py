@@ -69,7 +69,7 @@ class FrameState:
     points : tuple of PointValues
     steps : StepList
         Increments so far; at the last frame the list for frozen steps.
-    rise, d_rise : (n_nodes,) mm, (n_nodes, nd)
+    rise, d_rise, local_rise : (n_nodes,) mm, (n_nodes, nd), (n_nodes, m)
         Plane stress with `Model.surface_side`: motion of the seen surface out of the plane; else None.
     """
 
@@ -86,6 +86,7 @@ class FrameState:
     steps: StepList = field(repr=False)
     rise: np.ndarray | None = None
     d_rise: np.ndarray | None = None
+    local_rise: np.ndarray | None = None
 
     @property
     def seen_u(self) -> np.ndarray:
@@ -99,10 +100,10 @@ class FrameState:
 
     @property
     def seen_local_du(self) -> np.ndarray:
-        """Same-frame influence of the local drives; without their small influence on the rise; (n_nodes, d|3, m)."""
-        if self.rise is None:
+        """Same-frame influence of the local drives  # (n_nodes, d|3, m)"""
+        if self.local_rise is None:
             return self.local_du
-        return np.concatenate([self.local_du, np.zeros_like(self.local_du[:, :1])], axis=1)
+        return np.concatenate([self.local_du, self.local_rise[:, None]], axis=1)
 
 
 def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
@@ -187,7 +188,7 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
     drives = drives_at(system.model, times, times[0])
     now = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest())
     changes, earlier, done, size = at_rest(system, len(directions)), None, [], IncrementSize()
-    influence = None
+    influence, start = None, now
     yield _reference_frame(system, times, directions, now)
     for frame in range(1, len(times)):
         newton, failures, factor = 0, 0, None
@@ -232,8 +233,9 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
             size.converged(new.iterations)
             newton += new.iterations
             done.append(target)
-            earlier, now = replace(now, evaluation=None, states=(), factor=None, factor_matrices=()), new
-        influence = influence_at(system, now, factor, influence)
+            start = replace(now, evaluation=None, factor=None, factor_matrices=())
+            earlier, now = replace(start, states=()), new
+        influence = influence_at(system, params, start, now, factor, influence)
         yield _frame_state(system, frame, now, changes, influence, newton, tuple(done), directions)
 
 
@@ -283,7 +285,7 @@ def _frame_state(system: System, frame: int, now: Converged, changes: Changes, i
     return FrameState(frame, now.time, now.u, _channels(model.channels, now.evaluation.residual.ravel()),
                       changes.du.reshape(*shape, -1), _channels(model.channels, changes.forces),
                       influence.du, _channels(model.channels, influence.forces), newton, values,
-                      StepList(done), *rises)
+                      StepList(done), *rises, influence.rise)
 
 
 def _reference_frame(system: System, times, directions, now: Converged) -> FrameState:
@@ -293,6 +295,7 @@ def _reference_frame(system: System, times, directions, now: Converged) -> Frame
     values = tuple(PointValues(g.section, g.cell, g.elements, np.tile(identity, (g.n_points, 1, 1)),
                                np.zeros((g.n_points, *identity.shape)), state)
                    for g, state in zip(system.groups, now.states, strict=True))
-    rises = (np.zeros(shape[0]), np.zeros((shape[0], len(directions)))) if system.model.surface_side else (None, None)
+    rises = ([np.zeros(shape[0]), np.zeros((shape[0], len(directions))), np.zeros((shape[0], m))]
+             if system.model.surface_side else [])
     return FrameState(0, float(times[0]), now.u, np.zeros(n), np.zeros((*shape, len(directions))),
                       np.zeros((n, len(directions))), local, local_forces, 0, values, StepList(), *rises)

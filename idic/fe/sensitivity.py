@@ -18,6 +18,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe.assembly import assembly, expansion, kernels
 from idic.fe.assembly.assembly import Evaluation, System
+from idic.fe.assembly.thickness_change import influence_on_rise
 from idic.fe.boundary import drive_changes, pressure_force
 from idic.fe.equilibrium import Converged, consistent_factor
 from idic.fe.solver.linear import Factor
@@ -42,12 +43,14 @@ class Influence:
     """Same-frame influence of the model's local drives and, after them, of its local loads.
 
     du (n_nodes, d, m) mm per unit of drive or load; forces (n_dof, m) N per unit; factor : the factorisation that it
-    was found with, where the stiffness is constant, else None
+    was found with, where the stiffness is constant, else None; rise (n_nodes, m) mm per unit, of the seen surface of a
+    sheet (`idic.fe.assembly.thickness_change`), None: not wanted
     """
 
     du: np.ndarray
     forces: np.ndarray
     factor: Factor | None
+    rise: np.ndarray | None = None
 
 
 def check_directions(model: Model, directions: Sequence[Direction], n_frames: int) -> None:
@@ -135,20 +138,24 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
     return Changes(du, forces, tuple(states))
 
 
-def influence_at(system: System, end: Converged, factor: Factor | None, before: Influence | None) -> Influence:
+def influence_at(system: System, params: Mapping[str, np.ndarray], start: Converged, end: Converged,
+                 factor: Factor | None, before: Influence | None) -> Influence:
     """The influence at `end`; the same record as in the frame before where the stiffness is the same.
 
-    factor : of the consistent tangent at `end`, None: not known yet
+    start : of the increment that ends there; factor : of the consistent tangent at `end`, None: not known yet
     """
     model = system.model
     if not (model.local_drives or model.local_loads):
-        return Influence(np.zeros((*end.u.shape, 0)), np.zeros((model.n_dof, 0)), None)
+        none = np.zeros((len(end.u), 0)) if model.surface_side else None
+        return Influence(np.zeros((*end.u.shape, 0)), np.zeros((model.n_dof, 0)), None, none)
     factor = consistent_factor(system, end) if factor is None else factor
     if before is not None and factor is before.factor:
         return before
     du, forces = local_influence(system, end, factor)
     constant = factor is end.factor and bool(end.factor_matrices)
-    return Influence(du.reshape(*end.u.shape, -1), forces, factor if constant else None)
+    du = du.reshape(*end.u.shape, -1)
+    rise = influence_on_rise(system, params, start, end, du) if model.surface_side else None
+    return Influence(du, forces, factor if constant else None, rise)
 
 
 def local_influence(system: System, end: Converged, factor: Factor) -> tuple[np.ndarray, np.ndarray]:

@@ -199,9 +199,10 @@ def _frames(body: _Body, answers: _Answers, histories: np.ndarray, slopes: Seque
         u, channels = w @ answers.u.T, w @ answers.channels.T
         du = _derivatives(answers.u, answers.du, w, change)
         dchannels = _derivatives(answers.channels, answers.dchannels, w, change)
-        rise, d_rise = None, None
+        rise, d_rise, local_rise = None, None, None
         if answers.rise is not None and answers.d_rise is not None:
             rise, d_rise = w @ answers.rise.T, _derivatives(answers.rise, answers.d_rise, w, change)
+            local_rise = answers.rise[:, local]
         for k, motion in enumerate(u):
             frame, t, motion = first + k, float(times[first + k]), motion.reshape(shape)
             done = increments[:ends[frame]] if frame else increments[:0]
@@ -209,7 +210,8 @@ def _frames(body: _Body, answers: _Answers, histories: np.ndarray, slopes: Seque
                              local_du if frame else np.zeros_like(local_du),
                              local_channels if frame else np.zeros_like(local_channels), 0,
                              _Points(body, motion, t), StepList(tuple(done.tolist())),
-                             None if rise is None else rise[k], None if d_rise is None else d_rise[k])
+                             None if rise is None else rise[k], None if d_rise is None else d_rise[k],
+                             local_rise if frame or local_rise is None else np.zeros_like(local_rise))
 
 
 def _derivatives(answers: np.ndarray, changes: np.ndarray, w: np.ndarray, slopes: Sequence[np.ndarray]) -> np.ndarray:

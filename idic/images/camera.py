@@ -256,6 +256,14 @@ def fixed_pixel_sensitivity(camera: Camera, points: np.ndarray, u: np.ndarray, g
     return changed - (later.jacobian(y) @ np.asarray(gradient)[:, :2, :2] @ at_reference)[:, :, 0]
 
 
+def normal_sign(camera: Camera) -> float:
+    """+1 where the third axis of the mesh points along the normal of measured points, -1 against it.
+
+    Both systems are right-handed; rows count downwards.
+    """
+    return -float(np.sign(np.linalg.det(camera.jacobian(np.zeros((1, 2)))[0])))
+
+
 def _plane(points):
     points = np.asarray(points, dtype=float)
     if points.ndim != 2 or points.shape[1] not in (2, 3):

@@ -16,6 +16,7 @@ from idic.errors import InputError
 from idic.fe.external.solver import ExternalSetup
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.mesh.morph import Morph, morphed
+from idic.images.camera import normal_sign
 from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.images.quality.stabilise import Stabiliser
 from idic.images.stack import Stack
@@ -265,17 +266,20 @@ class Noise:
 
 @dataclass(frozen=True)
 class Depth:
-    """How the displacement along the normal of the points is compared, on the surface of a solid.
+    """How the displacement along the normal of the points is compared: on the surface of a solid, or on a sheet in
+    plane stress, whose seen side moves by half of the change of its thickness.
 
     weight : of its rows: noise of a component in the plane over its own, as sums over many points have it;
     noise_gain : variance of a weighted row over that of a row in the plane; std_um : noise of a point;
-    free : an offset and two tilts of every frame are unknown
+    free : an offset and two tilts of every frame are unknown; side : of a sheet, +1 where the side is seen to which the
+    normal points, -1 the other one; its bending in every frame, a polynomial of the third degree, is unknown
     """
 
     weight: float = 1.0
     noise_gain: float = 1.0
     std_um: float = 0.0
     free: bool = False
+    side: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -454,10 +458,14 @@ class Experiment:
 
     @property
     def surface_side(self) -> int:
-        """+1 or -1: from which side of a sheet in plane stress cameras with a lens see its change of thickness.
+        """+1 or -1: from which side of a sheet in plane stress its change of thickness is seen, by cameras with a lens
+        or by points of three coordinates.
 
-        0: there is none, the thickness is not known, or no camera sees motion out of the plane.
+        0: there is none, the thickness is not known, or nothing shows motion out of the plane.
         """
+        if self.points is not None:
+            depth = self.points.depth
+            return 0 if depth is None else round(depth.side * normal_sign(self.camera))  # type: ignore[arg-type]
         cameras = [view for view in (self.camera, *(other.camera for other in self.cameras))
                    if isinstance(view, PlacedCamera)]
         if self.kind != "plane_stress" or self.thickness is None or not cameras:

@@ -3,10 +3,11 @@
     r = v - s u(x),     L phi = s phi          at every point x and for each component   docs/method.md, equation 15.1
 
 v is measured (µm), u simulated (distances of neighbours), s the scale between them. On the surface of a solid the
-displacement along the normal makes a third row, whose weight is in v and s (equation 15.8). Where the whole specimen
-moves with the machine or against the cameras, a rigid motion B beta of every frame is an unknown of it, in the place of
-the brightness of images: r = v - s u - B beta. Points are material: the field of a frame belongs to the reference
-stage, so F stays out, and the noise of a frame counts once (kappa = 1).
+displacement along the normal makes a third row, whose weight is in v and s (equation 15.8); so it does on a sheet in
+plane stress, whose bending is an unknown of every frame there. Where the whole specimen moves with the machine or
+against the cameras, a rigid motion B beta of every frame is an unknown of it, in the place of the brightness of images:
+r = v - s u - B beta. Points are material: the field of a frame belongs to the reference stage, so F stays out, and the
+noise of a frame counts once (kappa = 1).
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
 from idic.fe.mesh.mesh import surface_cells
 from idic.images.camera import Camera
 from idic.model.experiment import Depth, Experiment
+from idic.readers.fields.plane import BENDING_DEGREE, powers
 
 
 GAUSS_POINTS = 3  # along each side of a subset
@@ -112,7 +114,7 @@ class FieldReference(NodalBasis):
     @cached_property
     def rigid(self) -> np.ndarray:
         """B: rows of a shift along the columns, along the rows, and a turn of the same size; of an offset along the
-        normal and two tilts where they are free  # (n_pixels, 0 | 3 | 6) µm"""
+        normal and two tilts where they are free, of a sheet with its bending  # (n_pixels, 0 | 3 | 6 | 10 | 13) µm"""
         pm, columns = self.pixel_map, []
         x, y = (pm.points() - pm.points().mean(axis=0)).T
         size = max(float(np.hypot(x, y).max()), 1.0)
@@ -120,8 +122,9 @@ class FieldReference(NodalBasis):
         first, second, third = (pm.component == k for k in range(3))
         if self.free_rigid:
             columns += [first, second, np.where(first, -y, np.where(second, x, 0.0))]
-        if self.depth is not None and self.depth.free:
-            columns += [third, np.where(third, x, 0.0), np.where(third, y, 0.0)]
+        if self.depth is not None and (self.depth.free or self.depth.side):
+            degree = BENDING_DEGREE if self.depth.side else 1
+            columns += [np.where(third, x**i * y**j, 0.0) for i, j in powers(degree)]
         rows = np.array(columns, dtype=float).reshape(len(columns), pm.n_pixels).T
         return self.scale * self.row_weight[:, None] * rows
 

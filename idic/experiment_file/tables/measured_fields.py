@@ -15,7 +15,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_experiment import StagesTable
+from idic.experiment_file.schema_experiment import ExperimentTable, StagesTable
 from idic.fe.mesh.mesh import Mesh, surface_cells
 from idic.images.camera import Camera
 from idic.images.quality.field_noise import FieldNoise, field_noise
@@ -25,8 +25,10 @@ from idic.readers.fields.chosen_stages import StageRule, chosen_stages
 from idic.readers.fields.flattened import Flattening
 from idic.readers.fields.outline import MIN_HOLE, loops_of
 from idic.readers.fields.placement import Edges, Placement, fitted_placement
-from idic.readers.fields.plane import out_of_plane
-from idic.readers.fields.series import FieldSeries, FieldStack, MeasuredPoints, measured_points, open_fields
+from idic.readers.fields.plane import largest_change, out_of_plane
+from idic.readers.fields.series import (
+    UM_PER_MM, FieldSeries, FieldStack, MeasuredPoints, measured_points, open_fields,
+)
 from idic.readers.paths import matching_files
 
 MIN_TOLD_BENDING = 0.005  # of the mean strain
@@ -41,16 +43,21 @@ def open_series(config: ExperimentFile, folder: Path, file: Path) -> FieldSeries
     return open_fields(paths, table.fields_format, table.fields_unit, pixel_size)
 
 
-def stack_of(series: FieldSeries, references: Sequence[int], kind: str, thickness: float | None) -> FieldStack:
-    """The displacements since the mean of the reference stages; of a solid also that along the normal of its points,
-    of a sheet those of its middle, laid flat."""
+def stack_of(series: FieldSeries, references: Sequence[int], table: ExperimentTable) -> FieldStack:
+    """The displacements since the mean of the reference stages; of a sheet those of its middle, laid flat. Of a solid
+    and of a sheet of known thickness also that along the normal of the points."""
     points = measured_points(series, references)
     if points.heights is None:
         return FieldStack(series, points)
-    if kind == "solid":
+    if table.kind == "solid":
         return FieldStack(series, points, 3)
-    half = thickness if kind == "plane_stress" else None  # a cut in plane strain does not bend
-    return FieldStack(series, points, 2, Flattening.of(points.positions, points.heights, half))
+    half = table.thickness_mm if table.kind == "plane_stress" else None  # a cut in plane strain does not bend
+    toward = _side(table) * (half or 0.0)
+    return FieldStack(series, points, 3 if half else 2, Flattening.of(points.positions, points.heights, toward))
+
+
+def _side(table: ExperimentTable) -> int:
+    return 1 if table.fields_seen_from == "+z" else -1
 
 
 def kept_stages(table: StagesTable, stack: FieldStack, references: Sequence[int],
@@ -148,12 +155,30 @@ def _field_axes(config: ExperimentFile) -> list[str]:
 
 
 def depth_of(config: ExperimentFile, points: MeasuredPoints, free_rigid: bool) -> Depth | None:
-    """How the displacement out of the plane is compared: on a solid that was measured in three coordinates.
+    """How the displacement out of the plane is compared: on a solid, or on a sheet of known thickness, that was
+    measured in three coordinates.
 
     Sides that move as the fields show do not hold the specimen out of its plane: then, and with ``motion = "free"``,
-    every stage has an offset and two tilts of its own.
+    every stage has an offset and two tilts of its own. A sheet bends in every stage as it likes.
+
+    Raises
+    ------
+    InputError
+        The change of thickness is asked for where nothing shows it.
     """
-    if config.experiment.kind != "solid" or points.plane is None:
+    table = config.experiment
+    sheet = table.kind == "plane_stress" and table.thickness_mm is not None and config.solver is None
+    if table.fields_thickness_change and (points.plane is None or not sheet):
+        raise InputError("the change of thickness cannot be compared", key="experiment.fields_thickness_change",
+                         expected="points of three coordinates, a sheet in plane stress, its thickness_mm, and the "
+                         "built-in solver", found="points of two coordinates" if points.plane is None else
+                         f"kind = {table.kind!r}" if table.kind != "plane_stress" else "no thickness_mm"
+                         if table.thickness_mm is None else "[solver]", remedy="leave it out")
+    if points.plane is None:
+        return None
+    if sheet and table.fields_thickness_change is not False:
+        return Depth(side=_side(table))
+    if table.kind != "solid":
         return None
     measured = any(drive is not None and drive.measured is not None for table in config.boundary
                    for drive in (table.u, table.ux, table.uy))
@@ -205,8 +230,10 @@ def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoin
 
 
 def with_depth(points: FieldPoints, noise: Noise, stack: FieldStack, frames: Sequence[int], reference: int,
-               n_references: int) -> tuple[FieldPoints, str]:
+               n_references: int, asked: bool = True, thickness: float | None = None) -> tuple[FieldPoints, str]:
     """The points with the weight of the rows along the normal by their own noise, and a note.
+
+    asked : False: of a sheet of this thickness (mm), only where its change can exceed that noise.
 
     The rows are weighed so that sums over many points scatter as those in the plane do; the correlation of neighbours
     is taken to be that in the plane. Where the stages do not show the noise, it is that in the plane.
@@ -214,6 +241,14 @@ def with_depth(points: FieldPoints, noise: Noise, stack: FieldStack, frames: Seq
     assert points.depth is not None
     plane, own = noise.correlated, _noise_seen(stack, points, frames, reference, n_references, (2,))
     said = "" if not points.depth.free else "; an offset and two tilts of every stage are its own"
+    if points.depth.side:
+        most, std = _largest_change(stack, frames, thickness or 0.0), noise.std_gv if own is None else own.std
+        said = (f"; of a sheet it is the change of thickness, up to {most:.2g} µm rms here; every stage bends by a "
+                "polynomial of the third degree of its own")
+        if not asked and most < (std or 0.0):
+            return replace(points, depth=None), (
+                f"the change of thickness moves the seen side by {most:.2g} µm rms at most, less than the noise along "
+                f"the normal ({std:.2g} µm per point): it is not compared (fields_thickness_change = true compares it)")
     if own is None or plane is None:
         return replace(points, depth=replace(points.depth, std_um=noise.std_gv)), (
             "the displacement out of the plane is compared too, with the noise of the others" + said)
@@ -221,6 +256,14 @@ def with_depth(points: FieldPoints, noise: Noise, stack: FieldStack, frames: Seq
     gain = (weight * own.std / plane.recorded_gv) ** 2
     return replace(points, depth=replace(points.depth, weight=weight, noise_gain=gain, std_um=own.std)), (
         f"the displacement out of the plane is compared too; its noise is {own.std:.3g} µm per point{said}")
+
+
+def _largest_change(stack: FieldStack, frames: Sequence[int], thickness: float) -> float:
+    """What the last stage and the middle one can show of a change of thickness  # µm, rms over the points"""
+    at = stack.points.positions
+    looked = {frames[-1], frames[len(frames) // 2]}
+    moved = (stack.frame(k)[:, :2].astype(float) * [1.0, -1.0] / UM_PER_MM for k in looked)
+    return max(UM_PER_MM * largest_change(at, one, 0.5 * thickness) for one in moved)
 
 
 def _noise_seen(stack: FieldStack, points: FieldPoints, frames: Sequence[int], reference: int, n_references: int,
@@ -273,7 +316,7 @@ def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int],
         return notes
     text = (f"out of the plane, at {series.labels[last]}: {found.rms_mm:.2g} mm rms, tilt "
             f"{np.degrees(np.hypot(*found.tilt)):.2g}°, curvature {1e3 * found.curvature:.2g} 1/m")
-    if grid.depth is not None:
+    if grid.depth is not None and not grid.depth.side:
         return [*notes, text]
     bending = 0.5 * found.curvature * (thickness or 0.0)
     text += ("; the plane model is compared with the mid-plane of the sheet, flattened: tilt, arcs"

@@ -1,5 +1,6 @@
-"""Nodal means of point values, weighted by the (bi-, tri-)linear corner functions: they stay within the range of the
-values."""
+"""Nodal means of point values: weighted by the (bi-, tri-)linear corner functions, which stays within the range of the
+values, or carried to the nodes by the (bi-, tri-)linear field that fits the points of each element, which follows a
+gradient to the edge of the body."""
 
 from __future__ import annotations
 
@@ -14,17 +15,33 @@ _CORNER_CELL = {"tri3": "tri3", "tri6": "tri3", "quad4": "quad4", "quad8": "quad
 
 def add_point_values(mesh: Mesh, cell: str, elements, values, quadrature, total, weight) -> None:
     """Add weighted point values (n_points, ...) of some elements of one block to the nodal sums."""
-    block = mesh.block_of(int(elements[0]))
-    connectivity = block.connectivity[np.asarray(elements) - block.first]
-    xi, w = element.quadrature(cell, quadrature.get(cell))
-    jac = np.einsum("eak,qai->eqki", mesh.nodes[connectivity], element.gradient(cell, xi))
-    volume = np.linalg.det(jac) * w  # (n_el, nq)
+    connectivity, xi, volume = _points(mesh, cell, elements, quadrature)
     share = element.shape(_CORNER_CELL[cell], xi) @ element.shape(
         _CORNER_CELL[cell], element.cell(cell).reference_nodes).T  # (nq, nn), mid-side nodes between their corners
     weights = np.einsum("eq,qa->eqa", volume, share)
     values = values.reshape(*volume.shape, *values.shape[1:])
     np.add.at(weight, connectivity, weights.sum(axis=1))
     np.add.at(total, connectivity, np.einsum("eqa,eq...->ea...", weights, values))
+
+
+def add_carried_values(mesh: Mesh, cell: str, elements, values, quadrature, total, weight) -> None:
+    """The same of the values that the linear field of each element has at its nodes, weighted by its volume."""
+    connectivity, xi, volume = _points(mesh, cell, elements, quadrature)
+    corner = _CORNER_CELL[cell]
+    carry = element.shape(corner, element.cell(cell).reference_nodes) @ np.linalg.pinv(element.shape(corner, xi))
+    whole = volume.sum(axis=1)
+    at_nodes = np.einsum("aq,eq...->ea...", carry, values.reshape(*volume.shape, *values.shape[1:]))
+    np.add.at(weight, connectivity, whole[:, None])
+    np.add.at(total, connectivity, at_nodes * whole.reshape(-1, *[1] * (at_nodes.ndim - 1)))
+
+
+def _points(mesh: Mesh, cell: str, elements, quadrature) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes of the elements (n_el, nn), reference coordinates of their points (nq, d), volumes of these (n_el, nq)."""
+    block = mesh.block_of(int(elements[0]))
+    connectivity = block.connectivity[np.asarray(elements) - block.first]
+    xi, w = element.quadrature(cell, quadrature.get(cell))
+    jac = np.einsum("eak,qai->eqki", mesh.nodes[connectivity], element.gradient(cell, xi))
+    return connectivity, xi, np.linalg.det(jac) * w
 
 
 def quotient(total: np.ndarray, weight: np.ndarray) -> np.ndarray:

@@ -38,7 +38,7 @@ def largest_bending(stack: FieldStack, stages: Sequence[int], thickness_mm: floa
         out = out_of_plane(stack.points.positions, moved[:, 2])
         if out is None:
             continue
-        flat = moved[:, :2] if stack.flattening is None else stack.flattening(moved)
+        flat = moved[:, :2] if stack.flattening is None else stack.flattening(moved)[:, :2]
         strain = float(np.abs(np.linalg.eigvalsh(mean_strain(stack.points.positions, flat))).max())
         found.append((k, 0.5 * thickness_mm * out.curvature, strain))
     most = max((strain for _, _, strain in found), default=0.0)

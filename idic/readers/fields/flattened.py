@@ -43,20 +43,21 @@ class Flattening:
         return cls(at, _rise(at[:, :2], heights)[1], 0.5 * (thickness_mm or 0.0))
 
     def __call__(self, moved: np.ndarray) -> np.ndarray:
-        """Displacement of the flattened middle surface; as measured where fewer than `MIN_KNOWN` points are known.
+        """Displacement of the flattened middle surface, and over it; as measured where fewer than `MIN_KNOWN` points
+        are known.
 
-        moved : (n, 3) mm, NaN where not measured; returns (n, 2) mm
+        moved : (n, 3) mm, NaN where not measured; returns (n, 3) mm
         """
         known = np.isfinite(moved).all(axis=1)
         if known.sum() < MIN_KNOWN:
-            return moved[:, :2]
+            return moved
         now, x = self.positions + moved, self.positions[:, :2]
         level = np.column_stack([now[known, :2], np.ones(known.sum())])
         tilt = np.linalg.lstsq(level, now[known, 2], rcond=None)[0][:2]
         turned = now @ _upright(tilt).T - self.positions
         slope, K = _rise(x[known], turned[known, 2])
-        return (turned[:, :2] + self.half_mm * (slope + x @ K) + _arc(self.curvature + K, x)
-                - _arc(self.curvature, x))
+        turned[:, :2] += self.half_mm * (slope + x @ K) + _arc(self.curvature + K, x) - _arc(self.curvature, x)
+        return turned
 
 
 def _upright(tilt: np.ndarray) -> np.ndarray:

@@ -1,10 +1,20 @@
-"""Surfaces that were measured in three coordinates: their mean plane, and the motion out of it."""
+"""Surfaces that were measured in three coordinates: their mean plane, and the motion out of it.
+
+The measured side of a sheet moves by h (F33 - 1), h half of the thickness. A sheet also bends; what a polynomial of the
+third degree of the position explains is lost. The largest possible rest has F33 = 1 / det F in the plane: a material
+that keeps its volume.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
+
+BENDING_DEGREE = 3  # of a strip between grips that are out of line, bent to the shape of an S
+NEIGHBOURS = 21  # of a point, itself among them: its strain is that of their affine motion
+MIN_NEIGHBOURS = 6  # measured ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,3 +63,39 @@ def out_of_plane(points: np.ndarray, rise: np.ndarray) -> OutOfPlane | None:
     bend = np.linalg.eigvalsh([[2 * c[3], c[4]], [c[4], 2 * c[5]]])
     return OutOfPlane(float(np.sqrt(np.mean(rise[known] ** 2))), (c[1] / size, c[2] / size),
                       float(np.abs(bend).max() / size**2))
+
+
+def powers(degree: int) -> list[tuple[int, int]]:
+    """Exponents of the polynomials up to a degree, the constant first."""
+    return [(n - j, j) for n in range(degree + 1) for j in range(n + 1)]
+
+
+def largest_change(positions: np.ndarray, moved: np.ndarray, half_mm: float) -> float:
+    """rms over the points of the motion of the seen side that a change of thickness can make, less bending  # mm
+
+    positions : (n, 2) mm; moved : (n, 2) mm in the plane, NaN where not measured
+    """
+    rise = half_mm * (1.0 / _area_ratio(positions, moved) - 1.0)
+    known = np.isfinite(rise)
+    degree = powers(BENDING_DEGREE)
+    if known.sum() <= 2 * len(degree):
+        return 0.0
+    x, y = (positions[known] - positions[known].mean(axis=0)).T / np.ptp(positions, axis=0).max()
+    bent = np.column_stack([x**i * y**j for i, j in degree])
+    left = rise[known] - bent @ np.linalg.lstsq(bent, rise[known], rcond=None)[0]
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def _area_ratio(positions: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """det F of the motion of the neighbours of every point, NaN where too few are measured  # (n,)"""
+    near = scipy.spatial.cKDTree(positions).query(positions, k=min(NEIGHBOURS, len(positions)))[1]
+    known = np.isfinite(moved).all(axis=1)[near]
+    n = np.maximum(known.sum(axis=1), 1)
+    x, u = (np.where(known[:, :, None], values[near], 0.0) for values in (positions, moved))
+    x, u = (np.where(known[:, :, None], values - (values.sum(axis=1) / n[:, None])[:, None], 0.0) for values in (x, u))
+    spread, product = np.einsum("nki,nkj->nij", x, x), np.einsum("nki,nkj->nij", u, x)
+    enough = (known.sum(axis=1) >= MIN_NEIGHBOURS) & (np.linalg.det(spread) > 1e-6 * np.trace(spread, axis1=1,
+                                                                                               axis2=2) ** 2)
+    ratio = np.full(len(positions), np.nan)
+    ratio[enough] = np.linalg.det(np.eye(2) + product[enough] @ np.linalg.inv(spread[enough]))
+    return ratio

@@ -316,8 +316,8 @@ class FieldStack:
     """The displacements of a test, frame by frame, as rows of an image: follows the `Stack` protocol.
 
     `frame` gives (n_points, 2 or 3) in µm, along the columns and the rows of the points' grid (rows count downwards,
-    against y) and along the normal of three coordinates; NaN where a point was not measured. flattening : lays three
-    coordinates flat, where two are given.
+    against y) and along the normal of three coordinates; NaN where a point was not measured. flattening : lays a sheet
+    flat.
     """
 
     def __init__(self, series: FieldSeries, points: MeasuredPoints, n_components: int = 2,

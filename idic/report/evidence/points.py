@@ -7,15 +7,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from idic.correlation.field.reference import FieldReference
-from idic.correlation.view import normal_sign
-from idic.images.camera import Camera
+from idic.images.camera import Camera, normal_sign
 from idic.model.experiment import Experiment
 from idic.report.record import PointMaps
 
 
 def point_maps_of(experiment: Experiment, camera: Camera, reference: FieldReference, frames: Sequence[int],
                   motion: Callable[[int], np.ndarray]) -> PointMaps:
-    """Displacement and residual of the points on the mesh, along the axes of the mesh.
+    """Displacement and residual of the points on the mesh, along the axes of the mesh; the residual without the motion
+    that is the frame's own (a rigid motion, offset, tilts and bending along the normal).
 
     camera : at the identified parameters; motion : frame -> simulated displacement of the nodes (n_nodes, c) px
     """
@@ -37,7 +37,10 @@ def point_maps_of(experiment: Experiment, camera: Camera, reference: FieldRefere
     measured, residual = [], []
     for frame in frames:
         seen = reference.measured(experiment, frame)
-        left = reference.compare_pixels(experiment, frame, motion(frame), np.zeros(0))
+        at_nodes = motion(frame)
+        nodal = reference.compare(experiment, frame, at_nodes)
+        own = np.linalg.pinv(nodal.bb, hermitian=True) @ nodal.rb
+        left = reference.compare_pixels(experiment, frame, at_nodes, own)
         measured.append(along_mesh(seen))
         residual.append(along_mesh(np.where(left.valid, left.r, np.nan)))
     return PointMaps(tuple(frames), camera.inverse(pm.positions[at]), np.array(measured), np.array(residual),
