@@ -15,6 +15,7 @@ from idic.materials import get_law
 from idic.model.experiment import Material, Prescribed
 
 _MIN_SUPPORT_SINGULAR_VALUE = 1e-8  # of a held rigid motion, relative: well above rounding, far below a real support
+_MIN_LARGER = 2.0  # mesh over image, in both directions: the scale is wrong, whatever the place
 
 
 def check_materials(mesh: Mesh, element_sets: list[str], file) -> None:
@@ -160,8 +161,7 @@ def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: AnyCamera,
     if not visible.any():
         raise InputError("the mesh lies outside the image", file=file, key=keys[0],
                          expected=f"columns 0 … {shape[1] - 1}, rows 0 … {shape[0] - 1} (a part is enough)",
-                         found=span,
-                         remedy="check origin_px, axes, pixel_size_mm and mesh_unit")
+                         found=span, remedy=_out_of_sight(np.ptp(px, axis=0) / shape[::-1]))
     if mask is not None and not (surface is not None and kind != "solid"):
         rows, columns = np.nonzero(mask)
         low, high = px.min(axis=0), px.max(axis=0)
@@ -170,6 +170,13 @@ def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: AnyCamera,
             raise InputError("the mask excludes the whole mesh", file=file, key=keys[1],
                              expected=f"white pixels within {span}", found=f"white pixels in {white}",
                              remedy="correct the mask: white pixels are correlated")
+
+
+def _out_of_sight(sizes: np.ndarray) -> str:
+    """What to do about a mesh that is not seen; sizes : columns and rows that it spans, over those of the image."""
+    if sizes.min() > _MIN_LARGER:
+        return f"check pixel_size_mm, which may be {sizes.max():.1f} times too small, and mesh_unit"
+    return "check origin_px, axes, pixel_size_mm and mesh_unit"
 
 
 def check_times(materials: tuple[Material, ...], times: np.ndarray | None, file) -> None:

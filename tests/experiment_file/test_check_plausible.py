@@ -6,8 +6,10 @@ import tifffile
 from scipy.ndimage import gaussian_filter
 
 from experiment_file.small_experiment import change, write_experiment
+from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.report.evidence.check import check
+from idic.report.evidence.plausible import pattern_warnings
 
 
 def speckle(shape=(50, 60), sigma=1.8, seed=3):
@@ -110,6 +112,24 @@ def test_a_roi_over_background_is_told_as_such_and_not_as_exposure(folder):
     told = warnings(folder)
     assert "of the ROI has no pattern" in told and "background or grips" in told
     assert "exposure" not in told and "saturated" not in told
+
+
+def test_a_hole_that_the_mesh_covers_is_told_with_its_place_and_one_that_it_has_is_not():
+    rows, columns = np.mgrid[:140, :200]
+    hole = np.hypot(columns - 120, rows - 60) < 16
+    image = np.where(hole, 12.0, speckle((140, 200))) + np.random.default_rng(0).normal(0.0, 2.0, hole.shape)
+    covered = np.zeros(hole.shape, dtype=bool)
+    covered[10:130, 10:190] = True
+    told, = pattern_warnings(image, covered, 2.0, 144.0)
+    assert "around column 120, row 60): a hole?" in told and "holes_px" in told
+    assert not list(pattern_warnings(image, covered & ~hole, 2.0, 144.0))
+
+
+def test_a_mesh_around_the_image_is_told_as_a_scale(folder):
+    change(folder, "experiment.toml", "pixel_size_mm = 0.1", "pixel_size_mm = 0.01")
+    change(folder, "experiment.toml", "origin_px = [10.0, 40.0]", "origin_px = [100.0, 40.0]")
+    with pytest.raises(InputError, match="pixel_size_mm, which may be 6.7 times too small"):
+        load_experiment(folder)
 
 
 def test_speckle_too_fine_or_too_coarse_is_told_with_the_remedy(folder):

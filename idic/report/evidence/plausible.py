@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.ndimage import maximum_filter, uniform_filter
+from scipy.ndimage import find_objects, label, maximum_filter, uniform_filter
 
 from idic.images.quality.speckle import edge_blur, speckle_size
 from idic.materials import law_for
@@ -21,6 +21,8 @@ MAX_EDGE_BLUR_PX = 1.7      # six real and rendered recordings in focus: at most
 WINDOW_PX = 15              # of a local standard deviation: three speckles, two coarse ones
 MAX_WINDOW_PX = 31          # where background makes the speckle look wider than it is
 MAX_PLAIN_SHARE = 0.1       # of the ROI without pattern
+MIN_HOLE_SHARE = 0.02       # of the ROI, without pattern in one place: a hole that the mesh covers
+MIN_HOLE_FILL = 0.6         # of its bounding box; a circle fills 0.79, a scratch or a rim less
 PLAIN = 0.2                 # of the usual local standard deviation: less is no pattern
 MAX_OPPOSED = -0.5          # correlation of a force and the motion that it causes: below, the log has the other sign
 NO_PATTERN = np.zeros(1, dtype=bool)
@@ -113,6 +115,8 @@ def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
         yield (f"{plain.mean():.0%} of the ROI has no pattern (around column {np.median(columns):.0f}, row "
                f"{np.median(rows):.0f}): background or grips? Then the mesh is larger than the specimen, is "
                "misplaced, or an axis is mirrored: look at the picture; a mask leaves out what cannot be compared")
+    else:
+        yield from covered_holes(roi, plain)
     width = speckle_size(image, roi, noise_gv or 0.0)
     if width is not None and width < MIN_SPECKLE_PX:
         yield (f"the speckle is {width:.1f} px wide, too fine for the pixels: interpolation errors bias the result. "
@@ -126,6 +130,28 @@ def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
     elif width is not None and width > min(MAX_SPECKLE_PX, np.sqrt(pixels_per_element)):
         yield (f"the speckle is {width:.0f} px wide, an element {np.sqrt(pixels_per_element):.0f} px: few edges carry "
                "the motion, so error bars are large. Finer speckle next time; now larger elements")
+
+
+def covered_holes(roi: np.ndarray, plain: np.ndarray) -> Iterator[str]:
+    """Round or square places without pattern inside the ROI.
+
+    Parameters
+    ----------
+    roi : (ny, nx) bool
+    plain : (n_roi,) bool, its pixels without pattern
+    """
+    where = np.zeros(roi.shape, dtype=bool)
+    where[roi] = plain
+    places, _ = label(where)
+    for number, box in enumerate(find_objects(places), start=1):
+        inside = places[box] == number
+        rows, columns = box
+        around = roi[max(rows.start - 1, 0):rows.stop + 1, max(columns.start - 1, 0):columns.stop + 1]
+        if inside.sum() > MIN_HOLE_SHARE * roi.sum() and inside.mean() > MIN_HOLE_FILL and around.all():
+            yield (f"the mesh covers a place of {columns.stop - columns.start} x {rows.stop - rows.start} px without "
+                   f"pattern (around column {(columns.start + columns.stop) // 2}, row "
+                   f"{(rows.start + rows.stop) // 2}): a hole? The simulation has material there. Give the mesh the "
+                   "hole (holes_px); if there is none, a mask leaves the place out")
 
 
 def without_pattern(image: np.ndarray, roi: np.ndarray, noise_gv: float | None) -> np.ndarray:
