@@ -263,6 +263,8 @@ def _write_gallery(folder: Path, gallery: Path | None) -> None:
             shutil.copy(gallery / page, folder / "extra" / "gallery" / page)
         rows = [(page.parts[0] + (f", {page.parts[-2]} alone" if "experiments" in page.parts else ""),
                  f'<a href="gallery/{page.as_posix()}">{page.stem}</a>') for page in pages if len(page.parts) > 1]
+        if (gallery / "index.html").is_file():
+            text += '\n\n<a href="gallery/index.html">All on one page, with pictures and numbers</a>'
         text += "\n\n" + _table(("test", "page"), rows)
     _write(folder / "gallery-of-reports.md", text)
 

@@ -22,6 +22,7 @@ def source(tmp_path_factory):
     report = folder / "gallery" / "plate" / "run" / "report.html"
     report.parent.mkdir(parents=True)
     report.write_text("<p>a report</p>", encoding="utf-8")
+    (folder / "gallery" / "index.html").write_text("<p>all</p>", encoding="utf-8")
     site.write_source(folder / "source", folder / "gallery", pictures=False)
     return folder / "source"
 
@@ -91,7 +92,9 @@ def test_the_python_reference_states_shapes_and_units(source):
 
 def test_the_gallery_is_part_of_the_site(source):
     assert (source / "extra" / "gallery" / "plate" / "run" / "report.html").exists()
-    assert "gallery/plate/run/report.html" in (source / "gallery-of-reports.md").read_text(encoding="utf-8")
+    text = (source / "gallery-of-reports.md").read_text(encoding="utf-8")
+    assert "gallery/plate/run/report.html" in text
+    assert 'href="gallery/index.html"' in text and (source / "extra" / "gallery" / "index.html").exists()
 
 
 def modules_with_examples():
