@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import types
 from numba.extending import overload
 
 from idic.materials.composed.flow_stress import flow_stress, most_growth, resistance
@@ -88,42 +89,45 @@ def relative(back, s, growth, state, params):
 
 
 @inner
-def yield_function(surface, hardening, back, rate, s, twice_shear, state, p, growth, dt, hill, params):
-    """(value, its slope over growth, strain): the equation at the top, beside Mises as 1 / resistance - 1 / q."""
+def yield_function(surface, hardening, back, rate, s, twice_shear, state, p, growth, dt, hill, params, near):
+    """(value, its slope over growth, strain, xi, slope of xi): the equation at the top, beside Mises as 1 / resistance
+    - 1 / q; near : real, where the search for xi begins."""
     flow, dflow, _ = resistance(hardening, rate, p, growth, dt, 0.0 * p, params)
     A, dA, sum_C, dsum_C = relative(back, s, growth, state, params)
     h = twice_shear + sum_C
     if surface[0] == MISES:
         norm = np.sqrt(tensors.contract(A, A))
         slope = tensors.contract(A, dA) / norm / ROOT - 1.5 * (h + dsum_C * growth) - dflow
-        return norm / ROOT - 1.5 * h * growth - flow, slope, tensors.scaled(growth / ROOT / norm, A, 0.0)
+        return norm / ROOT - 1.5 * h * growth - flow, slope, tensors.scaled(growth / ROOT / norm, A, 0.0), A, dA
     z = growth / flow
     w, dw = z * h, (1.0 - z * dflow) / flow * h + z * dsum_C
-    xi, direction, dxi = returned_to(surface, A, dA, w, dw, hill, params)
+    xi, direction, dxi = returned_to(surface, A, dA, w, dw, hill, params, near)
     q = np.sqrt(tensors.contract(direction, xi))
     dq = tensors.contract(direction, dxi) / q
-    return 1.0 / flow - 1.0 / q, dq / (q * q) - dflow / (flow * flow), tensors.scaled(z, direction, 0.0)
+    return 1.0 / flow - 1.0 / q, dq / (q * q) - dflow / (flow * flow), tensors.scaled(z, direction, 0.0), xi, dxi
 
 
-def returned_to(surface, A, dA, w, dw, hill, params):
+def returned_to(surface, A, dA, w, dw, hill, params, near):
     """(xi, q dq/dxi, slope of xi over growth) of (1 + w q dq/dxi) xi = A, where A and w have the slopes dA and dw.
 
-    A free surface is a tuple of three, any other one of two: laws without it do not compile it.
+    near : of a free surface, where the search begins; in complex passes the real solution. A free surface is a tuple of
+    three, any other one of two: laws without it do not compile it.
     """
     raise TypeError("returned_to is called by compiled functions only")
 
 
 @overload(returned_to, strict=False)
-def _returned_to(surface, A, dA, w, dw, hill, params):
+def _returned_to(surface, A, dA, w, dw, hill, params, near):
     if surface.count == LENGTH_OF_FREE:
-        def implementation(surface, A, dA, w, dw, hill, params):
+        solve = free_locus.returned_with_derivative if isinstance(w, types.Complex) else free_locus.returned
+
+        def implementation(surface, A, dA, w, dw, hill, params, near):
             n, first = surface[2], surface[1] + 1
-            xi = free_locus.returned(n, first, A, w, params, params.real)
-            direction = free_locus.direction(n, first, xi, params)
-            change = tensors.combine(1.0, dA, -dw, direction, 0.0)
-            return xi, direction, free_locus.moved(n, first, xi, w, change, params)
+            xi = solve(n, first, A, w, params, near)
+            direction, change = free_locus.direction_and_change(n, first, xi, w, dA, dw, params)
+            return xi, direction, change
     else:
-        def implementation(surface, A, dA, w, dw, hill, params):
+        def implementation(surface, A, dA, w, dw, hill, params, near):
             xi = returned(A, w, hill)
             direction = flow_direction(xi, hill)
             return xi, direction, returned(tensors.combine(1.0, dA, -dw, direction, 0.0), w, hill)
@@ -144,7 +148,8 @@ def _direction_of(surface, s, hill, params):
 
 @inner
 def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, dt, hill, params):
-    """Root of the yield function, all real; -1 where there is none. Newton inside a bracket, from the middle."""
+    """(root of the yield function, xi there), all real; -1 where there is none. Newton inside a bracket, from the
+    middle."""
     size = np.sqrt(tensors.contract(s, s)) / ROOT
     for term in range(len(back) // 2 - 1):
         a = back_strain(state, term)
@@ -154,9 +159,10 @@ def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, 
     limit = max(most_growth(rate, max(size, q), sigma, dt, params), ABSOLUTE_TOLERANCE * largest)
     low, high = 0.0, limit if surface[0] != MISES else min(largest, limit)
     x = 0.5 * min((q - sigma) / (1.5 * twice_shear), high)
+    near = tensors.scaled(1.0 / (1.0 + 1.5 * twice_shear * x / max(sigma, 1e-3 * size)), s, 0.0)  # xi of Mises, about
     for _ in range(MAX_ITERATIONS):
-        value, slope, _ = yield_function(surface, hardening, back, rate, s, twice_shear, state, p, x, dt,
-                                         hill, params)
+        value, slope, _, xi, dxi = yield_function(surface, hardening, back, rate, s, twice_shear, state, p, x, dt,
+                                                  hill, params, near)
         if value > 0.0:
             low = x
         else:
@@ -167,9 +173,11 @@ def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, 
             new, converged = (2.0 * low + largest if high == math.inf else 0.5 * (low + high)), False
         if converged or abs(new - x) <= ABSOLUTE_TOLERANCE * largest:
             strong = flow_stress(hardening, p + new, params)[0] > 0.0  # else softened away
-            return new if strong and (surface[0] != MISES or new < (1.0 - 1e-10) * largest) else -1.0
+            root = new if strong and (surface[0] != MISES or new < (1.0 - 1e-10) * largest) else -1.0
+            return root, tensors.combine(1.0, xi, new - x, dxi, 0.0)
+        near = tensors.combine(1.0, xi, new - x, dxi, 0.0)
         x = new
-    return -1.0
+    return -1.0, near
 
 
 @inner
@@ -224,20 +232,19 @@ def update(surface, hardening, back, rate, damage, F, state, params, dt, P, stat
     s = tensors.scaled(G, dev, 0.0)
     local, hill = tensors.congruence(turn, s), hill_coefficients(surface[0], surface[1], params)
     A = relative(back, local, 0.0 * p, state, params)[0]
-    q = np.sqrt(tensors.contract(A, direction_of(surface, A, hill, params)))
+    real_A, real_hill = real_parts(A), (hill[0].real, hill[1].real, hill[2].real, hill[3].real)
+    q = np.sqrt(tensors.contract(real_A, direction_of(surface, real_A, real_hill, known)))
     growth = 0.0 * p
-    if flows(hardening, rate, q.real, p.real, dt, 0.0, known):
+    if flows(hardening, rate, q, p.real, dt, 0.0, known):
         twice_shear = 2.0 * G * mean
-        real_hill = (hill[0].real, hill[1].real, hill[2].real, hill[3].real)
-        real = plastic_growth(surface, hardening, back, rate, real_parts(local), twice_shear.real, before, p.real,
-                              q.real, dt, real_hill, known)
+        real, near = plastic_growth(surface, hardening, back, rate, real_parts(local), twice_shear.real, before, p.real,
+                                    q, dt, real_hill, known)
         if real < 0.0:
             return 1
         growth, strain = real + 0.0 * p, tensors.scaled(0.0 * p, local, 0.0)
         for last in range(2):  # one more step, in complex: exact derivative; then the strain that belongs to it
-            value, slope, strain = yield_function(surface, hardening, back, rate, local, twice_shear, state, p, growth,
-                                                  dt,
-                                                  hill, params)
+            value, slope, strain, _, _ = yield_function(surface, hardening, back, rate, local, twice_shear, state, p,
+                                                        growth, dt, hill, params, near)
             growth -= value / slope.real if last == 0 else 0.0 * value
         local = tensors.combine(1.0, local, -twice_shear, strain, 0.0)
         s = tensors.congruence(transposed(turn), local)

@@ -21,7 +21,6 @@ import math
 import numpy as np
 
 from idic.materials.core.inner import inner
-from idic.materials.core.rotation import real_parts
 
 FREE_LOCUS = 16  # code of the surface with n knots on a ring: FREE_LOCUS + n
 RINGS, POWER = 3, 8
@@ -96,10 +95,12 @@ def in_plane(n, first, scale, x, params):
     m1, m2, m3, m12, m13, m23 = zero, zero, zero, zero, zero, zero
     for k in range(RINGS * n):
         a, b, c = _TABLE[n, k, 0], _TABLE[n, k, 1], _TABLE[n, k, 2]
-        for _ in range(2):
+        mirrored = 2 if k >= n else 1  # n and n' are one in the plane of the first ring
+        g = params[first + k] * (_TABLE[n, k, 3] * (3 - mirrored)) / scale
+        for _ in range(mirrored):
             y = a * x[0] + b * x[1] + c * x[2]
             y2 = y * y
-            w = params[first + k] * _TABLE[n, k, 3] / scale * y2 * y2 * y2
+            w = g * y2 * y2 * y2
             wy = w * y
             S += wy * y
             v1 += wy * a
@@ -151,41 +152,45 @@ def newton_step(n, first, scale, c, x, y, params):
 
 
 @inner
-def returned(n, first, s, w, params, known):
-    """s+ of s+ + w (q dq/ds)(s+) = s; known : real parts of params.
+def returned(n, first, s, w, params, near):
+    """s+ of s+ + w (q dq/ds)(s+) = s, all real, searched from `near`.
 
     The gradient of a strongly convex function: Newton with halved steps where the residual does not fall.
     """
-    c, x = 1.5 * w, coordinates(s)
-    real, scale, size = coordinates(real_parts(s)), tension(n, first, known), 0.0
-    d, _ = in_plane(n, first, scale, real, known)
-    square = real[0] * real[0] + real[1] * real[1] + real[2] * real[2]
-    share = 1.0
-    if square > 0.0:
-        share = 1.0 / (1.0 + c.real * (d[0] * real[0] + d[1] * real[1] + d[2] * real[2]) / square)
-    y, size = (share * real[0], share * real[1], share * real[2]), math.sqrt(square)
-    step, residual = newton_step(n, first, scale, c.real, real, y, known)
+    c, x, y = 1.5 * w, coordinates(s), coordinates(near)
+    scale, y, size = tension(n, first, params), (y[0], y[1], y[2]), math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+    step, residual = newton_step(n, first, scale, c, x, y, params)
     for _ in range(MOST_STEPS):
         length = math.sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2])
         if not length > STEP_TOLERANCE * size:
             break
-        part = 1.0
+        part, new, next_step, left = 1.0, y, step, residual
         for _ in range(8):
             new = (y[0] + part * step[0], y[1] + part * step[1], y[2] + part * step[2])
-            next_step, left = newton_step(n, first, scale, c.real, real, new, known)
+            next_step, left = newton_step(n, first, scale, c, x, new, params)
             if left < residual:
                 break
             part *= 0.5
         y, step, residual = new, next_step, left
-    own = (y[0] + 0.0 * x[0], y[1] + 0.0 * x[0], y[2] + 0.0 * x[0])
-    last, _ = newton_step(n, first, tension(n, first, params), c, x, own, params)
-    return deviator_of((y[0] + last[0], y[1] + last[1], y[2] + last[2], x[3] / (1.0 + c), x[4] / (1.0 + c)))
+    return deviator_of((y[0] + step[0], y[1] + step[1], y[2] + step[2], x[3] / (1.0 + c), x[4] / (1.0 + c)))
 
 
 @inner
-def moved(n, first, s, w, change, params):
-    """Change of s+ with a change of the right-hand side, both deviators."""
-    c, r = 1.5 * w, coordinates(change)
-    _, H = in_plane(n, first, tension(n, first, params), coordinates(s), params)
+def returned_with_derivative(n, first, s, w, params, near):
+    """As `returned`, complex, from the real s+ `near`: one more step."""
+    c, x, y = 1.5 * w, coordinates(s), coordinates(near)
+    own = (y[0] + 0.0 * x[0], y[1] + 0.0 * x[0], y[2] + 0.0 * x[0])
+    last, _ = newton_step(n, first, tension(n, first, params), c, x, own, params)
+    return deviator_of((own[0] + last[0], own[1] + last[1], own[2] + last[2], x[3] / (1.0 + c), x[4] / (1.0 + c)))
+
+
+@inner
+def direction_and_change(n, first, s, w, dA, dw, params):
+    """(q dq/ds at s, change of s where s + w q dq/ds changes by dA and w by dw)."""
+    x, c = coordinates(s), 1.5 * w
+    d, H = in_plane(n, first, tension(n, first, params), x, params)
+    direction = deviator_of((1.5 * d[0], 1.5 * d[1], 1.5 * d[2], 1.5 * x[3], 1.5 * x[4]))
+    r = coordinates((dA[0] - dw * direction[0], dA[1] - dw * direction[1], dA[2] - dw * direction[2],
+                     dA[3] - dw * direction[3], dA[4] - dw * direction[4], dA[5] - dw * direction[5]))
     m = solved(c, H, r)
-    return deviator_of((m[0], m[1], m[2], r[3] / (1.0 + c), r[4] / (1.0 + c)))
+    return direction, deviator_of((m[0], m[1], m[2], r[3] / (1.0 + c), r[4] / (1.0 + c)))
