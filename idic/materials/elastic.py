@@ -117,18 +117,22 @@ def linearise_finite(F, state, params, dt, dF, dstate, dparams, P, state_new, dP
 
 
 def E_nu_of_K_G(K, G):
+    """E (MPa) and nu of the bulk modulus K and the shear modulus G (MPa)."""
     return {"E": 9.0 * K * G / (3.0 * K + G), "nu": (3.0 * K - 2.0 * G) / (2.0 * (3.0 * K + G))}
 
 
 def E_nu_of_E_G(E, G):
+    """E (MPa) and nu of E and the shear modulus G (MPa)."""
     return {"E": E, "nu": 0.5 * E / G - 1.0}
 
 
 def E_nu_of_E_K(E, K):
+    """E (MPa) and nu of E and the bulk modulus K (MPa)."""
     return {"E": E, "nu": 0.5 - E / (6.0 * K)}
 
 
 def E_nu_of_lame(lam, mu):
+    """E (MPa) and nu of Lame's constants (MPa)."""
     return {"E": mu * (3.0 * lam + 2.0 * mu) / (lam + mu), "nu": 0.5 * lam / (lam + mu)}
 
 

@@ -5,11 +5,12 @@
 
 e is the small strain or Green's (then the stress is the second Piola-Kirchhoff stress). In tension k is the strain, and
 the stress still rises beyond the threshold until k = 1 / softening. Unloading goes straight back to zero strain:
-that, not the loading branch, tells damage from plastic flow. The dissipation (e : C : e / 2) dd/dt is never negative.
+this, not the loading branch, distinguishes damage from plastic flow. The dissipation (e : C : e / 2) dd/dt is never
+negative.
 
 Compression: k^2 is multiplied by w = c + (1 - c) m, with c the parameter ``compression`` and m(x) = x^2 (3 - 2 x),
 x = 1 + tr(s) / q within 0 and 1, of the undamaged stress s and its Mises stress q: 1 from shear to tension, 0 from
-uniaxial compression on. What is lost in tension stays lost in compression.
+uniaxial compression on. Stiffness that is lost in tension is lost in compression, too.
 
 A softening body localises into one row of elements. With ``length`` l, and h the size of an element, the part of the
 strain behind the peak that unloading does not give back is l / h times as large (crack band, ``core/crack_band.py``):

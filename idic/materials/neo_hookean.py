@@ -83,10 +83,12 @@ def linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstat
 
 
 def C10_kappa_of_mu(mu, kappa):
+    """C10 = mu / 2 and kappa (MPa) of the initial shear modulus mu and the bulk modulus kappa (MPa)."""
     return {"C10": 0.5 * mu, "kappa": kappa}
 
 
 def C10_kappa_of_E_nu(E, nu):
+    """C10 and kappa (MPa) of the initial E (MPa) and nu."""
     return {"C10": 0.25 * E / (1.0 + nu), "kappa": E / (3.0 * (1.0 - 2.0 * nu))}
 
 

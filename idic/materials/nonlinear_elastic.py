@@ -7,8 +7,8 @@ e is the small strain or Green's (then the stress is the second Piola-Kirchhoff 
 energy
 e : C : e / 2 alone, so that a potential exists and nothing is dissipated. In tension k is the strain; the tangent
 modulus is E exp(-nonlinearity k) (1 - nonlinearity k), which stays positive up to k = 1 / nonlinearity. A negative
-value stiffens. Under a load that only grows the law is that of isotropic damage without a threshold; unloading tells
-the two apart.
+value stiffens. Under a load that only grows the law is that of isotropic damage without a threshold; unloading
+separates the two.
 """
 
 from __future__ import annotations

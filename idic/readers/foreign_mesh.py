@@ -1,4 +1,4 @@
-"""Reads a mesh file by meshio within a time: some of its readers wait for ever for the rest of a damaged file."""
+"""Reads a mesh file by meshio with a time limit: some of its readers wait for ever for the rest of a damaged file."""
 
 from __future__ import annotations
 

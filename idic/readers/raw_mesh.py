@@ -112,7 +112,7 @@ def _check_content(raw: RawMesh, n_dim: int) -> None:
 
 
 def _check_doubles(file: Path, cells: list[tuple[str, np.ndarray]], labels: np.ndarray) -> None:
-    """InputError if two elements share all nodes; they would double the stiffness there without a sign."""
+    """InputError if two elements share all nodes; they would double the stiffness there without notice."""
     first = 0
     for _, connectivity in cells:
         _, where, which, count = np.unique(np.sort(connectivity, axis=1), axis=0, return_index=True,

@@ -1,11 +1,11 @@
 """The composed law: ``elastoplastic`` and, with terms,
 ``elastoplastic(hill48+voce+linear+armstrong_frederick+norton)``.
 
-Each combination is a law of its own, declared and compiled when it is first asked for; its name says all that a worker
-needs to make it. Orthotropic or nonlinear elasticity and in-plane-shear yield take ``anisotropic_return.py``. All
-others have isotropic elasticity and the split of ``plasticity/elastoplastic.py`` (Simo 1992; Simo & Hughes,
-Computational Inelasticity (1998), doi:10.1007/b98904): with back stress, Hill's surface or damage
-``general_return.py``, else ``isotropic_return.py``.
+Each combination is a separate law, declared and compiled at its first use; its name tells a worker how to make it.
+Orthotropic or nonlinear elasticity and in-plane-shear yield take ``anisotropic_return.py``. All others have isotropic
+elasticity and the split of ``plasticity/elastoplastic.py`` (Simo 1992; Simo & Hughes, Computational Inelasticity
+(1998), doi:10.1007/b98904): with back stress, Hill's surface or damage ``general_return.py``, else
+``isotropic_return.py``.
 """
 
 from __future__ import annotations
@@ -144,12 +144,13 @@ def law_of(name: str, terms: Sequence[Term]) -> LawSpec:
 
 def _dependence(terms: Sequence[Term], codes: tuple[int, ...],
                 parameters: Sequence[LawParameter]) -> TemperatureDependence | None:
-    """What the temperature terms make of the parameters; the reference temperature is to stand behind them.
+    """Dependence of the parameters on the temperature by its terms; the reference temperature follows them in the
+    order.
 
     Raises
     ------
     InputError
-        A factor on something that is no parameter of the other terms.
+        A factor on a name that is not a parameter of the other terms.
     """
     names = [p.name for p in parameters]
     stresses = [p.name for p in parameters if p.unit == "MPa" and p.name.startswith(("yield_stress", "hardening_"))]

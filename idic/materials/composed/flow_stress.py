@@ -1,4 +1,4 @@
-"""The flow stress of a composed law: a sum of hardening terms, and what the rate of plastic strain makes of it.
+"""The flow stress of a composed law: a sum of hardening terms, and its dependence on the rate of plastic strain.
 
     sigma(p) = yield_stress + sum of   H p   |   Q (1 - exp(-b p))   |   K p^n   |   K0 (p / ep0)^n
                                      |   K (eps0 + p)^n - yield_stress   |   s(p) - yield_stress
@@ -8,8 +8,8 @@
 
 Swift's K (eps0 + p)^n takes the place of the yield stress: K stands where yield_stress stands in other laws. s of a
 free curve is linear between its values yield_stress, s2 ... sn at the knots range ((k - 1) / (n - 1))^2, and beyond the
-last; a value below the one before it counts as that one, so that the curve never falls. Terms come as a flat tuple of
-integers (kind, place of its first parameter, kind, place, ..., NONE, 0): a constant in the code of each combination.
+last; a value below the previous one is replaced by that one, so that the curve never falls. Terms come as a flat tuple
+of integers (kind, place of its first parameter, kind, place, ..., NONE, 0): a constant in the code of each combination.
 dp/dt is growth / dt, backward Euler.
 """
 
@@ -147,7 +147,7 @@ def without_viscosity(rate, params):
 
 @inner
 def most_growth(rate, trial, sigma, dt, params):
-    """The growth at which the rate alone resists a trial stress above sigma, all real: no step grows more."""
+    """Upper bound of the growth, at which the rate term alone balances a trial stress above sigma; all real."""
     if without_viscosity(rate, params):
         return math.inf
     kind, first = rate[0], rate[1]

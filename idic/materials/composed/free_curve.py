@@ -56,11 +56,11 @@ class ClassicalFit:
     form : "linear" | "voce" | "ludwik" | "swift" | "power", or one of rubber (``rubber_forms.py``)
     parameters : {name: value} MPa and -
     chi2 : float
-        What the form loses: the weighted square distance from the free curve, in its covariance.
+        Misfit of the form: the weighted square distance from the free curve, in its covariance.
     freedom : int
-        Points of the curve minus parameters of the form: the loss that noise alone explains.
+        Points of the curve minus parameters of the form: the misfit expected from noise alone.
     inside : bool
-        The loss is at most what noise alone exceeds in 5 % of all tests.
+        The misfit is at most the value that noise alone exceeds in 5 % of all tests.
     stress : (m,) MPa, at the points of the curve
     """
 

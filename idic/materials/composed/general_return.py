@@ -16,7 +16,7 @@ the stress of this effective material: tau = (1 - D) (s+ + kappa (J - 1) J 1), w
 q and the mean stress of the effective stress at the end of the step. Growth falls to nothing as mean stress / q goes
 from 0 to -1/3, uniaxial compression (cut-off: Bao & Wierzbicki, Eng. Fract. Mech. 72 (2005) 1049,
 doi:10.1016/j.engfracmech.2004.07.011; smooth between), and D ends at 0.99. Hardening follows p of the effective
-material, so the return knows no D.
+material, so the return does not depend on D. Free surface: docs/method.md, equation 12.10.
 """
 
 from __future__ import annotations

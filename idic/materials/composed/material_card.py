@@ -1,6 +1,6 @@
 """A law as a material card of Abaqus or CalculiX: *ELASTIC, *PLASTIC and what goes with them.
 
-Units are mm, N, MPa, s. What a program has no card for is listed in `Card.missing`; nothing is replaced silently.
+Units are mm, N, MPa, s. Terms without a card in a program are listed in `Card.missing`; nothing is replaced silently.
 idic's flow stress is the Kirchhoff stress, that of both programs the Cauchy stress: they differ by the change of
 volume, (1 - 2 nu) stress / E.
 """
@@ -30,7 +30,7 @@ Warm = Sequence[tuple[float, Mapping[str, float]]]  # temperatures (°C) with th
 
 @dataclass(frozen=True)
 class Card:
-    """Text of a card, and what it does not say."""
+    """Text of a card, and the terms that it does not contain."""
 
     text: str
     missing: tuple[str, ...]

@@ -18,7 +18,7 @@ FLAT_SHARE = 1e-3  # of the first value: a starting curve that rises by less cou
 
 @dataclass(frozen=True, order=True)
 class Smoothness:
-    """How smooth a free curve is said to be.
+    """Prior of the smoothness of a free curve.
 
     strength : std of the second differences, in units of the starting curve; over : "strain" | "root"
     """
@@ -28,7 +28,7 @@ class Smoothness:
 
 
 def bends(knots: np.ndarray, size: float, smoothness: Smoothness) -> np.ndarray:
-    """What the prior has of unit variance, per value at the knots  # (n - 2, n)
+    """Combinations of the values at the knots that have unit variance in the prior  # (n - 2, n)
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The terms that a composed law is made of: their parameters, and what they say.
+"""The terms of a composed law: their parameters and equations.
 
 A parameter is named GROUP_NAME, of the terms in a list GROUP_NUMBER_NAME: ``damage_S``, ``hardening_2_Q``.
 """

@@ -1,1 +1,1 @@
-"""What all laws share: declaration and registry, compilation, loops over points, tensor algebra."""
+"""Common parts of all laws: declaration and registry, compilation, loops over points, tensor algebra."""

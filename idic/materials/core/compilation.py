@@ -35,7 +35,7 @@ LINEARISE = types.int64(_F2, _F1, _F1, types.float64, _F3, _F2, _F2, _F2, _F1, _
 
 @lru_cache(maxsize=1)
 def _sources_stamp() -> tuple:
-    """Age and size of every file of this package: a change in a shared file must not meet an old cache."""
+    """Age and size of every file of this package: after a change in a shared file an old cache is not used."""
     stats = [(path.name, path.stat()) for path in sorted(Path(__file__).parents[1].rglob("*.py"))]
     return tuple((name, s.st_mtime, s.st_size) for name, s in stats)
 

@@ -1,9 +1,9 @@
-"""Crack band: what a softening law dissipates per area, whatever the size of the elements.
+"""Crack band: a softening law dissipates the same work per area with elements of any size.
 
 A body that softens localises into one row of elements. The strain there is the opening of the row over its size h, so
 that work per area falls with h unless the law knows it. A law with a length l (mm) is given l / h of every point and
 stretches its softening by it: Bazant & Oh, Mater. Struct. 16 (1983) 155, doi:10.1007/BF02486267. With l = 0 it softens
-alike in every element, and what happens after the peak depends on the mesh.
+alike in every element, and the response after the peak depends on the mesh.
 
 The size of an element is the side of the square or cube of its area or volume (a triangle: half a square, a
 tetrahedron: a sixth of a cube), half of it with mid-side nodes: Bazant & Oh take the row, quadratic elements open in
@@ -54,7 +54,7 @@ class CrackBand:
         return found
 
     def trouble(self, values: Mapping[str, float], size: np.ndarray) -> str:
-        """Empty, or why elements of these sizes have no law."""
+        """Empty, or why the law cannot be used with elements of these sizes."""
         length, largest = values[self.name], np.inf if self.largest is None else self.largest(values)
         if not length > 0.0 or size.max() < largest * length:
             return ""

@@ -22,7 +22,7 @@ MAX_HALVINGS = 12
 
 @dataclass(frozen=True)
 class Curve:
-    """What a point did along its path.
+    """The response of a point along its path.
 
     Attributes
     ----------

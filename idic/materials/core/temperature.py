@@ -78,7 +78,7 @@ class TemperatureDependence:
         return out
 
     def trouble(self, params: np.ndarray, T: np.ndarray) -> str:
-        """Empty, or why a body of these temperatures has no law."""
+        """Empty, or why the law cannot be used at these temperatures."""
         for one in self.factors:
             by = factor(one.kind, params[one.first:one.first + 2], params[self.reference], T)
             worst = int(np.argmin(by))

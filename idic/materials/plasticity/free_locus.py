@@ -9,9 +9,10 @@ the directions n_k are knots on three rings: latitudes (the share of shear) are 
 evenly over half a turn of (x1, x2) on each ring, and n' is n with the other sign of x3. Each power is convex, so q is
 convex for all weights u_k >= 0; 8 is even, so tension and compression yield alike. All weights alike are Mises's
 surface, exactly, from 5 knots on: Gauss points and even knots integrate every polynomial of that degree. The flow
-stress is that of a strip along axis 1 (e1). Shear through the thickness, which no test of a sheet shows, is Mises's.
-Sums of even powers as yield functions: Gotoh, Int. J. Mech. Sci. 19 (1977) 505, doi:10.1016/0020-7403(77)90043-1;
-Soare, Yoon & Cazacu, Int. J. Plast. 24 (2008) 915, doi:10.1016/j.ijplas.2007.07.016.
+stress is that of a strip along axis 1 (e1). Shear through the thickness, which no test of a sheet determines, is
+Mises's. Derivation: docs/method.md, equations 12.9 and 12.10. Sums of even powers as yield functions: Gotoh, Int. J.
+Mech. Sci. 19 (1977) 505, doi:10.1016/0020-7403(77)90043-1; Soare, Yoon & Cazacu, Int. J. Plast. 24 (2008) 915,
+doi:10.1016/j.ijplas.2007.07.016.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ def directions(n: int) -> np.ndarray:
 
 
 def neighbours(n: int) -> np.ndarray:
-    """What the smoothness prior has of unit variance: differences of neighbouring weights  # (5 n, 3 n)"""
+    """Differences of neighbouring weights, which have unit variance in the smoothness prior  # (5 n, 3 n)"""
     rows, one = [], np.eye(RINGS * n)
     for ring in range(RINGS):
         for k in range(n):

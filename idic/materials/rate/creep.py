@@ -39,7 +39,7 @@ def remaining(trial, stiffness, dt, params):
     """y > 0 of the equation at the top, all real; -1 where Newton does not converge.
 
     Convex and increasing in y: from above, Newton comes down without overshooting. It starts at the smaller of two
-    bounds, the whole trial and what alone would flow as much as the whole trial can.
+    bounds: the whole trial, and the value that alone would flow as much as the whole trial can.
     """
     y = trial
     if creep_of(y, dt, params)[0].real > ROOT * trial / stiffness:

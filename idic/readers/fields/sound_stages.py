@@ -1,4 +1,4 @@
-"""Whether all stages are those of one test: none of another specimen with the same numbers, none that was cut off.
+"""Checks that all stages belong to one test: none of another specimen with the same numbers, none that was cut off.
 
 Systems number the points of every project from 1 on, so that another specimen has the same ids. Its points lie
 elsewhere: neighbours of the reference stage are no neighbours there, one stage alone is stretched by far, or the file
@@ -103,7 +103,7 @@ def _check_places(stack: FieldStack, k: int) -> None:
 
 
 def _jump(strains: np.ndarray) -> tuple[int, float] | None:
-    """The stage whose mean strain is off by far, and by how much; None where there is none  # strains (n, 2, 2)
+    """The stage with a far outlying mean strain, and its distance; None where there is none  # strains (n, 2, 2)
 
     The steps to it and away from it are far larger than all others of the test, and those are many.
     """

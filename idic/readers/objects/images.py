@@ -66,7 +66,7 @@ class ArrayFrames:
         return self._shape
 
     def notes(self) -> list[str]:
-        """Nothing: an array says nothing of its origin."""
+        """Empty: an array does not state its origin."""
         return []
 
     def frame(self, k: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What an image shows of a calibration target."""
+"""Points of a calibration target in an image."""
 
 from __future__ import annotations
 
