@@ -1,6 +1,7 @@
 """The field viewer of the report in a real browser: what it computes is what Python computes."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,6 +53,12 @@ def page(record, tmp_path_factory):
 ASKED = [("strain.xx", "green_lagrange", 0.0), ("strain.xy", "hencky", 30.0), ("strain.1", "hencky", 0.0),
          ("strain.max_shear", "small", 0.0), ("stress.yy", "green_lagrange", 30.0),
          ("stress.von_mises", "green_lagrange", 0.0)]
+
+
+def test_a_free_measurement_that_failed_is_told_beside_its_field(record):
+    assert json.loads(viewer_data(record))["failed"] == ""
+    result = record.result | {"residual": record.result["residual"] | {"free_dic_chi2_dof": 193.0}}
+    assert "its field is no measurement" in json.loads(viewer_data(replace(record, result=result)))["failed"]
 
 
 @needs_browser

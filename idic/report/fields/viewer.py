@@ -20,6 +20,7 @@ from matplotlib.image import imsave
 from idic.fields.readings import readings
 from idic.fields.series import FieldSeries
 from idic.fe.mesh import element
+from idic.report.fit_words import against_free, in_words_of
 from idic.report.figures.style import DIVERGING, JPEG_QUALITY, SEQUENTIAL
 from idic.report.record import RunRecord
 
@@ -51,12 +52,21 @@ def viewer_data(record: RunRecord) -> str:
         "arrays": {name: _packed(values) for name, values in _arrays(series, kept, corners).items()},
         "states": [[name, name.replace("_", " ")] for name in series.states],
         "smoothed": None if series.smoothed is None else _short(series.smoothed),
+        "failed": _failed(record),
         "floor": {name: _short(value) for name, value in series.floor.items()},
         "image": _image(record.reference) if record.value_unit == "grey values" else None,
         "gauges": _gauges(record, kept),
         "sequential": _colours(SEQUENTIAL), "diverging": _colours(DIVERGING),
     }
     return json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+
+
+def _failed(record: RunRecord) -> str:
+    """That the free FE-DIC is no measurement; "" where it is one."""
+    free = against_free(record.result)
+    return "" if free is None or not free.failed else in_words_of(
+        record.result, f"a free FE-DIC did not find the motion (χ² = {free.free:.3g}, model {free.model:.3g}): its "
+                       "field is no measurement")
 
 
 def _kept_frames(series: FieldSeries) -> Sequence[int] | None:
