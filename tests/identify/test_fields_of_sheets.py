@@ -10,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
@@ -153,3 +155,11 @@ def test_an_export_whose_z_points_away_from_the_cameras_says_so(tmp_path):
     write_test(tmp_path, 'fields_seen_from = "-z"', side=-1)
     own = identify(*with_measured_start(load_experiment(tmp_path))).result["parameters"]["ALL.nu"]
     assert abs(own["value"] - NU) < 3.0 * own["std"]
+
+
+def test_of_a_field_as_wide_as_long_the_strain_tells_the_loaded_ends(tmp_path):
+    write_stages(tmp_path)
+    done = CliRunner().invoke(app, ["init", str(tmp_path)])
+    text = (tmp_path / "experiment.toml").read_text()
+    assert done.exit_code == 0 and "loaded end: the mean strain is larger along y" in text, done.output
+    assert 'simulated = { reaction = "TOP", component = "y" }   # tension, by the mean strain' in text

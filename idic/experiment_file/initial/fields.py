@@ -26,6 +26,8 @@ from idic.readers.units import parse_unit
 _MESH_SUFFIXES = (".inp", ".msh", ".bdf", ".med")  # .vtu and .vtk may hold fields
 _ELEMENTS_ACROSS = 6  # of the shorter side; three points or more each
 _MIN_FILLED = 0.97  # of the rectangle around the points, by their outline: less is no rectangle
+_LONG_FIELD_RATIO = 1.5  # of its sides: of a longer one the ends are loaded
+_CLEAR_STRAIN_RATIO = 1.25  # of the mean strains along both axes
 _MANY_STAGES = 200  # a longer series is thinned
 _COMPARED_STAGES = 100  # of it, about
 _SAMPLED_STAGES = 24  # of it, for the way of the mean strain
@@ -64,8 +66,6 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
             raise
         in_px, series = True, open_fields(paths, unit="mm")  # the size of a pixel is to be filled in
     points = measured_points(series, [0])
-    upright, why = _upright(points)
-    ends = ("TOP", "BOTTOM") if upright else ("RIGHT", "LEFT")
     log, own = series.log(), True
     others = [path for path in files if path not in set(paths)]
     mesh = next((path.relative_to(folder).as_posix() for path in others if path.suffix.lower() in _MESH_SUFFIXES), None)
@@ -74,7 +74,10 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
         log, own = found[1], False
     column = _force(log)
     whole = log if log is not None and len(log.rows) == len(series.entries) else None
-    loaded = _loading(series, points, whole, column, upright)
+    strain, force = _largest_load(series, points, whole, column)
+    upright, why = _upright(points, strain)
+    ends = ("TOP", "BOTTOM") if upright else ("RIGHT", "LEFT")
+    loaded = _loading(strain, force, upright)
     parts = [_experiment(folder, _pattern(folder, paths), series, points, mesh),
              *_log_lines(series, log, None if own else found[0].relative_to(folder).as_posix(), column),
              "",  # type: ignore[index]
@@ -84,12 +87,18 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
     return "\n".join(parts)
 
 
-def _upright(points: MeasuredPoints) -> tuple[bool, str]:
-    """Whether the loaded ends are above and below, and why: notches and waists are in free edges."""
+def _upright(points: MeasuredPoints, strain: np.ndarray) -> tuple[bool, str]:
+    """Whether the loaded ends are above and below, and why: notches and waists are in free edges; of a field about as
+    wide as long the mean strain (2, 2) tells, unless it is shear or alike along both axes."""
     notched = notched_axis(points.positions, points.pitch)
     if notched is not None:
         return notched == 0, "the other two edges are notched"
     extent = np.ptp(points.positions, axis=0)
+    small, large = np.sort(np.abs(np.diag(strain)))
+    clear = large > _CLEAR_STRAIN_RATIO * small and large > 2.0 * abs(strain[0, 1])
+    if clear and extent.max() < _LONG_FIELD_RATIO * extent.min():
+        k = int(np.argmax(np.abs(np.diag(strain))))
+        return k == 1, "the mean strain is larger along " + "xy"[k]
     return bool(extent[1] >= extent[0]), "the points span more along " + "xy"[int(extent[1] >= extent[0])]
 
 
@@ -260,16 +269,22 @@ class _Loading:
     words: str
 
 
-def _loading(series: FieldSeries, points: MeasuredPoints, log: Log | None, column: str | None,
-             upright: bool) -> _Loading:
-    """Tension or shear, by the mean strain of the stage with the largest force (of the last one without a log)."""
+def _largest_load(series: FieldSeries, points: MeasuredPoints, log: Log | None,
+                  column: str | None) -> tuple[np.ndarray, float]:
+    """Mean strain of the stage with the largest force, and that force since the first stage; the last stage and 0
+    without a log  # (2, 2)"""
     force = None if log is None or column is None else log.column(column)
     k = len(series.entries) - 1 if force is None else int(np.argmax(np.abs(force)))
     strain = mean_strain(points.positions, points.moved(series.stage(k))[:, :2])
+    return strain, 0.0 if force is None else float(force[k] - force[0])
+
+
+def _loading(strain: np.ndarray, force: float, upright: bool) -> _Loading:
+    """Tension or shear, by the mean strain (2, 2) under the largest force, which is 0 without a log."""
     along, shear = strain[1, 1] if upright else strain[0, 0], 2.0 * strain[0, 1]
     sheared = bool(abs(shear) > abs(along))
     seen = shear if sheared else along
-    opposite = force is not None and bool(seen * (force[k] - force[0]) < 0)
+    opposite = bool(seen * force < 0)
     words = (f"{'shear' if sheared else 'tension' if seen > 0 else 'compression'}, by the mean strain"
              + ("; the log counts the other way" if opposite else ""))
     return _Loading("y" if upright != sheared else "x", opposite, words)

@@ -448,6 +448,25 @@ def point_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray
     return dP, dstate_new
 
 
+def stretch_changes(system: System, k: int, g: GroupEvaluation, params: np.ndarray, states, dt: float,
+                    du: np.ndarray) -> np.ndarray:
+    """Change of F33 of a sheet in plane stress by motions at fixed history, of group k  # (n_points, m)
+
+    Of a point it is linear in the change of F, so that four derivatives serve any number of motions.
+
+    du : (n_nodes, 2, m); states : at the beginning of the step
+    """
+    group = system.groups[k]
+    dF = np.zeros((group.n_points, du.shape[-1], 2, 2))
+    _in_parts(group, lambda e, p: kernels.gradient_changes(group.connectivity[e], group.grads[p], du, dF[p]))
+    unit = np.tile(np.eye(4).reshape(4, 2, 2), (group.n_points, 1, 1, 1))
+    nothing = np.zeros((group.n_points, 4, g.state.shape[-1]))
+    slopes = expansion.directional(group.law, system.model.mode, g.Fbar, g.expansion, g.P, states[k],
+                                   values_at(group, params, g), dt, unit, nothing, None, None,
+                                   guess=np.ascontiguousarray(g.state[:, -1]))[1][:, :, -1]
+    return np.einsum("pmc,pc->pm", dF.reshape(group.n_points, -1, 4), slopes)
+
+
 def force_changes(system: System, k: int, g: GroupEvaluation, dP: np.ndarray, out: np.ndarray) -> None:
     """Add the nodal forces of stress changes at fixed displacement; dP is changed in place, out (n_nodes, d, nd)."""
     group = system.groups[k]

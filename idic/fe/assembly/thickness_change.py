@@ -40,11 +40,9 @@ def surface_rise(system: System, now: Converged, changes: Sequence[np.ndarray],
 def influence_on_rise(system: System, params: Mapping[str, np.ndarray], start: Converged, end: Converged,
                       du: np.ndarray) -> np.ndarray:
     """What motions at the end of an increment do to the rise at fixed history  # du (n_nodes, d, m) -> (n_nodes, m)"""
-    model, m = system.model, du.shape[-1]
-    changes = [assembly.point_changes(system, k, g, params[model.sections[system.groups[k].section].name], start.states,
-                                      end.time - start.time, du,
-                                      np.zeros((system.groups[k].n_points, m, g.state.shape[-1])), None)[1][:, :, -1]
-               for k, g in enumerate(end.evaluation.groups)]
+    model, dt = system.model, end.time - start.time
+    changes = [assembly.stretch_changes(system, k, g, params[model.sections[system.groups[k].section].name],
+                                        start.states, dt, du) for k, g in enumerate(end.evaluation.groups)]
     return 0.5 * model.surface_side * model.thickness * _at_nodes(system, changes)
 
 
