@@ -28,6 +28,7 @@ from idic.experiment_file.tables.heterogeneities import heterogeneities
 from idic.experiment_file.tables.lengths import Lengths, lengths
 from idic.experiment_file.pinhole.pairing import pairing_notes
 from idic.experiment_file.pinhole.lenses import Lenses, camera_tables, check_image, joint_priors, lenses, middle_of
+from idic.experiment_file.pinhole.placed_lenses import placed_lenses
 from idic.experiment_file.tables.mesh_on_image import arcs_of, mesh_on_image, outline_share
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_element_set, with_sets
 from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_solver, solver_notes
@@ -98,8 +99,6 @@ class ExperimentFolder(RecordedFolder):
         lens = lenses(self.config, self.folder, self.file)
         scale = self._scale(frames, lens)
         mesh, notes = self.mesh(scale, frames)
-        lens = lens.about(middle_of(mesh))
-        scale = scale if lens.cameras[0] is None else replace(scale, camera=lens.cameras[0])
         materials, parameters, mesh, law_notes = self.materials(mesh)
         solver = external_solver(self.config, self.folder, self.file)
         log = self.log(frames)
@@ -112,6 +111,10 @@ class ExperimentFolder(RecordedFolder):
         if table.surface is not None:
             mesh = with_edge_set(mesh, table.surface, self.file, "experiment.surface")
         mesh = with_surfaces(mesh, self.config, self.file)
+        lens = lens.about(middle_of(mesh))
+        if lens.cameras[0] is not None:
+            lens = placed_lenses(lens, self.config, mesh, frames.stack, frames.reference, self.folder, self.file)
+            scale = replace(scale, camera=lens.cameras[0])
         scale = self._placed(scale, frames, mesh)
         thickness = self.thickness(scale, motion)
         check_surface(mesh, table.kind, table.surface, self.file)

@@ -15,10 +15,10 @@
     ``still_frames`` (a glob), ``noise_std_gv``. Their degrees of freedom are ``NAME.rotation_deg`` and so on.
 ``model = "pinhole"``
     An ordinary lens: ``calibration`` (a file) and ``calibration_camera``, or ``fx_px`` … ``p2``, which win over the
-    file; the pose of the mesh by ``rotation`` and ``translation_mm`` (mesh to camera), by an ``alignment`` of clicked
-    points, or as the calibration has it. Degrees of freedom ``camera.fx``, ``camera.t_z`` …, and ``placement.t_z`` … of
-    the mesh before all cameras. Of a specimen that moves as a rigid body: ``placement.t_z_drift`` …, ``motion =
-    "free"``, ``motion_column``.
+    file; the pose of the mesh by ``rotation`` and ``translation_mm`` (mesh to camera), by an ``alignment`` (clicked
+    points, holes, edges, the surface measured by two cameras), or as the calibration has it. Degrees of freedom
+    ``camera.fx``, ``camera.t_z`` …, and ``placement.t_z`` … of the mesh before all cameras. Of a specimen that moves as
+    a rigid body: ``placement.t_z_drift`` …, ``motion = "free"``, ``motion_column``.
 """
 
 from __future__ import annotations
@@ -52,17 +52,52 @@ class ConventionsTable(Strict):
     angles: Literal["xyz", "zyx"] = "xyz"
 
 
-class AlignmentTable(Strict):
-    """Points of the mesh frame, and where they are in the reference image."""
+Point = Annotated[list[float], Field(min_length=2, max_length=3)]  # of the mesh frame, mm
 
-    points_mm: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=3)]], Field(min_length=3)]
-    points_px: Annotated[list[Pair], Field(min_length=3)]
+
+class HoleTable(Strict):
+    """A round hole of the mesh, and a pixel in it."""
+
+    centre_mm: Point
+    px: Pair
+    radius_mm: Positive | None = None
+
+
+class EdgeTable(Strict):
+    """Two points on a straight edge of the mesh, and about where they are."""
+
+    points_mm: Annotated[list[Point], Field(min_length=2, max_length=2)]
+    points_px: Annotated[list[Pair], Field(min_length=2, max_length=2)]
+
+    @model_validator(mode="after")
+    def _has_length(self):
+        if any(points[0] == points[1] for points in (self.points_mm, self.points_px)):
+            raise refuse("an edge without length", "two points that differ", "give its two ends", "one point")
+        return self
+
+
+class AlignmentTable(Strict):
+    """What shows the place of the mesh in the reference image of a camera: clicked points, holes, edges."""
+
+    points_mm: list[Point] = []
+    points_px: list[Pair] = []
+    holes: list[HoleTable] = []
+    edges: list[EdgeTable] = []
+    measured_surface: bool | None = None
+
+    @property
+    def by_images(self) -> bool:
+        """Whether the images have to be looked at."""
+        return bool(self.holes or self.edges or self.measured_surface)
 
     @model_validator(mode="after")
     def _pairs(self):
         if len(self.points_mm) != len(self.points_px):
             raise refuse("the points of an alignment do not pair", "as many points_px as points_mm",
                          "give one (column, row) per point", f"{len(self.points_mm)} and {len(self.points_px)}")
+        if not self.by_images and len(self.points_mm) < 3:
+            raise refuse("an alignment by too few points", "three points or more, or holes and edges",
+                         "click corners and holes that lie far apart", str(len(self.points_mm)))
         return self
 
 

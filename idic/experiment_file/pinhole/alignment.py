@@ -33,8 +33,11 @@ class Clicks:
     points_px: np.ndarray
 
 
-def aligned(clicks: Sequence[Clicks], file) -> tuple[np.ndarray, np.ndarray, list[str]]:
+def aligned(clicks: Sequence[Clicks], file,
+            max_error_px: float = MAX_CLICK_ERROR_PX) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Rotation (3, 3) and translation (3,) mm from the mesh frame to that of the rig, and notes.
+
+    max_error_px : rms; of places that are only near the points, more
 
     Raises
     ------
@@ -50,12 +53,12 @@ def aligned(clicks: Sequence[Clicks], file) -> tuple[np.ndarray, np.ndarray, lis
     starts = sorted(_starts(clicks), key=lambda start: _click_error(clicks, *start))[:N_REFINED_STARTS]
     best = min((_refined(clicks, start) for start in starts), key=lambda found: found[2])
     rotation, shift, error = best
-    if error > MAX_CLICK_ERROR_PX:
+    if error > max_error_px:
         worst, which = max((float(np.abs(c.camera.project(c.points_mm @ rotation.T + shift) - c.points_px).max()),
                             c.key)
                            for c in clicks)
         raise InputError("the clicked points do not fit the calibration", file=file, key=clicks[0].key,
-                         expected=f"a pose that leaves less than {MAX_CLICK_ERROR_PX:g} px (rms)",
+                         expected=f"a pose that leaves less than {max_error_px:g} px (rms)",
                          found=f"{error:.1f} px, up to {worst:.1f} px in {which}",
                          remedy="check points_mm and points_px, the image that they were clicked in, and whether left "
                                 "and right camera are swapped (calibration_camera)")

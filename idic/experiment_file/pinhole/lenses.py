@@ -30,7 +30,8 @@ class Lenses:
 
     cameras : with the place of the mesh; sizes : (width, height) px that the calibration is of, None where not known;
     prior : of the calibrated values by the names of their degrees of freedom, None without deviations; freed : names
-    that ``identify_calibration`` makes degrees of freedom; notes : what was assumed
+    that ``identify_calibration`` makes degrees of freedom; notes : what was assumed; placement_prior : of
+    ``placement.*`` where the images showed the place
     """
 
     cameras: tuple[PlacedCamera | None, ...] = ()
@@ -38,6 +39,7 @@ class Lenses:
     prior: JointPrior | None = None
     freed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    placement_prior: JointPrior | None = None
 
     def about(self, pivot_mm: np.ndarray) -> Lenses:
         """The same, turning about a point of the mesh frame."""
@@ -171,7 +173,9 @@ class _Reader:
         clicks = [Clicks(self.key(i, "alignment"), camera, np.array([[*p, 0.0][:3] for p in table.alignment.points_mm]),
                          np.array(table.alignment.points_px))
                   for i, (camera, table) in enumerate(zip(lens, self.tables, strict=True))
-                  if camera is not None and table.alignment is not None]
+                  if camera is not None and table.alignment is not None and table.alignment.points_mm]
+        if any(table.alignment is not None and table.alignment.by_images for table in self.tables):
+            return np.eye(3), np.zeros(3), []  # `placed_lenses` looks at the images
         if clicks:
             return aligned(clicks, self.file)
         return np.eye(3), np.zeros(3), ["the mesh is in the frame of the calibration: no alignment, no rotation given"]
@@ -233,10 +237,12 @@ def middle_of(mesh: Mesh) -> np.ndarray:
 
 
 def joint_priors(lens: Lenses, parameters: Sequence[Parameter]) -> tuple[JointPrior, ...]:
-    """The deviations of the calibration, less the values that have a prior of their own."""
-    if lens.prior is None:
-        return ()
+    """The deviations of calibration and placement, less the values that have a prior of their own."""
     own = {p.name for p in parameters if p.prior_std}
-    keep = [i for i, name in enumerate(lens.prior.names) if name not in own]
-    return (JointPrior(tuple(lens.prior.names[i] for i in keep), lens.prior.mean[keep],
-                       lens.prior.covariance[np.ix_(keep, keep)]),)
+    made = []
+    for prior in (lens.prior, lens.placement_prior):
+        if prior is not None:
+            keep = [i for i, name in enumerate(prior.names) if name not in own]
+            made.append(JointPrior(tuple(prior.names[i] for i in keep), prior.mean[keep],
+                                   prior.covariance[np.ix_(keep, keep)]))
+    return tuple(made)
