@@ -177,6 +177,13 @@ class Observations:
         """Points of a contour in the plane of the rim, at the start  # (n, 2) mm"""
         return self._away(k, self.evidence.rims[k], self._place(np.zeros(6)))[0] @ self.axes[k]
 
+    def without_shifts(self, z: np.ndarray) -> np.ndarray:
+        """The unknowns with holes and edges where the mesh has them; holes keep their radius."""
+        n, bare = len(self.evidence.rims), z.copy()
+        bare[6 + n:6 + 3 * n] = 0.0
+        bare[[6 + k for k, rim in enumerate(self.evidence.rims) if rim.along is not None]] = 0.0
+        return bare
+
     def pieces(self, z: np.ndarray) -> np.ndarray:
         """Number of the piece of every residual; -1: known standard deviation  # (n,)"""
         found, seen = [], self.evidence

@@ -30,8 +30,8 @@ class Pose:
     """Rotation (3, 3) and translation (3,) mm from the mesh frame to that of the calibration.
 
     covariance : (6, 6) of rotation vector (deg) and translation (mm) about the pivot, in mesh axes (``placement.*``);
-    rims : per contour the rms (px), the offset (px) and of holes the radius (mm); rms_click_px, rms_surface_mm : NaN
-    where there are none; cost : of the fit
+    rims : per contour the rms distance from the mesh (px; of a hole with the radius found), the offset (px) and of
+    holes the radius (mm); rms_click_px, rms_surface_mm : NaN where there are none; cost : of the fit
     """
 
     rotation: np.ndarray
@@ -134,7 +134,8 @@ def _made(seen: Observations, z: np.ndarray) -> Pose:
     camera, place = seen.cameras[0], z[:6] * seen.unit
     turn = rotation_of(place[:3])
     shift = camera.rotation @ (camera.pivot_mm - turn @ camera.pivot_mm + place[3:]) + camera.translation_mm
-    rims = tuple((float(np.sqrt(np.mean(raw[f"rim {k}"] ** 2))), float(z[6 + k]), _found_radius(seen, k, z))
+    at_mesh = seen.raw(seen.without_shifts(z))
+    rims = tuple((float(np.sqrt(np.mean(at_mesh[f"rim {k}"] ** 2))), float(z[6 + k]), _found_radius(seen, k, z))
                  for k in range(len(seen.evidence.rims)))
     clicks = [own for name, own in raw.items() if name.startswith("points")]
     return Pose(camera.rotation @ turn, shift, six, rims,

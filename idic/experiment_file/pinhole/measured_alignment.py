@@ -29,7 +29,7 @@ from idic.parameters import JointPrior
 
 SEARCHES_PX = (40.0, 8.0, 4.0)  # how far the place may be off in the second image, one after the other
 MIN_SUBSETS, MIN_MATCHED = 12, 0.3
-MAX_RIM_PX = 2.0                # rms of a contour
+MAX_RIM_PX = 1.0                # rms of a contour, whose points are chosen within 0.75
 MAX_SURFACE_PX = 2.0            # rms of the surface, in px across it
 NOTED_EPIPOLAR_PX = 0.3
 MAX_RADIUS_ERROR = 0.2
@@ -222,8 +222,8 @@ class _Alignment:
         if n < MIN_SUBSETS or n < MIN_MATCHED * every.n_tried:
             raise InputError("the surface cannot be measured", expected="speckle that two cameras see alike, at the "
                              "place of the mesh", found=f"{n} of {every.n_tried} subsets match",
-                             remedy="check that left and right belong to their calibration, the marked pixels, and the "
-                                    "light; or set measured_surface = false and click more points")
+                             remedy="check that left and right belong to their calibration, centre_mm, points_mm and "
+                                    "their pixels, and the light; or measured_surface = false with more points")
         return every
 
     def _at(self, pose: Pose) -> list[PlacedCamera]:
