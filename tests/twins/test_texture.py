@@ -7,12 +7,14 @@ import pytest
 import tifffile
 from pinhole_twin import scores
 from scipy.spatial.transform import Rotation
+from stereo_draws import build_repeats, draw, integrated
 
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 from idic.virtual_tests.stereo.plate import REDUCED, TRUTH, plate_test, write_plate
 
 pytestmark = pytest.mark.slow  # half a minute of processor time each
+N = 30
 
 
 def written(folder, glossy=False):
@@ -53,3 +55,20 @@ def test_two_reference_images_tell_the_angle_between_the_cameras(tmp_path, gloss
     angle = found["parameters"]["right.rotation_y"]
     assert angle["std"] < (1e-3 if glossy else 1e-4)
     assert abs(angle["value"] + 0.1) < 3.0 * angle["std"]
+
+
+def test_errors_over_standard_deviations_stay_unit_normal_and_the_angle_gains_most(tmp_path):
+    """Noise of both reference images is in the frames of both cameras, too."""
+    alone = build_repeats(tmp_path, plate_test(replace(REDUCED, true=REDUCED.user)))
+    camera = replace(alone.experiment.cameras[0], texture="left")
+    shared = replace(alone, experiment=replace(alone.experiment, cameras=(camera,)))
+    first = draw(alone, np.random.default_rng((1, 0)))
+    names, _, std = integrated(alone, first)
+    draws = [integrated(shared, draw(shared, np.random.default_rng((1, k)))) for k in range(N)]
+    ratio = dict(zip(names, draws[0][2] / std, strict=True))
+    scores = np.array([error / own for _, error, own in draws])
+    rms = np.sqrt(np.mean(scores**2, axis=0))
+    print(ratio, dict(zip(names, rms.round(2), strict=True)), (np.abs(scores) < 1.96).mean().round(3))
+    assert ratio["right.rotation_y"] < 0.05 and ratio["left.fx"] < 0.9 and 0.98 < ratio["BODY.E"] < 1.01
+    assert np.all(rms < 1.0 + 3.5 / np.sqrt(2 * N)) and np.all(rms > 1.0 - 3.5 / np.sqrt(2 * N))
+    assert (np.abs(scores) < 1.96).mean() > 0.90  # 270 of them, correlated: the standard error is some 2 %
