@@ -154,7 +154,7 @@ def test_an_inclusion_whose_centre_leaves_the_specimen_is_reported_as_no_finding
     right = experiment.mesh.nodes[:, 0].max()
     for x, told in ((0.99 * right, 0), (1.01 * right, 1)):
         said = strayed(experiment, experiment.parameters.with_values({"SPECIMEN.inclusion.x": x}))
-        assert len(said) == told and all(f"({x:.4g}, 1.5) has left SPECIMEN" in note for note in said)
+        assert len(said) == told and all(f"({x:.4g}, 1.5) lies outside SPECIMEN" in note for note in said)
     held = experiment.parameters.with_values({"SPECIMEN.inclusion.x": 2.0 * right}).with_free(())
     assert strayed(experiment, held) == []  # so it was given
 
