@@ -362,10 +362,14 @@ def tried_increments(forward: ForwardModel, times: np.ndarray, increments: int |
 
 
 def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | None = None,
-          steps: np.ndarray | None = None) -> Solution:
-    """All frames at once (memory grows with the number of frames; long runs use `ForwardModel.march`)."""
+          steps: np.ndarray | None = None, increments: int | None = None) -> Solution:
+    """All frames at once (memory grows with the number of frames; long runs use `ForwardModel.march`).
+
+    local, steps, increments : as for `ForwardModel.march`
+    """
     u, channels, state = [], [], None
-    for state in forward.march(parameters, local=local, steps=steps):
+    further = {} if increments is None else {"increments": increments}  # an external solver takes its own
+    for state in forward.march(parameters, local=local, steps=steps, **further):
         u.append(state.seen_u.copy())
         channels.append(state.channels.copy())
     return Solution(np.array(u), np.array(channels), np.array(state.steps.times))

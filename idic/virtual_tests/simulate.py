@@ -21,6 +21,7 @@ from idic.model.experiment import Column, Controlled, Experiment, Measured, Para
 from idic.model.forward import ForwardModel, build_forward, solve
 from idic.readers.units import parse_unit, unit_in_name
 from idic.identify.plan.planned_test import recorded_or_planned
+from idic.identify.step.increments import chooses_increments
 from idic.virtual_tests.experiment_files import IMAGES, LOADS, empty_folder, write_images, write_loads, write_truth
 from idic.virtual_tests.render import Sensor, noisy_channel, record, render
 from idic.virtual_tests.stereo.images import common_speckle, traced_images
@@ -28,6 +29,7 @@ from idic.virtual_tests.stereo.solid_speckle import SolidSpeckle
 from idic.virtual_tests.section_images import height_image, roughness, seen_section
 from idic.virtual_tests.virtual_test import medium_speckle, rough_surface
 
+INCREMENTS = 8  # per frame, extrapolated from these and half as many, where the experiment leaves the choice
 DEFAULT_NOISE_GV = 2.0  # of 8 bit, where the experiment does not state its noise
 SECTION_LENGTH_PX = 6.0  # correlation length of the roughness on a cross-section
 HEIGHT_NOISE_SHARE = 0.01  # of the roughness
@@ -74,7 +76,8 @@ def simulate(
     experiment = recorded_or_planned(path, overrides)
     _check(experiment)
     forward = build_forward(experiment)
-    solution = solve(forward, experiment.parameters)
+    solution = solve(forward, experiment.parameters,
+                     increments=INCREMENTS if chooses_increments(experiment) else None)
     bits = 0 if experiment.quantity == "height" else bits
     sensor = _sensor(experiment, bits, noise_std_gv)
     folder = empty_folder(out)
