@@ -21,7 +21,7 @@ from idic.images.rigid_motion import RIGID
 
 MIN_STD_PX = 0.02       # of a contour point or a match
 N_WEIGHTINGS = 2
-MAX_STEPS, LAST_STEP = 60, 1e-4  # of a fit; px
+MAX_STEPS = 60  # of a fit
 MIN_EIGENVALUE = 1e-8   # of the smallest over the largest one of H, in units of px: below, the pose is open
 
 
@@ -91,24 +91,9 @@ def reselected(cameras: Sequence[PlacedCamera], evidence: Evidence) -> Evidence:
 
 
 def _minimised(seen: Observations, z: np.ndarray) -> np.ndarray:
-    """Levenberg-Marquardt steps of the sum of 2 (sqrt(1 + r²) - 1)."""
-    damping, now = 1e-3, seen.residuals(z)
-    for _ in range(MAX_STEPS):
-        weight = 1.0 / np.sqrt(1.0 + now**2)
-        slopes = seen.slopes(z)
-        bend, downhill = (slopes * weight[:, None]).T @ slopes, -slopes.T @ (weight * now)
-        while damping < 1e8:
-            step = np.linalg.lstsq(bend + damping * np.diag(np.diag(bend) + 1e-12), downhill, rcond=None)[0]
-            then = seen.residuals(z + step)
-            if _cost(then) <= _cost(now):
-                break
-            damping *= 10.0
-        else:
-            return z
-        z, now, damping = z + step, then, max(0.1 * damping, 1e-9)
-        if np.abs(step).max() < LAST_STEP:
-            break
-    return z
+    """The least sum of 2 (sqrt(1 + r²) - 1)."""
+    return scipy.optimize.least_squares(seen.residuals, z, seen.slopes, loss="soft_l1", x_scale="jac",
+                                        max_nfev=MAX_STEPS).x
 
 
 def _cost(residual: np.ndarray) -> float:
