@@ -120,7 +120,8 @@ class ExperimentFolder(RecordedFolder):
         check_surface(mesh, table.kind, table.surface, self.file)
         if solver is None:  # else the deck holds the body
             self.check_held(mesh, motion.prescribed)
-        check_visible(mesh, table.kind, table.surface, scale.camera, frames.shape, frames.mask, self.file)
+        check_visible(mesh, table.kind, table.surface, scale.camera, frames.shape, frames.mask, self.file,
+                      fields=frames.points is not None)
         cameras, camera_notes = further_cameras(self.config, mesh, scale, frames.stack.n_frames, frames.still,
                                                 self.folder, self.file, lens)
         camera_notes += pairing_notes(self.config, mesh, scale.camera, frames.stack, cameras, frames.reference,
@@ -209,6 +210,10 @@ class ExperimentFolder(RecordedFolder):
         table = self.config.experiment
         if isinstance(frames.stack, FieldStack):
             unit = table.mesh_unit or "mm"
+            if unit == "px":
+                raise InputError("a mesh in px on measured fields", file=self.file, key="experiment.mesh_unit",
+                                 expected="a unit of length: the points are in mm", found='"px"',
+                                 remedy="multiply every length of the mesh by pixel_size_mm, leave mesh_unit out")
             factor = factor_between(unit, "mm", file=self.file, key="experiment.mesh_unit")
             return Lengths("mm", factor, field_camera(self.config, frames.stack.points, self.file), (), unit)
         if lens.cameras[0] is not None:

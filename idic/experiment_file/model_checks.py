@@ -152,16 +152,22 @@ def seen_region(corners: list[np.ndarray], visible: np.ndarray, shape, mask: np.
 
 
 def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: AnyCamera, shape: tuple[int, int],
-                  mask: np.ndarray | None, file, keys: tuple[str, str] = ("camera", "experiment.mask")) -> None:
-    """InputError if no cell reaches into the image (or its mask); keys : of camera and mask in the file."""
+                  mask: np.ndarray | None, file, keys: tuple[str, str] = ("camera", "experiment.mask"),
+                  fields: bool = False) -> None:
+    """InputError if no cell reaches into the image (or its mask), of measured fields onto the grid of the points.
+
+    keys : of camera and mask in the file
+    """
     visible = visible_cells(mesh, kind, surface, camera, shape)
     points, padded = _SEEN.once(mesh, (kind, surface), lambda: _padded(*seen_nodes(mesh, kind, surface)))
     px = camera.project(points)[_SEEN.once(mesh, (kind, surface, "nodes"), lambda: np.unique(padded))]
     span = f"columns {px[:, 0].min():.0f} … {px[:, 0].max():.0f}, rows {px[:, 1].min():.0f} … {px[:, 1].max():.0f}"
     if not visible.any():
-        raise InputError("the mesh lies outside the image", file=file, key=keys[0],
+        sizes = np.ptp(px, axis=0) / shape[::-1]
+        raise InputError(f"the mesh lies outside the {'measured points' if fields else 'image'}", file=file,
+                         key=keys[0],
                          expected=f"columns 0 … {shape[1] - 1}, rows 0 … {shape[0] - 1} (a part is enough)",
-                         found=span, remedy=_out_of_sight(np.ptp(px, axis=0) / shape[::-1]))
+                         found=span, remedy=_off_the_points(sizes) if fields else _out_of_sight(sizes))
     if mask is not None and not (surface is not None and kind != "solid"):
         rows, columns = np.nonzero(mask)
         low, high = px.min(axis=0), px.max(axis=0)
@@ -177,6 +183,17 @@ def _out_of_sight(sizes: np.ndarray) -> str:
     if sizes.min() > _MIN_LARGER:
         return f"check pixel_size_mm, which may be {sizes.max():.1f} times too small, and mesh_unit"
     return "check origin_px, axes, pixel_size_mm and mesh_unit"
+
+
+def _off_the_points(sizes: np.ndarray) -> str:
+    """The same of a mesh that no measured point lies on."""
+    if sizes.min() > _MIN_LARGER:
+        return (f"give the mesh in mm: it is {sizes.max():.1f} times as large as the field (of a mesh in px multiply "
+                "every length by pixel_size_mm), or correct mesh_unit or fields_unit")
+    if sizes.max() < 1.0 / _MIN_LARGER:
+        return (f"check the scale of the field, which is {1.0 / sizes.min():.1f} times as large as the mesh: "
+                "pixel_size_mm of fields in px, fields_unit, or mesh_unit")
+    return "check origin_mm, axes, mesh_unit, and pixel_size_mm of fields in px"
 
 
 def check_times(materials: tuple[Material, ...], times: np.ndarray | None, file) -> None:

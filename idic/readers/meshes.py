@@ -19,6 +19,7 @@ _KINDS = {"vertex": "point", "line": "line2", "line3": "line3", "triangle": "tri
           "quad9": "quad9", "hexahedron": "hex8", "hexahedron20": "hex20", "hexahedron27": "hex27", "tetra": "tet4",
           "tetra10": "tet10",
           "wedge": "wedge6", "wedge15": "wedge15", "pyramid": "pyramid5"}
+_PROPERTIES = "nastran:ref"  # what meshio calls the property of an element
 _MAX_SETS_OF_ARRAY = 64  # an integer array with more different values is a result and defines no sets
 
 
@@ -33,7 +34,8 @@ def read_mesh_file(path: Path) -> RawMesh:
     """The cells and sets of a mesh file.
 
     gmsh: physical groups are sets (``physical_7`` where they have no name). MED (Salome): groups are sets. VTU: an
-    integer array of 0 and 1 is the set of that name, other integer arrays give ``NAME_value``.
+    integer array of 0 and 1 is the set of that name, other integer arrays give ``NAME_value``. Nastran: the elements of
+    property 7 are ``property_7``.
 
     Raises
     ------
@@ -141,6 +143,8 @@ def _labelled(name: str, values: np.ndarray) -> list[tuple[str, np.ndarray]]:
     if name.startswith("gmsh:") or name.lower().startswith("vtk") or values.ndim != 1 or values.dtype.kind not in "iub":
         return []
     found = np.unique(values)
+    if name == _PROPERTIES:
+        return [(f"property_{value}", values == value) for value in found]
     if set(found.tolist()) <= {0, 1}:
         return [(name, values == 1)]
     return [(f"{name}_{value}", values == value) for value in found] if len(found) <= _MAX_SETS_OF_ARRAY else []

@@ -28,7 +28,7 @@ WORDS_OF_FIELDS = (  # what is said of images, and of measured fields in their p
     ("noise of one image", "noise of a component"),
     ("camera's floor", "floor of the fields"), ("camera&#39;s floor", "floor of the fields"),
     (", after interpolation and low-pass", ""),
-    ("f + h − g(x + u) in the reference image; ", "Both components of a point, rms. "),
+    ("f + h − g(x + u) in the reference image; ", "The compared components of a point, rms. "),
     ("residual of image noise alone", "noise alone"),
     ("pixels off the image or in gaps", "points that are missing"),
     ("light or aliasing is left", "the fields are not smooth"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -424,6 +425,7 @@ def test_a_bad_stage_ends_with_code_2_one_message_and_nothing_written(initialise
      "an option of images"),
     (("mesh = { around_points_mm = [0.6, 0.6]", "mesh = { roi_px = [0, 0, 5, 5], around_points_mm = [0.6, 0.6]"),
      "mesh"),
+    (('kind = "plane_stress"', 'kind = "plane_stress"\nmesh_unit = "px"'), "by pixel_size_mm, leave mesh_unit out"),
 ])
 def test_keys_that_do_not_go_with_fields_are_refused(initialised, tmp_path, change, message):
     text = (initialised / "experiment.toml").read_text(encoding="utf-8")
@@ -432,6 +434,23 @@ def test_keys_that_do_not_go_with_fields_are_refused(initialised, tmp_path, chan
     (tmp_path / "experiment.toml").write_text(text.replace(*change, 1), encoding="utf-8")
     with pytest.raises(InputError, match=message):
         load_experiment(tmp_path)
+
+
+@pytest.mark.parametrize("corner, message", [
+    ([200.0, 600.0], "it is 16.7 times as large as the field (of a mesh in px multiply every length by pixel_size_mm)"),
+    ([0.5, 1.5], "the field, which is 24.0 times as large as the mesh: pixel_size_mm"),
+    ([10.0, 30.0], "check origin_mm, axes, mesh_unit, and pixel_size_mm")])
+def test_a_mesh_off_the_points_tells_which_scale_to_check(initialised, tmp_path, corner, message):
+    text = (initialised / "experiment.toml").read_text(encoding="utf-8")
+    (w, h), (x, y) = corner, (100.0, 100.0)
+    mesh = f"outline_mm = {[[x, y], [x + w, y], [x + w, y + h], [x, y + h]]}, element_mm = {w / 4}"
+    changed = re.sub(r"around_points_mm = [^}]*", mesh, text)
+    assert changed != text
+    (tmp_path / "stages").symlink_to(initialised / "stages")
+    (tmp_path / "experiment.toml").write_text(changed, encoding="utf-8")
+    with pytest.raises(InputError, match=re.escape(message)) as error:
+        load_experiment(tmp_path)
+    assert "outside the measured points" in error.value.what
 
 
 LAMINATE = """

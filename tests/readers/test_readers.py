@@ -240,15 +240,16 @@ def test_groups_of_a_med_file_are_sets(tmp_path):
     assert {name: ids.tolist() for name, ids in read_back.element_sets.items()} == {"ALL": [0, 1], "SOFT": [0]}
 
 
-def test_properties_of_a_nastran_file_are_sets(tmp_path):
+@pytest.mark.parametrize("properties", [(11, 12), (1, 2)])
+def test_properties_of_a_nastran_file_are_sets(tmp_path, properties):
     mesh = gmsh_mesh()
     grid = [f"GRID,{100 + k},,{x},{y},0.0" for k, (x, y, _) in enumerate(mesh.points)]
-    quads = [f"CQUAD4,{k + 1},{(11, 12)[k]},{','.join(str(100 + i) for i in cell)}"
+    quads = [f"CQUAD4,{k + 1},{properties[k]},{','.join(str(100 + i) for i in cell)}"
              for k, cell in enumerate(mesh.cells[1].data)]
     (tmp_path / "mesh.bdf").write_text("\n".join(["SOL 101", "CEND", "BEGIN BULK", *grid, *quads, "ENDDATA", ""]))
     read_back = read(tmp_path / "mesh.bdf")
-    assert read_back.element_sets["nastran:ref_11"].tolist() == [0]
-    assert read_back.element_sets["nastran:ref_12"].tolist() == [1]
+    assert {name: ids.tolist() for name, ids in read_back.element_sets.items()} == {
+        f"property_{properties[0]}": [0], f"property_{properties[1]}": [1]}
 
 
 def test_a_mirrored_mesh_is_turned_around_and_keeps_its_edges(tmp_path):

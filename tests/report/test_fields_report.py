@@ -44,6 +44,8 @@ def test_the_page_of_fields_does_not_speak_of_cameras_and_that_of_images_does(fi
         assert word not in page, word
     assert "The image residual is camera noise" in render_page(make_record(), ())
     assert in_words_of(make_result(), "camera noise") == "camera noise"
+    caption = in_words_of(fields.result, "f + h − g(x + u) in the reference image; σ is the residual")
+    assert caption.startswith("The compared components of a point, rms. ")  # two, or three with the normal
 
 
 def test_motion_is_in_micrometres_where_a_pixel_is_the_distance_of_points(fields):
