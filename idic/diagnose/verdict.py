@@ -32,8 +32,8 @@ class Verdict:
     """The outcome.
 
     word : see the module; selected : candidates in the model, in the order of the rounds; indistinguishable : groups of
-    candidates; excluded : candidates with a 95 % bound; cannot_tell : candidates that this test cannot see;
-    next_experiment : the test that separates a group; share : explained share of the explainable residual
+    candidates; excluded : insignificant candidates with a 95 % bound; cannot_tell : candidates that this test cannot
+    see; next_experiment : the test that separates a group; share : explained share of the explainable residual
     """
 
     word: str
@@ -71,8 +71,9 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, exces
     selected = tuple(r.winner.name for r in won)
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
     in_model = set(selected).union(*(r.equals for r in won)) if won else set()
+    seen = in_model | {r.candidate.name for r in last.ranked if r.standing in ("significant", "small", "inadmissible")}
     excluded = tuple({"name": r.candidate.name, "bound": bound_text(r)} for r in last.ranked
-                     if r.standing in ("excluded", "small", "inadmissible") and r.candidate.name not in in_model)
+                     if r.standing == "excluded" and r.candidate.name not in seen)
     cannot = tuple(dict.fromkeys(r.candidate.name for r in last.ranked
                                  if r.standing == "cannot_tell" and r.candidate.name not in in_model))
     return Verdict(word, selected, sets, excluded, cannot, _next(word, won, first, unloads, in_motions), share, before,

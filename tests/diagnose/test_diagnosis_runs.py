@@ -182,6 +182,8 @@ def test_the_inner_keys_of_the_json_are_those_of_the_contract(yielding):
     for entry in (*model["parameters_before"].values(), *model["parameters_after"].values()):
         assert set(entry) >= {"value", "std", "unit"}
     assert all(set(entry) == {"name", "bound"} and "95 %" in entry["bound"] for entry in content["excluded"])
+    excluded = {entry["name"] for entry in content["excluded"]}
+    assert not excluded & {entry["name"] for entry in content["not_excluded"]}
 
 
 def test_the_command_prints_its_verdict_and_writes_the_files_that_it_names(commanded, sound):

@@ -261,6 +261,13 @@ def test_an_effect_in_the_model_is_neither_excluded_nor_open():
     assert [entry["name"] for entry in found.excluded] == ["damage"] and found.cannot_tell == ()
 
 
+def test_what_is_significant_in_any_form_is_not_excluded():
+    entries = screening(ranked("plasticity", "small"), ranked("damage", "inadmissible"), ranked("creep", "excluded"),
+                        ranked("viscoelasticity", "significant"), ranked("viscoelasticity", "excluded"))
+    found = conclude([round_of(entries)], left(0.0), left(0.0), real=False, excess=LEFT)
+    assert [entry["name"] for entry in found.excluded] == ["creep"]
+
+
 def test_a_bound_is_in_the_unit_of_a_direct_candidate_and_a_part_of_the_probe_of_another():
     assert bound_text(ranked("force_scale", direct=True)).startswith("|force_scale| < ")
     assert "%" in bound_text(ranked("plasticity"))

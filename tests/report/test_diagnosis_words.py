@@ -69,11 +69,16 @@ def test_a_blind_test_is_explained_by_its_parameters_or_its_noise():
 
 
 def test_selected_and_indistinguishable_candidates_are_shown_however_far_down_they_stand():
-    entries = [{"name": n, "named": n == "d"} for n in "abcde"]
+    entries = [{"name": n, "named": n == "d", "standing": "excluded"} for n in "abcde"]
     said = {"verdict": "set", "candidates": entries, "named": ["d"], "indistinguishable": [["d", "e"]]}
     shown = strongest(said, 2)
     assert [c["name"] for c in shown] == ["a", "b", "d", "e"]
     assert [standing_of(said, c, "small") for c in shown] == ["small", "small", "selected",
                                                              "indistinguishable from the selected"]
+    seen = [{"name": n, "named": False, "standing": s} for n, s in (("a", "significant"), ("b", "significant"),
+                                                                    ("c", "excluded"), ("f", "significant"))]
+    last = said | {"excluded": [{"name": "a"}, {"name": "c"}], "cannot_tell": ["b"]}
+    assert [standing_of(last, c, c["standing"]) for c in seen] == [
+        "excluded beside the selected", "not visible beside the selected", "excluded", "significant"]
     nearest = said | {"verdict": "outside_library", "indistinguishable": []}
     assert standing_of(nearest, entries[3], "small") == "nearest, not the cause"

@@ -51,11 +51,18 @@ def name_of_best(content: Mapping) -> str:
 
 def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
     """Final standing of a candidate; `otherwise` where it is neither selected nor indistinguishable from a selected
-    one."""
+    one, nor settled by the selected one: significant without it, excluded or not visible beside it."""
     if entry["named"]:
         return name_of_best(content)
     equals = set().union(*content["indistinguishable"])
-    return "indistinguishable from the selected" if entry["name"] in equals else otherwise
+    if entry["name"] in equals:
+        return "indistinguishable from the selected"
+    if not content["named"] or entry["standing"] not in ("significant", "small", "inadmissible"):
+        return otherwise
+    best = "nearest" if content["verdict"] == "outside_library" else "selected"
+    if entry["name"] in {one["name"] for one in content["excluded"]}:
+        return f"excluded beside the {best}"
+    return f"not visible beside the {best}" if entry["name"] in content["cannot_tell"] else otherwise
 
 
 def heldout_drop(entry: Mapping) -> str:

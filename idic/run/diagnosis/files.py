@@ -50,7 +50,8 @@ def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None
 def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wall_s: float,
                       before: Mapping[str, Mapping]) -> dict:
     """The content of ``RUN/diagnosis.json``; before : value, std, unit of the identified model's free parameters."""
-    verdict = diagnosis.verdict
+    verdict, left_open = diagnosis.verdict, not_excluded(diagnosis, before)
+    near = {entry["name"] for entry in left_open}
     content = {
         "schema": SCHEMA, "verdict": verdict.word, "mismatch": mismatch_content(diagnosis),
         "candidates": _candidates(diagnosis), "named": list(verdict.selected),
@@ -58,7 +59,7 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
         "next_experiment": verdict.next_experiment,
         "model": {"parameters_before": before, "parameters_after": _after(diagnosis),
                   "experiment": None if enriched is None else enriched.relative_to(run).as_posix()},
-        "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded],
+        "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded if entry["name"] not in near],
         "cannot_tell": list(verdict.cannot_tell), "probability": diagnosis.probability,
         "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px,
         "left": _left(diagnosis),
@@ -74,7 +75,7 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
     content["headline"] = headline(content, titles)
     content["left_over"] = left_over(content)
     content["not_excluded"] = [entry | {"title": titles.get(entry["name"], entry["name"])}
-                               for entry in not_excluded(diagnosis, before)]
+                               for entry in left_open]
     return content
 
 
