@@ -54,6 +54,13 @@ def test_expected_evaluations_follow_the_gains_of_the_last_two_steps():
     assert evaluations_left(history(100.0, 50.0, 50.0 - 0.1 * SETTLED_GAIN)) == 1
 
 
+def test_a_step_that_gains_more_than_the_last_one_promises_no_time():
+    """Objectives of an identification that ended seven evaluations later: it was promised 34 further ones."""
+    values = (31120.8, 30851.7, 30818.5, 30816.2, 30677.4, 30413.2, 30372.1)
+    assert [evaluations_left(history(*values[:k])) for k in (5, 6)] == [None, None]
+    assert 4 <= evaluations_left(history(*values)) <= 8  # four more came
+
+
 def test_durations_are_rounded_to_what_a_person_plans_with():
     assert [duration(t) for t in (0.2, 61.0, 200.0, 9000.0)] == ["1 s", "61 s", "3 min", "2.5 h"]
 
