@@ -14,7 +14,8 @@ from idic.experiment_file.laws.composed_law import course_notes
 from idic.experiment_file.laws.free_curves import free_curves, knot_notes, smoothness_priors
 from idic.experiment_file.laws.softening import softening_notes
 from idic.experiment_file.laws.spectrum import spectrum_notes
-from idic.experiment_file.tables.measured_fields import field_camera, laid_on_outline, noise_of_fields, with_depth
+from idic.experiment_file.measured_fields.noise import noise_of_fields, with_depth
+from idic.experiment_file.measured_fields.placement import field_camera, laid_on_outline
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
                                                check_visible)
 from idic.experiment_file.recording import Frames, RecordedFolder

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.tables.measured_fields import (
-    depth_of, field_notes, grid_of, kept_stages, open_series, rigid_is_free, stack_of,
-)
+from idic.experiment_file.measured_fields.noise import depth_of
+from idic.experiment_file.measured_fields.placement import grid_of, rigid_is_free
+from idic.experiment_file.measured_fields.stages import field_notes, kept_stages, open_series, stack_of
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_materials import MaterialTable
 from idic.experiment_file.tables.further_cameras import camera_files, camera_images

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
+from idic.experiment_file.measured_fields.placement import grid_of
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_experiment import MeshTable
 from idic.experiment_file.tables.lengths import Lengths
-from idic.experiment_file.tables.measured_fields import grid_of
 from idic.fe.mesh.edge_morph import OUTLINE
 from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera

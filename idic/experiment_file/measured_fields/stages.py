@@ -1,0 +1,91 @@
+"""The stages of measured fields: which are read and compared, how a sheet is laid flat, what a user should know."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema_experiment import ExperimentTable, StagesTable
+from idic.model.experiment import FieldPoints
+from idic.readers.fields.bending import ALLOWED_SHARE, largest_bending
+from idic.readers.fields.chosen_stages import StageRule, chosen_stages
+from idic.readers.fields.flattened import Flattening
+from idic.readers.fields.plane import out_of_plane
+from idic.readers.fields.series import FieldSeries, FieldStack, measured_points, open_fields
+from idic.readers.paths import matching_files
+
+MIN_TOLD_BENDING = 0.005  # of the mean strain
+MIN_TOLD_CURVATURE_STRAIN = 2e-5  # of a surface by bending, half a thickness away from the middle
+
+
+def open_series(config: ExperimentFile, folder: Path, file: Path) -> FieldSeries:
+    """All stages of the experiment."""
+    table = config.experiment
+    paths = matching_files(folder, table.fields, file=file, key="experiment.fields")
+    pixel_size = config.camera.pixel_size_mm if config.camera else None
+    return open_fields(paths, table.fields_format, table.fields_unit, pixel_size)
+
+
+def stack_of(series: FieldSeries, references: Sequence[int], table: ExperimentTable) -> FieldStack:
+    """The displacements since the mean of the reference stages; of a sheet those of its middle, laid flat. Of a solid
+    and of a sheet of known thickness also that along the normal of the points."""
+    points = measured_points(series, references)
+    if points.heights is None:
+        return FieldStack(series, points)
+    if table.kind == "solid":
+        return FieldStack(series, points, 3)
+    half = table.thickness_mm if table.kind == "plane_stress" else None  # a cut in plane strain does not bend
+    toward = side_seen(table) * (half or 0.0)
+    return FieldStack(series, points, 3 if half else 2, Flattening.of(points.positions, points.heights, toward))
+
+
+def side_seen(table: ExperimentTable) -> int:
+    """1 where z points towards the cameras, else -1."""
+    return 1 if table.fields_seen_from == "+z" else -1
+
+
+def kept_stages(table: StagesTable, stack: FieldStack, references: Sequence[int],
+                excluded: Sequence[int]) -> tuple[tuple[int, ...], str]:
+    """The stages that the rule of `experiment.stages` keeps, and the rule in words."""
+    rule = StageRule(table.every_strain, table.every_change_um, table.every_time_s, table.max)
+    kept = chosen_stages(stack.series, stack.points, rule, references, excluded)
+    return kept, (f"{len(kept)} of {len(stack.series.entries)} stages are compared, {rule.words}; the reference and "
+                  f"the "
+                  "last stage are among them (stages in [experiment])")
+
+
+def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int],
+                thickness: float | None) -> list[str]:
+    """What a user should know of the fields: format, points, and motion out of the plane at the last of the stages."""
+    series, points, last = stack.series, stack.points, stages[-1]
+    extent = np.ptp(points.positions, axis=0)
+    notes = [f"fields: {len(series.entries)} stages in the format {series.format}; {len(points)} points over "
+             f"{extent[0]:.3g} x {extent[1]:.3g} mm, {grid.pitch_mm:.3g} mm apart; positions are those of the plane of "
+             "the points" + (f", from which they lie {points.plane.flatness_mm:.2g} mm (rms)" if points.plane else "")]
+    if points.plane is None:
+        return notes
+    moved = points.moved(series.stage(last))
+    found = out_of_plane(points.positions, moved[:, 2])
+    if found is None:
+        return notes
+    text = (f"out of the plane, at {series.labels[last]}: {found.rms_mm:.2g} mm rms, tilt "
+            f"{np.degrees(np.hypot(*found.tilt)):.2g}°, curvature {1e3 * found.curvature:.2g} 1/m")
+    if grid.depth is not None and not grid.depth.side:
+        return [*notes, text]
+    bending = 0.5 * found.curvature * (thickness or 0.0)
+    text += ("; the plane model is compared with the mid-plane of the sheet, flattened: tilt, arcs"
+             + (f" and the strain of bending at the surface ({bending:.1e})" if bending > MIN_TOLD_CURVATURE_STRAIN
+                else " and bending" if thickness else "") + " are removed from the in-plane motion")
+    if not thickness and 0.5 * found.curvature > MIN_TOLD_CURVATURE_STRAIN:
+        text += "; with thickness_mm the strain of bending at the surface would be, too"
+    most = largest_bending(stack, stages, thickness) if thickness else None
+    if most is None or most.share < MIN_TOLD_BENDING:
+        return [*notes, text]
+    if most.share <= ALLOWED_SHARE:
+        return [*notes, f"{text}. Bending is at most {100 * most.share:.2g} % of the mean strain"]
+    return [*notes, f"{text}. At {series.labels[most.stage]} bending is {100 * most.share:.2g} % of the mean strain "
+                    f"({most.strain:.1e}; a tension test allows 10 %): the grips may not be in line, or the sheet was "
+                    "not flat"]
