@@ -58,6 +58,14 @@ def test_a_complete_model_gets_a_list_of_effects_that_the_test_cannot_show():
     assert "(1 candidates tested, 2 of them excluded with a bound, 1 that this test cannot see)" in text
 
 
+def test_a_candidate_that_its_refit_does_not_confirm_is_not_called_significant_under_a_verdict_of_none():
+    entry = {"name": "placement", "form": None, "named": False, "standing": "significant"}
+    said = content("none") | {"excluded": [], "cannot_tell": [], "named": [], "candidates": [entry]}
+    assert "(1 candidates tested, 1 significant by the score but not by the refit)" in sentence(said, TITLES)
+    assert standing_of(said, entry, "significant") == "significant by score only"
+    assert standing_of(said | {"verdict": "single"}, entry, "significant") == "significant"
+
+
 def test_a_blind_test_is_explained_by_its_parameters_or_its_noise():
     hidden, seen = ({"name": "creep", "form": None, "visibility": v} for v in (0.01, 0.9))
     said = content("blind") | {"excluded": [{"name": "drift"}], "cannot_tell": ["creep"],

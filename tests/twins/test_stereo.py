@@ -220,6 +220,19 @@ def test_a_blow_after_the_calibration_is_found_as_a_turn_about_the_own_centre(tm
     assert found["parameters"]["right.turn_y"]["std"] < 0.01
 
 
+@pytest.mark.slow  # half a minute of processor time
+def test_a_camera_moved_about_the_specimen_leaves_the_material_as_it_is(tmp_path):
+    """The turn that no candidate searches: 1.5 degrees about the specimen, which stays in its pixels."""
+    test = plate_test(replace(SMALL, frames=(3, 3, 3), true=SMALL.user))
+    left, right = test.rig.cameras
+    back = Rotation.from_rotvec([0.0, np.deg2rad(-1.5), 0.0]).as_matrix()
+    believed = replace(test.rig, cameras=(left, replace(right, rotation=back @ right.rotation)))
+    file = write_plate(tmp_path, test, believed=believed)
+    found = identify(load_experiment(file)).result
+    assert found["status"] == "converged"
+    assert max(abs(score) for score in scores(found, TRUTH).values()) < 3.0
+
+
 @pytest.mark.slow
 def test_parameters_of_the_stereo_test_are_within_their_stated_deviations(folder):
     found = identify(load_experiment(folder)).result

@@ -49,8 +49,9 @@ def _residual_maps(record: DiagnosisRecord, camera: str, maps: Sequence[tuple[st
         figure.colorbar(drawn, ax=list(axes), label="residual [σ of noise]", shrink=0.8, aspect=30)
         return to_picture(figure, f"diagnosis_residual{camera and '_' + camera}",
                           f"Residual of frame {record.frame} in standard deviations{camera and ', camera ' + camera}",
-                          "The frame with the largest excess of the identified model, before and after the enrichment, "
-                          "and a draw of noise with an rms of 1 (independent from pixel to pixel; interpolation "
+                          "The frame with the largest excess of the identified model, "
+                          + ("before and after the enrichment, " if len(maps) > 2 else "")
+                          + "and a draw of noise with an rms of 1 (independent from pixel to pixel; interpolation "
                           "smooths the noise of a residual).")
 
 
@@ -120,7 +121,7 @@ def _scores(axis, record: DiagnosisRecord, entries) -> list[Patch]:
                   va="center", fontsize=8, color=GREY)
     axis.set(yticks=y, xlabel="score [standard deviations]", title="Score", xlim=(0.0, 1.12 * largest))
     axis.set_yticklabels([_label(record, c) for c in entries])
-    names = {GREEN: name_of_best(record.content), ORANGE: "significant", FAINT: "not significant"}
+    names = {GREEN: name_of_best(record.content), ORANGE: "significant by score", FAINT: "not significant"}
     filled = {colour for one, colour in zip(hollow, colours, strict=True) if not one}
     return [Patch(facecolor=colour, label=name) for colour, name in names.items() if colour in filled] + [
         Patch(facecolor="white", edgecolor=GREEN, label="indistinguishable")] * any(hollow)

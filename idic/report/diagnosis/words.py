@@ -57,12 +57,19 @@ def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
     equals = set().union(*content["indistinguishable"])
     if entry["name"] in equals:
         return "indistinguishable from the selected"
+    if _by_score_only(content, entry):
+        return "significant by score only"
     if not content["named"] or entry["standing"] not in ("significant", "small", "inadmissible"):
         return otherwise
     best = "nearest" if content["verdict"] == "outside_library" else "selected"
     if entry["name"] in {one["name"] for one in content["excluded"]}:
         return f"excluded beside the {best}"
     return f"not visible beside the {best}" if entry["name"] in content["cannot_tell"] else otherwise
+
+
+def _by_score_only(content: Mapping, entry: Mapping) -> bool:
+    """Whether the refit of a candidate did not confirm its score, and nothing was selected."""
+    return content["verdict"] in ("none", "blind") and entry.get("standing") == "significant"
 
 
 def heldout_drop(entry: Mapping) -> str:
@@ -249,7 +256,9 @@ def _began(content: Mapping) -> str:
 def _bounds(content: Mapping) -> str:
     unseen = set(content["cannot_tell"])
     n, m = len({one["name"] for one in content["excluded"]} - unseen), len(unseen)
-    return (f", {n} of them excluded with a bound" if n else "") + (f", {m} that this test cannot see" if m else "")
+    k = len({entry["name"] for entry in content["candidates"] if _by_score_only(content, entry)} - unseen)
+    return ((f", {n} of them excluded with a bound" if n else "") + (f", {m} that this test cannot see" if m else "")
+            + (f", {k} significant by the score but not by the refit" if k else ""))
 
 
 def _next(content: Mapping) -> str:
