@@ -46,7 +46,7 @@ from idic.model.motion_error import MotionError
 
 MAX_NODES_OF_A_PLANE = 40_000  # of the finer mesh; of a solid as many as an identification spends on its error
 MAX_BRICK_NODES = 6_000  # of half the thickness
-MIN_DROP = 25.0  # of chi-square by bricks: five standard deviations
+MIN_DROP = 25.0  # of chi-square by bricks, and rise by an error that the recording contradicts: five std
 MIN_DROP_SHARE = 0.5  # of what free motions and channels explain
 MAX_TURNS, TURNED_STD = 12, 0.1  # of error and parameters; standard deviations of the last step
 MIN_ERROR_CHI2 = 1.0  # on the whole recording, beside the parameters: one standard deviation of any cause
@@ -126,6 +126,16 @@ def error_chi2(residual: ResidualEvidence, error: MotionError) -> float:
     return float(score(residual.evidence, null_model(residual.evidence, residual.null), column).own[0])
 
 
+def is_contradicted(residual: ResidualEvidence, error: MotionError) -> bool:
+    """Whether the residual grows by an added error, beside the parameters, by more than five standard deviations.
+
+    A virtual test on the mesh of its own model has no such error. Where a cause is still unknown, the sign is one of
+    chance; it is asked again for every model that a cause has joined.
+    """
+    found = score(residual.evidence, null_model(residual.evidence, residual.null), error_column(residual, error))
+    return float(found.own[0] - 2.0 * found.U[0]) > MIN_DROP
+
+
 def error_column(residual: ResidualEvidence, error: MotionError) -> Columns:
     """An error as images and channels record it."""
     frames = residual.evidence.frames
@@ -136,7 +146,10 @@ def error_column(residual: ResidualEvidence, error: MotionError) -> Columns:
 def with_error(source: ExperimentSource, found: Identification) -> tuple[ExperimentSource, Identification]:
     """The source and the identification with the error of the mesh added, where it matters; as they are elsewhere."""
     error = motion_error(found)
-    if error is None or error_chi2(residual_evidence(found, light=False), error) < MIN_ERROR_CHI2:
+    if error is None:
+        return source, found
+    residual = residual_evidence(found, light=False)
+    if error_chi2(residual, error) < MIN_ERROR_CHI2 or is_contradicted(residual, error):
         return source, found
     return _knowing(source, found, error)
 
@@ -199,9 +212,10 @@ def _moved(found: Identification, step: np.ndarray) -> Identification:
 
 
 def change_matters(residual: ResidualEvidence, old: MotionError | None, new: MotionError) -> bool:
-    """Whether the present error of a model differs from the added one by more than noise; residual : of the model."""
+    """Whether the present error of a model differs from the added one by more than noise, and the recording does not
+    contradict the difference; residual : of the model."""
     change = new if old is None else MotionError(new.u - old.u, new.channels - old.channels)
-    return error_chi2(residual, change) >= MIN_ERROR_CHI2
+    return error_chi2(residual, change) >= MIN_ERROR_CHI2 and not is_contradicted(residual, change)
 
 
 def _at(found: Identification, experiment: Experiment, values: dict[str, float]) -> Identification:

@@ -84,7 +84,10 @@ def test_nothing_is_solved_for_no_columns():
 
 @pytest.mark.slow
 def test_the_strip_is_said_to_yield_from_its_edge_on(tmp_path):
-    """The elastic-strip case of the bulge test: the wrong law's E is off by half, the right one's is not."""
+    """The elastic-strip case of the bulge test: the wrong law's E is off by half, the right one's is not.
+
+    The truth is on the mesh of the model: the error of the mesh, which this recording does not have, is not added.
+    """
     import idic
     from idic.diagnose.screen.candidate import candidates
     from idic.run.diagnosis.diagnose import diagnose_run
