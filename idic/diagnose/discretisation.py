@@ -46,10 +46,11 @@ from idic.model.motion_error import MotionError
 
 MAX_NODES_OF_A_PLANE = 40_000  # of the finer mesh; of a solid as many as an identification spends on its error
 MAX_BRICK_NODES = 6_000  # of half the thickness
-MIN_DROP = 25.0  # of chi-square by bricks, and rise by an error that the recording contradicts: five std
+MIN_DROP = 25.0  # of chi-square by bricks: five standard deviations
 MIN_DROP_SHARE = 0.5  # of what free motions and channels explain
 MAX_TURNS, TURNED_STD = 12, 0.1  # of error and parameters; standard deviations of the last step
 MIN_ERROR_CHI2 = 1.0  # on the whole recording, beside the parameters: one standard deviation of any cause
+MAX_RISE = 25.0  # of the chi-square of the recording by an error: five standard deviations
 
 
 def can_be_found(experiment: Experiment) -> bool:
@@ -120,20 +121,17 @@ def _lacking(found: Identification, experiment: Experiment, other: Experiment, l
     return MotionError(u, channels)
 
 
-def error_chi2(residual: ResidualEvidence, error: MotionError) -> float:
-    """Chi-square of an error beside the identified parameters: the most that it can feign of any cause."""
-    column = error_column(residual, error)
-    return float(score(residual.evidence, null_model(residual.evidence, residual.null), column).own[0])
+def counts(residual: ResidualEvidence, error: MotionError) -> bool:
+    """Whether an error changes chi-square by more than one beside the identified parameters, which is the most that it
+    can feign of any cause, and does not raise that of the recording.
 
-
-def is_contradicted(residual: ResidualEvidence, error: MotionError) -> bool:
-    """Whether the residual grows by an added error, beside the parameters, by more than five standard deviations.
-
-    A virtual test on the mesh of its own model has no such error. Where a cause is still unknown, the sign is one of
-    chance; it is asked again for every model that a cause has joined.
+    A virtual test on the mesh of its own model has no such error, and its chi-square rises by five standard deviations
+    or more. Where a cause is still unknown, the sign is one of chance; it is asked again for every model that a cause
+    has joined.
     """
     found = score(residual.evidence, null_model(residual.evidence, residual.null), error_column(residual, error))
-    return float(found.own[0] - 2.0 * found.U[0]) > MIN_DROP
+    chi2, rise = float(found.own[0]), float(found.own[0] - 2.0 * found.U[0])
+    return chi2 >= MIN_ERROR_CHI2 and rise <= MAX_RISE
 
 
 def error_column(residual: ResidualEvidence, error: MotionError) -> Columns:
@@ -146,10 +144,7 @@ def error_column(residual: ResidualEvidence, error: MotionError) -> Columns:
 def with_error(source: ExperimentSource, found: Identification) -> tuple[ExperimentSource, Identification]:
     """The source and the identification with the error of the mesh added, where it matters; as they are elsewhere."""
     error = motion_error(found)
-    if error is None:
-        return source, found
-    residual = residual_evidence(found, light=False)
-    if error_chi2(residual, error) < MIN_ERROR_CHI2 or is_contradicted(residual, error):
+    if error is None or not counts(residual_evidence(found, light=False), error):
         return source, found
     return _knowing(source, found, error)
 
@@ -215,7 +210,7 @@ def change_matters(residual: ResidualEvidence, old: MotionError | None, new: Mot
     """Whether the present error of a model differs from the added one by more than noise, and the recording does not
     contradict the difference; residual : of the model."""
     change = new if old is None else MotionError(new.u - old.u, new.channels - old.channels)
-    return error_chi2(residual, change) >= MIN_ERROR_CHI2 and not is_contradicted(residual, change)
+    return counts(residual, change)
 
 
 def _at(found: Identification, experiment: Experiment, values: dict[str, float]) -> Identification:

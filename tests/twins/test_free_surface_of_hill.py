@@ -16,7 +16,7 @@ from idic.run.in_memory.preparation import prepare
 
 pytestmark = pytest.mark.slow  # simulates the test
 WEIGHTS = [f"sheet.{name}" for name in surface_weights(6)]
-DRAWS = 3  # of the noise of images and forces, after the one that is identified
+DRAWS = 3  # further draws of image and force noise; each is evaluated by one linearised step
 
 
 def test_weights_for_the_visited_stresses_meet_hills_surface_within_half_a_percent():

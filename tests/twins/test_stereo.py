@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from pinhole_twin import scores
 from scipy.spatial.transform import Rotation
+from wrong_calibration import write_wrongly_calibrated
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "diagnose"))
 from side_twins import screening  # noqa: E402
@@ -183,25 +184,11 @@ def test_what_a_rig_leaves_open_is_said_before_the_run(folder, free, open_ones):
 def test_errors_of_the_calibration_come_back_with_its_deviations(tmp_path):
     """The file says 0.1 degrees more between the cameras and 0.3 % more focal length; its deviations are of that
     size."""
-    test = plate_test(REDUCED)
-    left, right = test.rig.cameras
-    turn = Rotation.from_rotvec([0.0, np.deg2rad(0.1), 0.0]).as_matrix()
-    between = right.rotation @ left.rotation.T  # turned alone: the distance between the cameras is as the file says
-    translation = right.translation_mm - between @ left.translation_mm + turn @ between @ left.translation_mm
-    believed = replace(test.rig, cameras=(
-        replace(left, fx=1.003 * left.fx, fy=1.003 * left.fy),
-        replace(right, fx=1.003 * right.fx, fy=1.003 * right.fy, rotation=turn @ right.rotation,
-                translation_mm=translation)))
-    stated = {f"{number}.{name}": 0.003 * left.fx for number in (0, 1) for name in ("fx", "fy")} | {"1.rotation_y": 0.1}
-    file = write_plate(tmp_path, test, believed=believed, deviations=stated)
-    file.write_text(file.read_text().replace('calibration = "calibration.json"',
-                                             'calibration = "calibration.json"\nidentify_calibration = true'))
+    file, true = write_wrongly_calibrated(tmp_path)
     found = identify(load_experiment(file)).result
-    true = TRUTH | {"left.fx": left.fx, "left.fy": left.fy, "right.fx": right.fx, "right.fy": right.fy,
-                    "right.rotation_y": -0.1}
     assert found["status"] == "converged"
     assert max(abs(score) for score in scores(found, true).values()) < 2.0
-    assert found["parameters"]["left.fx"]["std_noise"] < 0.3 * 0.003 * left.fx  # the images say more than the file
+    assert found["parameters"]["left.fx"]["std_noise"] < 0.3 * 0.003 * true["left.fx"]  # images add to the file
     assert found["parameters"]["right.rotation_y"]["std_noise"] < 0.1 * 0.1
 
 

@@ -6,33 +6,21 @@ import numpy as np
 import pytest
 import tifffile
 from pinhole_twin import scores
-from scipy.spatial.transform import Rotation
 from stereo_draws import build_repeats, draw, integrated
+from wrong_calibration import write_wrongly_calibrated
 
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
-from idic.virtual_tests.stereo.plate import REDUCED, TRUTH, plate_test, write_plate
+from idic.virtual_tests.stereo.plate import REDUCED, plate_test
 
 pytestmark = pytest.mark.slow  # half a minute of processor time each
 N = 30
 
 
 def written(folder, glossy=False):
-    """Images by ray tracing; the file says 0.1 degrees more between the cameras and 0.3 % more focal length."""
-    test = plate_test(REDUCED)
-    left, right = test.rig.cameras
-    turn = Rotation.from_rotvec([0.0, np.deg2rad(0.1), 0.0]).as_matrix()
-    between = right.rotation @ left.rotation.T
-    translation = right.translation_mm - between @ left.translation_mm + turn @ between @ left.translation_mm
-    believed = replace(test.rig, cameras=(
-        replace(left, fx=1.003 * left.fx, fy=1.003 * left.fy),
-        replace(right, fx=1.003 * right.fx, fy=1.003 * right.fy, rotation=turn @ right.rotation,
-                translation_mm=translation)))
-    stated = {f"{number}.{name}": 0.003 * left.fx for number in (0, 1) for name in ("fx", "fy")} | {"1.rotation_y": 0.1}
-    file = write_plate(folder, test, believed=believed, deviations=stated)
-    file.write_text(file.read_text().replace('calibration = "calibration.json"',
-                                             'calibration = "calibration.json"\nidentify_calibration = true')
-                    .replace('name = "right"', 'name = "right"\ntexture = "left"'))
+    """The experiment.toml of `write_wrongly_calibrated` with one texture, and its truth."""
+    file, true = write_wrongly_calibrated(folder)
+    file.write_text(file.read_text().replace('name = "right"', 'name = "right"\ntexture = "left"'))
     if glossy:  # of the right camera alone: its light comes from elsewhere
         ny, nx = REDUCED.shape
         row, column = np.mgrid[:ny, :nx]
@@ -40,8 +28,7 @@ def written(folder, glossy=False):
         for path in sorted((folder / "right").glob("*.tif")):
             image = tifffile.imread(path)
             tifffile.imwrite(path, np.clip(image + spot, 0, 255).round().astype(image.dtype))
-    return file, TRUTH | {"left.fx": left.fx, "left.fy": left.fy, "right.fx": right.fx, "right.fy": right.fy,
-                          "right.rotation_y": -0.1}
+    return file, true
 
 
 @pytest.mark.parametrize("glossy", [False, True])

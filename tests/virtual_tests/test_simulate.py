@@ -125,3 +125,19 @@ def test_the_new_log_is_in_the_units_of_its_columns(tmp_path):
         force = again.channels[0].values
         stiffness = 70e3 * 2.0 * 4.0 / 3.0  # N/mm, of the block without its clamps: within 20 % of it
         assert force[-1] == pytest.approx(stiffness * drives[0].values[-1], rel=0.2)
+
+
+def test_a_law_with_a_memory_is_integrated_finely_unless_increments_are_given(tmp_path):
+    """Forces over one increment per frame are wrong where the law depends on the rate: the model would seem wrong."""
+    material = {"law": "viscoplastic", "E": 2000.0, "nu": 0.35, "eta": 40.0, "m": 4.0, "hardening_modulus": 50.0,
+                "yield_stress": {"value": 3.0, "unit": "MPa", "identify": True}}
+    folder = write_experiment(tmp_path / "test")
+
+    def force(name, **options):
+        overrides = {"material.SPECIMEN": material} | {f"options.{key}": value for key, value in options.items()}
+        path = simulate(folder, tmp_path / name, overrides)  # one seed: the same noise of the force
+        return np.genfromtxt(path.parent / "loads.csv", delimiter=",", names=True)["force_kN"]
+
+    fine, coarse, chosen = force("fine", substeps=128), force("coarse", substeps=1), force("chosen")
+    assert np.abs(chosen - fine).max() < 0.1 * np.abs(coarse - fine).max()
+    assert np.abs(coarse - fine).max() > 0.02 * np.ptp(fine)

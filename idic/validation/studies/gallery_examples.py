@@ -27,7 +27,6 @@ PLATE = (28.0, 16.0, 3.0)  # mm: length, width, radius of the hole
 DIVISIONS = (3, 4, 2)
 BULGE_NOISE = 0.01  # of the roughness
 STRIP_NOISE_GV = 0.3
-TRUE_INCREMENTS = 32  # per frame, of the virtual tests of the plate
 
 PLAN_TOML = Template("""\
 [experiment]
@@ -170,15 +169,12 @@ def _two_speeds(folder: Path) -> list[Path]:
 
 def _simulated(folder: Path, name: str, title: str, model: str, channel: str, frames: int, seconds: float, grip: float,
                seed: int) -> Path:
-    """A planned test of the plate, simulated on the mesh of the identification in finer increments."""
+    """A planned test of the plate, simulated on the mesh of the identification."""
     plan = folder / PLAN / name
     plan.mkdir(parents=True)
     write_inp(strip_with_hole(*PLATE, "quad8", *DIVISIONS), plan / "mesh.inp", title)
     (plan / "experiment.toml").write_text(PLAN_TOML.substitute(
         title=title, model=model, channel=channel, frames=frames, seconds=seconds, grip=grip), encoding="utf-8")
-    file = simulate(plan, folder / name, {"options.substeps": TRUE_INCREMENTS}, seed=seed)
-    text = file.read_text(encoding="utf-8")
-    file.write_text(text.replace(f"substeps = {TRUE_INCREMENTS}\n", ""), encoding="utf-8")
-    return folder / name
+    return simulate(plan, folder / name, seed=seed).parent
 
 
