@@ -53,6 +53,8 @@ SCHEMA = "idic.result/1"
 MIN_IMITATED_CORRELATION = 0.95  # of an undetermined parameter with its partners; below, the noise hides its effect
 MESH_COUNTED = ("the error by the mesh was estimated by a simulation on a finer one; std counts it (mesh_bias, a part "
                 "of std_model)")
+MESH_CONTRADICTED = ("a simulation on a finer mesh leaves a residual that the recording does not show: std does not "
+                     "count the error by the mesh")
 MESH_NOT_COUNTED = "std does not count the error by the mesh; idic systematic estimates it (discretisation_bias)"
 STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
 
@@ -107,7 +109,8 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
             result["notes"] += channel_noise_notes(experiment, analysis.channels)
         if experiment.solver is None and (is_raised_by_default(experiment.mesh) or (
                 experiment.n_dim == 3 and (can_raise_order(experiment.mesh) or can_halve(experiment.mesh)))):
-            result["notes"].append(MESH_COUNTED if analysis.mesh_bias is not None else MESH_NOT_COUNTED)
+            result["notes"].append(MESH_COUNTED if analysis.mesh_bias is not None else MESH_CONTRADICTED
+                                   if analysis.mesh_contradicted else MESH_NOT_COUNTED)
     for p in parameters.values():
         entry = _parameter_entry(p, experiment.parameters, analysis)
         bias = time_bias(experiment, state.increments).get(p.name)
@@ -160,7 +163,8 @@ class Analysis:
             self.variances = estimate(discrepancy, self.found.inverse, self.scaled.slopes, self.scaled.b)
             self.of_model = self.found.inverse @ self.variances.covariance @ self.found.inverse
         known = None if isinstance(discrepancy, str) else discrepancy.mesh_error
-        own = None if known is None else self.scaled.slopes * known[:len(self.names)]
+        self.mesh_contradicted = known is not None and not self.variances.mesh
+        own = None if known is None or self.mesh_contradicted else self.scaled.slopes * known[:len(self.names)]
         self.mesh_bias = None if own is None else self.found.inverse @ own  # (n,) scaled
         self.covariance = self.of_noise if self.of_model is None else self.of_noise + self.of_model
         self.share = undetermined_share(self.found)

@@ -183,6 +183,25 @@ def test_a_known_error_of_the_mesh_is_no_discrepancy_and_counts_with_its_size():
     assert np.mean(inside) > 0.9  # 120 intervals
 
 
+@pytest.mark.parametrize("size, counts", [(0.5, False), (0.01, True)])
+def test_an_error_of_the_mesh_that_the_recording_contradicts_is_not_counted(size, counts):
+    """The data hold noise alone; an error that noise hides cannot be contradicted and stays counted."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        J = rng.standard_normal((ROWS, N + Q))
+        mesh, M = size * (J @ rng.standard_normal(N + Q) + rng.standard_normal(ROWS)), J.T @ J
+        P = np.linalg.inv(M[:N, :N])
+        data = rng.standard_normal(ROWS)
+        system = DiscrepancySystem(("a", "b", "c"), M, J.T @ data - M[:, :N] @ (P @ (J.T @ data)[:N]), M,
+                                   (Component("motion", np.eye(Q)),), {"motion": 1.0}, None, J.T @ mesh)
+        variances = estimate(system, P, np.ones(N), system.b[:N])
+        beta = P @ (J.T @ mesh)[:N]
+        added = P @ variances.covariance @ P
+        assert variances.mesh is counts
+        if not variances.significant:
+            np.testing.assert_allclose(added, np.outer(beta, beta) if counts else 0.0, atol=1e-12)
+
+
 def test_noise_alone_is_rarely_taken_for_a_discrepancy():
     rng = np.random.default_rng(2)
     alarms = 0

@@ -13,12 +13,12 @@ whole. They add
 to the covariance of b. All v >= 0; none is left where noise alone has the likelihood of the smooth fields (Self and
 Liang 1987, doi:10.1080/01621459.1987.10478472; Patterson and Thompson 1971, doi:10.1093/biomet/58.3.545), and no rough
 part where the smooth fields alone have its likelihood. The error m of b by a coarse mesh adds m m^T (14.7); what it
-leaves in z is known, and no discrepancy (14.8).
+leaves in z is known, and no discrepancy (14.8), unless the recording contradicts it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -31,6 +31,7 @@ MIN_LIKELIHOOD_RATIO = 6.0  # twice the gain: of smooth fields by noise alone in
 # of the largest eigenvalue of the noise of z: less is a direction that parameters take but for rounding
 MIN_NOISE_SHARE = 1e-5
 STARTS = (0.01, 1.0)  # of the mean variance of noise
+MAX_CONTRADICTION = 25.0  # twice the log-likelihood that a recording may lose by the error of the mesh: five std
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +39,14 @@ class Variances:
     """The estimate.
 
     std : per component, in its unit, and of the rough part; likelihood_ratio : twice the gain in log-likelihood of the
-    smooth fields over noise alone; covariance : (n, n) Cov_model(b), scaled
+    smooth fields over noise alone; covariance : (n, n) Cov_model(b), scaled; mesh : the error of the mesh is known and
+    counted
     """
 
     std: dict[str, float]
     likelihood_ratio: float
     covariance: np.ndarray
+    mesh: bool = False
 
     @property
     def significant(self) -> bool:
@@ -64,26 +67,25 @@ def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray,
     taken = A @ inverse
     project = np.hstack([-taken * slopes, np.eye(len(A))])  # of noise in internal units
     z = system.b[n:] - taken @ b
-    if system.mesh_error is not None:
-        z = z - (system.mesh_error[n:] - taken @ (slopes * system.mesh_error[:n]))
     noise = project @ system.noise @ project.T
     G = system.M[n:, n:] - taken @ A.T
     white = _whitening(noise)
     fields = _split(white @ G, system)
-    likelihood = _Likelihood(white @ z, tuple(part @ part.T for part in fields))
-    variances, ratio = likelihood.maximum()
-    rough, covariance = 0.0, np.zeros((n, n))
-    if ratio > MIN_LIKELIHOOD_RATIO:
-        several, with_rough = likelihood.with_rough().maximum() if system.may_be_rough else (variances, ratio)
-        if with_rough - ratio > MIN_LIKELIHOOD_RATIO:
-            *variances, rough = several
-        covariance += rough * slopes[:, None] * system.noise[:n, :n] * slopes
-        for v, part in zip(variances, _split(A.T, system), strict=True):
+    parts = tuple(part @ part.T for part in fields)
+    found, mesh = _fit(_Likelihood(white @ z, parts), system.may_be_rough), system.mesh_error is not None
+    if mesh:
+        left = z - (system.mesh_error[n:] - taken @ (slopes * system.mesh_error[:n]))
+        of_finer = _fit(_Likelihood(white @ left, parts), system.may_be_rough)
+        mesh = 2.0 * (of_finer.negative_log - found.negative_log) <= MAX_CONTRADICTION
+        found = of_finer if mesh else found
+    covariance = found.rough * slopes[:, None] * system.noise[:n, :n] * slopes
+    if found.is_significant:
+        for v, part in zip(found.smooth, _split(A.T, system), strict=True):
             covariance += v * part @ part.T
-    if system.mesh_error is not None:
+    if mesh:
         covariance += np.outer(slopes * system.mesh_error[:n], slopes * system.mesh_error[:n])
-    std = {c.name: float(np.sqrt(v)) for c, v in zip(system.components, variances, strict=True)}
-    return Variances(std | {ROUGH: float(np.sqrt(rough))}, ratio, covariance)
+    std = {c.name: float(np.sqrt(v)) for c, v in zip(system.components, found.smooth, strict=True)}
+    return Variances(std | {ROUGH: float(np.sqrt(found.rough))}, found.ratio, covariance, mesh)
 
 
 def _split(columns: np.ndarray, system: DiscrepancySystem) -> list[np.ndarray]:
@@ -102,6 +104,34 @@ def _whitening(noise: np.ndarray) -> np.ndarray:
     return (vectors[:, keep] / np.sqrt(values[keep])).T * scale
 
 
+@dataclass(frozen=True)
+class _Fit:
+    """Variances of the smooth fields and of the rough part, twice the gain of the smooth fields in log-likelihood over
+    noise alone, and the negative log-likelihood with what is significant."""
+
+    smooth: tuple[float, ...]
+    rough: float
+    ratio: float
+    negative_log: float
+
+    @property
+    def is_significant(self) -> bool:
+        return self.ratio > MIN_LIKELIHOOD_RATIO
+
+
+def _fit(likelihood: _Likelihood, may_be_rough: bool) -> _Fit:
+    """Smooth fields, and a rough part where they are significant and it is significant beside them."""
+    smooth, ratio, lowest = likelihood.maximum()
+    found = _Fit(tuple(smooth), 0.0, ratio, lowest)
+    if not found.is_significant:
+        return replace(found, negative_log=lowest + 0.5 * ratio)
+    if may_be_rough:
+        (*several, rough), with_rough, lower = likelihood.with_rough().maximum()
+        if with_rough - ratio > MIN_LIKELIHOOD_RATIO:
+            return _Fit(tuple(several), float(rough), ratio, lower)
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class _Likelihood:
     """Of white z (m,) with covariance 1 + sum_c v_c parts_c."""
@@ -113,8 +143,8 @@ class _Likelihood:
         """A further part that is as the noise is."""
         return _Likelihood(self.z, (*self.parts, np.eye(len(self.z))))
 
-    def maximum(self) -> tuple[np.ndarray, float]:
-        """Variances (>= 0) of the largest likelihood, and twice its logarithm's gain over none."""
+    def maximum(self) -> tuple[np.ndarray, float, float]:
+        """Variances (>= 0) of the largest likelihood, twice its logarithm's gain over none, its negative logarithm."""
         scale = np.array([len(self.z) / max(np.trace(part), 1e-300) for part in self.parts])
         nothing = self._negative_log(np.zeros(len(self.parts)))[0]
         best, lowest = np.zeros(len(self.parts)), nothing
@@ -128,7 +158,7 @@ class _Likelihood:
                              bounds=[(0.0, None)] * len(self.parts))
             if found.fun < lowest:
                 best, lowest = found.x * scale, float(found.fun)
-        return best, 2.0 * (nothing - lowest)
+        return best, 2.0 * (nothing - lowest), lowest
 
     def _negative_log(self, variances: np.ndarray) -> tuple[float, np.ndarray]:
         """Negative logarithm of the likelihood and its derivatives."""
