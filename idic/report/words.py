@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from math import floor, isfinite, log10
 
@@ -179,17 +180,30 @@ def undetermined(result: Mapping) -> str:
     """What could not be determined and why, in one sentence; empty if there is nothing to say."""
     names, reasons = short_names(result["parameters"]) | derived_names(result), {}
     listed = result.get("not_identifiable", ())
-    for item in listed:
-        if not is_mode(item["name"]):
-            reasons.setdefault(item["reason"], []).append(names.get(item["name"], item["name"]))
+    for name, reason in _together(listed).items():
+        if not is_mode(name):
+            reasons.setdefault(reason, []).append(names.get(name, name))
     modes = in_words([item["name"] for item in listed if is_mode(item["name"])], result["parameters"])
     if modes:
-        reasons[MODES_OPEN] = modes
+        reasons[MODES_OPEN, frozenset()] = modes
     if hardly := hardly_determined(result):
         reasons["the 95 % interval reaches zero: the error of the model decides the value; fix it at a known value, "
-                "or add a test that depends on it"] = [names[name] for name in hardly]
-    items = [f"{', '.join(group)} ({reason})" for reason, group in reasons.items()]
+                "or add a test that depends on it", frozenset()] = [names[name] for name in hardly]
+    items = [f"{', '.join(group)} ({reason})" for (reason, _), group in reasons.items()]
     return f"Not determined by this test: {'; '.join(items)}." if items else ""
+
+
+def _together(listed: Sequence[Mapping]) -> dict[str, tuple[str, frozenset]]:
+    """Reason of every open parameter, and the group that it is said of: one reason where each imitates the others."""
+    groups = {item["name"]: frozenset((item["name"], *item["together_with"])) for item in listed}
+    found = {}
+    for item in listed:
+        name, reason = item["name"], item["reason"]
+        alike = re.fullmatch(r"cannot be told apart from .*: (correlation [0-9.]+)", reason)
+        if alike and all(groups.get(other) == groups[name] for other in groups[name]):
+            reason = f"cannot be told apart from each other: {alike[1]}"
+        found[name] = (reason, groups[name] if alike else frozenset())
+    return found
 
 
 def hardly_determined(result: Mapping) -> list[str]:

@@ -134,3 +134,17 @@ def test_the_parts_of_a_discrepancy_are_named_where_they_are_not_zero():
     text = words.discrepancy({"discrepancy": found})
     assert "log-likelihood: 1749; smooth motion of about 0.0077 px, smooth stress of about 0.46 %, finer" in text
     assert "finer motion 3 times the noise)" in text and "channel" not in text
+
+
+def test_parameters_that_imitate_each_other_are_named_once():
+    def reason(*others):
+        return f"cannot be told apart from {', '.join(others)}{' together' if others[1:] else ''}: correlation 1.000"
+
+    names = ("s.E", "s.H", "t")
+    listed = [{"name": name, "reason": reason(*(n for n in names if n != name)),
+               "together_with": [n for n in names if n != name]} for name in names]
+    listed.append({"name": "c.tilt", "reason": reason("s.E"), "together_with": ["s.E"]})  # s.E does not name it
+    result = {"parameters": {n: {"value": 1.0, "std": None} for n in (*names, "c.tilt")}, "not_identifiable": listed}
+    said = words.undetermined(result)
+    assert said.count("cannot be told apart from each other: correlation 1.000") == 1
+    assert said.count("cannot be told apart from s.E: correlation 1.000") == 1
