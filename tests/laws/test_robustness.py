@@ -94,7 +94,8 @@ def test_at_its_null_value_a_parameter_has_no_effect(extra, expected, rng):
         np.testing.assert_allclose(P, P_linear, atol=1e-9)
 
 
-@pytest.mark.parametrize("derivative", ["auto", "complex_step"])
+# the complex step takes the same stress and is compiled anew
+@pytest.mark.parametrize("derivative", ["auto", pytest.param("complex_step", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("law", "params", "simpler", "same"), [
     ("j2_swift", [70e3, 0.3, 200.0, 0.01, 0.0], "j2_linear", [70e3, 0.3, 200.0, 0.0]),
     ("j2_swift", [70e3, 0.3, np.inf, 0.01, 0.2], "j2_linear", [70e3, 0.3, np.inf, 0.0]),

@@ -14,6 +14,10 @@ from idic.report import tables, words
 from idic.report.figures import charts, maps, matrices
 from idic.report.page import _derived_rows, draw_sections, render_page
 
+BARE = dict(history=(), M=None, reference=None, nodes_px=None, cells=(), times=None, rms_before=None, rms_after=None,
+            channels=(), fields=None, sensitivities=None, residuals=None, notes=(), views=(), free=None, curves=(),
+            practice=None)
+
 
 @pytest.fixture
 def record():
@@ -229,35 +233,16 @@ def test_the_table_of_good_practice_lists_unknown_entries():
 
 
 def test_the_curve_of_a_law_with_an_open_parameter_is_not_drawn():
-    bare = dict(fields=None, sensitivities=None, residuals=None, views=(), free=None, history=())
-    sections = draw_sections(make_record(curves=(make_curve(missing=("sheet.E",)),), **bare))
-    law = next(s for s in sections if s.anchor == "law")
+    curves = (make_curve(missing=("sheet.E",)),)
+    law = next(s for s in draw_sections(make_record(**BARE | {"curves": curves})) if s.anchor == "law")
     assert not law.pictures and "does not determine sheet.E" in law.text
-    drawn = next(s for s in draw_sections(make_record(**bare)) if s.anchor == "law")
+    curves = make_record().curves
+    drawn = next(s for s in draw_sections(make_record(**BARE | {"curves": curves})) if s.anchor == "law")
     assert "± 0.51 MPa" in drawn.pictures[0].caption  # 1.96 * 0.001 * (200 + 2000 * 0.03)
 
 
 def test_every_optional_part_may_be_missing():
-    bare = make_record(
-        history=(),
-        M=None,
-        reference=None,
-        nodes_px=None,
-        cells=(),
-        times=None,
-        rms_before=None,
-        rms_after=None,
-        channels=(),
-        fields=None,
-        sensitivities=None,
-        residuals=None,
-        notes=(),
-        views=(),
-        free=None,
-        curves=(),
-        practice=None,
-    )
-    page = render_page(bare)
+    page = render_page(make_record(**BARE))
     assert "E = 70.012" in page
     images_only = make_record(channels=(), rms_before=None, reference=None, views=(), free=None, curves=())
     assert len(render_page(images_only)) > 100_000  # still with maps in it

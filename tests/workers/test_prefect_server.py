@@ -5,10 +5,13 @@ import http.client
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import textwrap
 import time
+from contextlib import closing
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import psutil
@@ -21,9 +24,20 @@ from idic.workers.prefect_server import PASSWORD, configured_url, start_server
 
 
 @pytest.fixture(scope="module")
-def cache(tmp_path_factory):
-    """A cache folder of its own, so that the tests leave the user's database alone (creating one takes seconds)."""
-    return tmp_path_factory.mktemp("cache")
+def cache(tmp_path_factory, _session_server):
+    """A cache folder of its own, so that the tests leave the user's database alone. Creating one takes 9 s of CPU time:
+    the database is a copy of that of the server that other tests share, whose first start has created it."""
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
+            patch.setenv(name, str(folder))
+        patch.setenv("HOME", str(folder))
+        home = prefect_server._default_home()
+    home.mkdir(parents=True)
+    with (closing(sqlite3.connect(Path(_session_server["PREFECT_HOME"]) / "prefect.db")) as source,
+          closing(sqlite3.connect(home / "prefect.db")) as copy):
+        source.backup(copy)
+    return folder
 
 
 @pytest.fixture
@@ -85,7 +99,7 @@ def test_every_server_has_a_password_of_its_own(unconfigured):
     assert len(set(passwords)) == 2
 
 
-def test_an_error_inside_a_flow_is_said_once_and_by_us(unconfigured):
+def test_an_error_inside_a_flow_is_said_once_and_by_us(shared_server):
     code = """
         from idic.workers.prefect_server import start_server
         from idic.errors import InputError
