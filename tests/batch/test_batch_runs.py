@@ -36,8 +36,10 @@ def finish(process: subprocess.Popen) -> tuple[int, str]:
 
 
 def test_one_that_fails_does_not_stop_the_rest_and_the_command_says_3(strips, tmp_path):
-    code, said = finish(idic("batch", strips / "broken", strips / "strip", "--out", tmp_path / "out", "--workers", 0,
-                             "--set", "options.max_iterations=1"))
+    words = ["batch", strips / "broken", strips / "strip", "--out", tmp_path / "out", "--workers", 0,
+             "--set", "options.max_iterations=1"]
+    answer = CliRunner(env={"COLUMNS": "140"}).invoke(app, [str(word) for word in words])
+    code, said = answer.exit_code, answer.output
     assert code == 3, said
     assert "0 of 2 runs converged; 1 bad input, 1 max iterations." in said and "Traceback" not in said
     broken, strip = json.loads((tmp_path / "out" / "batch.json").read_text())["runs"]

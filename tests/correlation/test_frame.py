@@ -225,7 +225,7 @@ def test_the_residual_map_is_the_pixelwise_residual(texture):
     assert reference.pixel_map.to_image(found.r).shape == SHAPE
 
 
-@pytest.mark.parametrize("degree", [3, 5])
+@pytest.mark.parametrize("degree", [3, pytest.param(5, marks=pytest.mark.slow)])  # the same map by another spline
 def test_pure_noise_has_chi2_one(degree):
     """r^2 / [sigma^2 (1 + w^2)] averages to 1 whatever the sub-pixel position; r^2 / (2 sigma^2) would not."""
     rng, shape, sigma = np.random.default_rng(0), (300, 400), 2.0

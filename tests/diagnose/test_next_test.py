@@ -128,7 +128,8 @@ def test_the_least_effort_that_suffices_is_recommended():
     assert recommended([]) is None
 
 
-@pytest.mark.parametrize("motion", ['"measured"', '{ virtual = "bspline", modes = 2, time_modes = 3 }'])
+@pytest.mark.parametrize("motion", [pytest.param('"measured"', marks=pytest.mark.slow),
+                                    '{ virtual = "bspline", modes = 2, time_modes = 3 }'])
 def test_a_test_whose_edges_are_known_from_images_alone_is_not_continued(tmp_path, motion):
     """The pulled grip is logged, the other one is not: its motion in images never taken is nobody's."""
     toml = TOML.replace("ux = 0.0\nuy = 0.0", f"ux = {motion}\nuy = {motion}", 1)

@@ -60,7 +60,7 @@ def test_independent_noise_is_mostly_left_alone():
     assert np.mean(wrong) < 0.2
 
 
-@pytest.mark.parametrize("correlation", [0.5, 0.9])
+@pytest.mark.parametrize("correlation", [pytest.param(0.5, marks=pytest.mark.slow), 0.9])
 def test_a_standard_deviation_that_nobody_states_is_found(correlation):
     """Third differences show 0.62 and 0.25 of it."""
     rng = np.random.default_rng(3)

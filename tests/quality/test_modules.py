@@ -9,6 +9,8 @@ import re
 from importlib.util import find_spec
 from pathlib import Path
 
+from quality.called import called
+
 ROOT = Path(__file__).parents[2]
 MODULES = [".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
            for file in sorted((ROOT / "idic").rglob("*.py")) if file.name not in ("__main__.py", "guard.py")]
@@ -41,7 +43,7 @@ def test_every_file_of_tests_that_is_started_first_exists():
 def without_remedy(text: str) -> list[int]:
     """Lines in which an `InputError` is made that does not say what to do."""
     calls = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)
-             and ast.unparse(node.func) == "InputError"]
+             and called(node) == "InputError"]
     return [call.lineno for call in calls if not {word.arg for word in call.keywords} & {"remedy", None}]
 
 

@@ -42,7 +42,7 @@ def placed(angle: float, holes, view=(0.0, HEIGHT), near=None):
     return fitted_placement(edges(holes), points, loops, PITCH, near or Placement(np.full(2, np.nan), 0.0, 0.0))
 
 
-@pytest.mark.parametrize("degrees", [31.0, 170.0])
+@pytest.mark.parametrize("degrees", [pytest.param(31.0, marks=pytest.mark.slow), 170.0])
 def test_a_plate_with_a_hole_beside_its_middle_is_found_wherever_it_lies(degrees):
     found, others = placed(np.radians(degrees), [[8.0, 18.0, 4.0]])
     np.testing.assert_allclose(found.origin, ORIGIN, atol=0.5 * PITCH)  # a grid shows an edge to half a distance

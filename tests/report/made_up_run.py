@@ -61,7 +61,7 @@ def make_result(status="converged", chi2=1.004, not_identifiable=()):
             "matrix": [[1, 0.2, -0.1, 0.05], [0.2, 1, 0.1, -0.3], [-0.1, 0.1, 1, -0.83], [0.05, -0.3, -0.83, 1]],
         },
         "eigenvalues": [],
-        "not_identifiable": [{"name": n, "reason": r} for n, r in not_identifiable],
+        "not_identifiable": [{"name": n, "reason": r, "together_with": []} for n, r in not_identifiable],
         "frames": [
             {"frame": k, "label": f"frame_{k:03d}.tif", "status": "ok", "rms_gv": rms, "chi2_dof": chi2}
             for k in range(20)

@@ -12,14 +12,14 @@ needs_browser = pytest.mark.skipif(find_browser() is None, reason="no Chromium o
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory):
+def page(sections, tmp_path_factory):
     reason = "a reason of some length: no force was measured, stresses have no scale"
     result = make_result(not_identifiable=[("sheet.E", reason)])
     result["parameters"]["sheet.a_parameter_with_a_very_long_name_that_does_not_fit"] = dict(
         result["parameters"]["sheet.nu"], value=123456.789)
     file = tmp_path_factory.mktemp("page") / "report.html"
     long = "A_title_without_a_place_where_it_could_be_broken_as_file_names_are_" * 2
-    file.write_text(render_page(make_record(result=result, title=long)), encoding="utf-8")
+    file.write_text(render_page(make_record(result=result, title=long), sections), encoding="utf-8")
     return file
 
 

@@ -158,9 +158,9 @@ def test_a_bad_value_has_no_green_chip():
 
 
 @needs_browser
-def test_a_table_wider_than_the_screen_says_so_and_a_chart_fits(tmp_path):
+def test_a_table_wider_than_the_screen_says_so_and_a_chart_fits(sections, tmp_path):
     file = tmp_path / "report.html"
-    file.write_text(render_page(make_record()), encoding="utf-8")
+    file.write_text(render_page(make_record(), sections), encoding="utf-8")
     count = """(() => { const seen = (what) => [...document.querySelectorAll(what)].filter(e => e.offsetHeight > 0);
         const wide = (what) => seen(what).filter(e => e.scrollWidth > e.clientWidth + 2).length;
         const before = [seen(".hint").length, wide(".scroll"), wide("figure > .card"),

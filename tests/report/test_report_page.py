@@ -45,8 +45,7 @@ class Checker(HTMLParser):
         assert self.open.pop() == tag
 
 
-def test_the_page_is_one_self_contained_well_formed_file(record):
-    sections = draw_sections(record)
+def test_the_page_is_one_self_contained_well_formed_file(record, sections):
     page = render_page(record, sections)
     checker = Checker()
     checker.feed(page)

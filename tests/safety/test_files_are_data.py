@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import zarr
 from PIL import Image
+from quality.called import called
 
 from idic.errors import InputError
 from idic.readers.images import open_stack
@@ -66,12 +67,12 @@ def _offences(file):
 
 def _bad_call(node):
     """What is called in this node that must not be."""
-    called = ast.unparse(node.func)
+    name = called(node)
     shell = any(word.arg == "shell" for word in node.keywords)
     pickles = any(word.arg == "allow_pickle" and ast.unparse(word.value) != "False" for word in node.keywords)
-    plain = called in ("np.load", "numpy.load") and any(
+    plain = name in ("np.load", "numpy.load") and any(
         word.arg == "allow_pickle" and ast.unparse(word.value) == "False" for word in node.keywords)
-    bad = (called in BAD_CALLS and not plain) or called.startswith("os.exec")
+    bad = (name in BAD_CALLS and not plain) or name.startswith("os.exec")
     return [ast.unparse(node)] if bad or shell or pickles else []
 
 

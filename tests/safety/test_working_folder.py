@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from virtual_tests.small_strip import write_small_strip
 
 from idic.virtual_tests.examples import write_example
 from idic.workers import working_folder
@@ -41,7 +42,7 @@ def test_the_folder_would_do_harm(hostile_folder, code, mark):
 
 def test_a_command_obeys_no_file_of_its_working_folder(hostile_folder, tmp_path):
     folder, marks = hostile_folder
-    write_example("demo", tmp_path / "test", reduced=True)
+    write_small_strip(tmp_path / "test")
     relative = os.path.relpath(tmp_path / "test", folder)
     answer = start(folder, "-m", "idic", "check", relative, "--out", "mesh.png")
     assert answer.returncode == 0, answer.stderr

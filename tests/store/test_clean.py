@@ -16,10 +16,13 @@ from idic.store.run_lock import RunBusy, run_lock
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
+    """Its report is a page and a table of one line: a whole one takes 5 s and comes with the slow test."""
     folder = tmp_path_factory.mktemp("clean")
     identify_experiment(write_experiment(folder / "test"), folder / "run", overrides={"options.max_iterations": 1})
-    write_report(folder / "run")
-    (folder / "run" / "figures" / "where.png").write_bytes(b"of a diagnosis")
+    for name in ("report.html", "tables/frames.csv", "figures/where.png"):
+        file = folder / "run" / name
+        file.parent.mkdir(exist_ok=True)
+        file.write_bytes(b"of a diagnosis")
     (folder / "run" / "diagnosis.json").write_text(json.dumps({"mismatch": {"figure": "figures/where.png"}}))
     return folder / "run"
 
@@ -37,6 +40,7 @@ def test_a_run_at_work_is_left_alone(run):
 
 @pytest.mark.slow  # a report
 def test_pictures_go_and_come_back_with_the_report_and_results_stay(run):
+    write_report(run)
     before = contents(run)
     size = sum(len(data) for data in before.values())
     answer = CliRunner().invoke(app, ["clean", str(run)])
