@@ -9,7 +9,9 @@ from twin_bodies import PIXEL
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, judged, solved, write_folder
 
 from idic.images.camera import Camera
+from idic.report.record import FreeFields
 from idic.report.words import left_out, not_explained
+from idic.run.judgement.free import free_summary
 
 WHOLE = ELASTIC + GRIPS + FORCE
 SURE = 4.0  # standard deviations: one draw of noise, some ten parameters looked at; 4 is passed once in 16 000
@@ -208,3 +210,11 @@ def test_a_logged_motion_with_an_offset_from_play_in_the_grips_is_corrected(clea
     state, result = solved(path)
     assert state.status == "converged"
     assert_true(result, BODY | {"boundary.RIGHT.x.offset": -0.015})
+
+
+def test_a_lost_frame_is_not_compared_with_a_free_motion():
+    """A black frame has χ² 8924 for the model and, of no pixel, 0 for any motion."""
+    free = FreeFields((3, 6, 9), np.zeros((3, 4, 2)), np.zeros((3, 5, 5)), np.array([1.01, 0.0, 1.03]), 1.0)
+    assert free_summary(free, {3: 1.02, 9: 1.04}) == {"frames": [3, 9], "chi2_dof": pytest.approx(1.02),
+                                                      "model_chi2_dof": pytest.approx(1.03)}
+    assert free_summary(free, {}) is None and free_summary(None, {3: 1.0}) is None

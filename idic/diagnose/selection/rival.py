@@ -155,12 +155,12 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
         if rival is winner or winner.name in rival.ranked.candidate.limits:
             continue
         alike = rival.refit_failed and screening.separation_chi2(winner.ranked, rival.ranked) < MIN_SEPARATION_CHI2
-        if alike or (rival in near and _within_noise(rival, winner)):
+        if alike or (rival in near and within_noise(rival, winner)):
             equals.append(rival.name)
     return winner, tuple(equals)
 
 
-def _within_noise(rival: Rival, winner: Rival) -> bool:
+def within_noise(rival: Rival, winner: Rival) -> bool:
     """Whether the difference of two refits is within noise, or within the error of time integration and convergence
     for a large drop (creep and an equivalent Maxwell body: 15 108 and 15 120).
     """

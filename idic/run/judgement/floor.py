@@ -23,11 +23,13 @@ MAX_FINDER_NODES = 400  # whose motion in all frames tells which frames are at r
 
 @dataclass(frozen=True)
 class PointJob:
-    """An evaluated point of a RUN; values : of its free parameters, internal units."""
+    """An evaluated point of a RUN; values : of its free parameters, internal units; lost : frames without the pattern
+    of the specimen."""
 
     run: str
     evaluation: int
     values: Mapping[str, float]
+    lost: tuple[int, ...] = ()
 
 
 def measured_floor(job: PointJob, runner: TaskRunner) -> CameraFloor | None:

@@ -61,11 +61,16 @@ def read_free(store: RunStore, evaluation: int) -> FreeMotions | FreeFields | No
 
 
 def free_summary(found: FreeMotions | FreeFields | None, model_chi2: Mapping[int, float]) -> dict | None:
-    """The entry ``residual.free_dic_shown`` of result.json: mean χ² of both over the same frames."""
-    if found is None or not all(k in model_chi2 for k in found.frames):
+    """The entry ``residual.free_dic_shown`` of result.json: mean χ² of both over the same frames.
+
+    model_chi2 : of the frames that show the specimen; the others are left out
+    """
+    free = {} if found is None else {k: float(chi2) for k, chi2 in zip(found.frames, found.chi2_dof, strict=True)
+                                     if k in model_chi2}
+    if not free:
         return None
-    return {"frames": list(found.frames), "chi2_dof": float(np.mean(found.chi2_dof)),
-            "model_chi2_dof": float(np.mean([model_chi2[k] for k in found.frames]))}
+    return {"frames": list(free), "chi2_dof": float(np.mean(list(free.values()))),
+            "model_chi2_dof": float(np.mean([model_chi2[k] for k in free]))}
 
 
 def _free(context: RunContext, evaluation: int, parameters: ParameterSet) -> FreeMotions | None:

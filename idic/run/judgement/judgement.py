@@ -7,7 +7,7 @@ among it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from idic.correlation.view import GREY, view_of
@@ -50,14 +50,14 @@ def judged(job: PointJob, fits: Mapping[int, FrameFit], sums: Sequence[ElementSu
     wanting = (chi2 is not None and chi2 > NOISE_CHI2[1]) or (local is not None and local.is_cluster)
     jobs: dict[str, PointJob | CorrelationJob] = {} if discrepancy is None else {DISCREPANCY: discrepancy}  # longest
     if wanting:
-        jobs[REMEDIES] = job
+        jobs[REMEDIES] = replace(job, lost=tuple(k for k, fit in fits.items() if not fit.n_pixels))
     jobs |= {name: job for name in (FREE, FLOOR)
              if context.store.finished(name, {"evaluation": job.evaluation}) is None}
     made = dict(zip(jobs, runner.map(_do, list(jobs.items()), list(jobs), retries=1), strict=True))  # side by side
     floor, free, tried = measured_floor(job, runner), measured_free(job, runner), made.get(REMEDIES, ())
     return Judgement(
         {"local": None if local is None else asdict(local),
-         "free_dic_shown": free_summary(free, {k: fit.chi2_dof for k, fit in fits.items()})},
+         "free_dic_shown": free_summary(free, {k: fit.chi2_dof for k, fit in fits.items() if fit.n_pixels})},
         {"camera_floor": floor_content(context, floor), "remedies": [asdict(one) for one in tried]}, floor)
 
 
@@ -78,7 +78,7 @@ def tried_remedies(job: PointJob) -> tuple[Remedy, ...]:
     experiment = shared.experiment
     if view_of(experiment, shared.camera).kind != GREY or experiment.points is not None or not experiment.noise.std_gv:
         return ()
-    return try_remedies(experiment, shared.camera, shown_frames(experiment),
+    return try_remedies(experiment, shared.camera, [k for k in shown_frames(experiment) if k not in job.lost],
                         simulated_motion(context, job.evaluation, parameters))
 
 
