@@ -143,7 +143,7 @@ CASES = (
          spoil=free_thickness),
     Case("wrong-law", "The wrong law", "The strip yields, but the model is elastic.",
          (IDENTIFY, ("diagnose", "run", "--workers", "0")), "χ² far above 1; `idic diagnose` names plasticity",
-         "Do not use the error bars of the first run: they count noise only, and the error of the model is larger. "
+         "Do not use the values of the first run: its error bars count the error of the model, and say so. "
          "Continue with the experiment that the diagnosis wrote.", spoil=elastic),
     Case("wrong-scale", "The wrong scale",
          "The pixel size is 10 % too large: the mesh is too small in the image.",
@@ -163,7 +163,7 @@ CASES = (
     Case("grip-slips", "A grip slips",
          "From frame 7 on the logged motion grows by 10 µm per frame more than that of the specimen.",
          (IDENTIFY, ("diagnose", "run", "--workers", "0")),
-         "χ² above 1; `idic diagnose` names the slip, and a time offset that is not there",
+         "χ² above 1; `idic diagnose` names the slip",
          "`corrections = [{ kind = \"slip\", start_s = 6.0 }]` at the boundary, or `ux = \"measured\"`.",
          spoil=slipping),
     Case("torn-image", "A file is damaged", "One image file is truncated.", (CHECK, IDENTIFY),
