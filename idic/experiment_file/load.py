@@ -141,6 +141,7 @@ class ExperimentFolder(RecordedFolder):
         body = Body(mesh, table.kind, table.surface, scale, frames.shape, tuple(motion.prescribed), times)
         warmth, warm_notes = temperatures(self.config, body, context, self.folder, parameters)
         noise, points, noise_notes = self.noise(frames, mesh, scale)
+        stack = frames.stack if points is None else frames.stack.with_components(points.n_components)
         identity, earlier = self.identities(frames)
         return with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
@@ -148,7 +149,7 @@ class ExperimentFolder(RecordedFolder):
             parameters=ParameterSet(parameters,
                                     (*joint_priors(lens, parameters), *smoothness_priors(curves, parameters))),
             prescribed=tuple(motion.prescribed), loads=tuple(motion.loads), channels=tuple(motion.channels),
-            camera=camera, stack=frames.stack, labels=frames.labels, times=times,
+            camera=camera, stack=stack, labels=frames.labels, times=times,
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
             symmetry=table.symmetry, quantity=table.quantity,
             height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0,

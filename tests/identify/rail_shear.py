@@ -59,8 +59,12 @@ def strip(strain: float = 0.004) -> Specimen:
 
 
 def write_stages(folder: Path, specimen: Specimen, ply: dict, angle_deg: float = 0.0, stages: int = 8,
-                 size: float = 0.8, seed: int = 0) -> None:
-    """The folder of stages as an ARAMIS export."""
+                 size: float = 0.8, seed: int = 0, stiffer: float = 1.0, slip: float | None = None) -> None:
+    """The folder of stages as an ARAMIS export.
+
+    stiffer : factor of thickness and stiffness of this specimen; slip : what the grip loses past the middle of the
+    test (mm), where the travel of the machine is a second analog channel
+    """
     rng = np.random.default_rng((26, seed))
     nodes, cells, u, force = solved(specimen, ply, angle_deg, size)
     at = facets(specimen)
@@ -70,13 +74,16 @@ def write_stages(folder: Path, specimen: Specimen, ply: dict, angle_deg: float =
     for k in range(stages):
         share = k / (stages - 1)
         places = np.column_stack([at + share * moved, np.zeros(len(at))]) + rng.normal(0.0, NOISE_MM, (len(at), 3))
-        read = share * force + rng.normal(0.0, FORCE_NOISE_N)
+        read = share * stiffer * force + rng.normal(0.0, FORCE_NOISE_N)
+        travel = [] if slip is None else [
+            "# Name : Weg", "travel_mm;untransformed;transformed",
+            f"{(way := share * specimen.motion + slip * (share > 0.5)):.5f};{way / 5.0:.5f};{way:.5f}"]
         rows = [f"{number};{x:.5f};{y:.5f};{z:.5f}" for number, (x, y, z) in enumerate(places)]
         (folder / "stages" / f"Stufe_{k:04d}.csv").write_text("\n".join([
             "# Units: length:mm angle:deg time:s force:N ", f"# Stage: Stufe {k}", "stage;index;relative_time;date",
             f'"Stufe {k}";{k};{2.0 * k:.4f};"2024-02-28T14:06:{k:02d}.5"', "# Name : Kraft",
-            "force;untransformed;transformed", f"{read:.4f};{read / 400.0:.4f};{read:.4f}", "# Name : Flaeche 1",
-            "id;x;y;z", *rows]) + "\n")
+            "force;untransformed;transformed", f"{read:.4f};{read / 400.0:.4f};{read:.4f}", *travel,
+            "# Name : Flaeche 1", "id;x;y;z", *rows]) + "\n")
 
 
 def facets(specimen: Specimen) -> np.ndarray:

@@ -10,9 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imsave
 from typer.testing import CliRunner
 
 from idic.cli.app import app
+from idic.diagnose.residual.thinning import JUDGEMENT, thinned
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
@@ -141,10 +143,13 @@ def test_a_change_of_thickness_below_the_noise_is_not_compared_unless_asked_for(
     monkeypatch.setitem(globals(), "DEPTH_UM", 3.0)
     there = load_experiment(write_test(tmp_path))
     assert there.points.depth is None and "less than the noise along the normal (3" in " ".join(there.notes)
+    assert thinned(there, JUDGEMENT, 0).stack.frame(1).shape == (len(there.points.positions_px), 2)
     file, text = tmp_path / "experiment.toml", (tmp_path / "experiment.toml").read_text()
     text = text.replace("thickness_mm", "fields_thickness_change = true\nthickness_mm")
     file.write_text(text)
-    assert load_experiment(tmp_path).points.depth.std_um == pytest.approx(3.0, rel=0.1)
+    there = load_experiment(tmp_path)
+    assert there.points.depth.std_um == pytest.approx(3.0, rel=0.1) and there.stack.frame(1).shape[1] == 3
+    assert thinned(there, JUDGEMENT, 0).stack.frame(1).shape[1] == 3  # what a diagnosis fits
     file.write_text(text.replace("plane_stress", "plane_strain"))
     with pytest.raises(InputError, match="change of thickness cannot be compared"):
         load_experiment(tmp_path)
@@ -159,6 +164,8 @@ def test_an_export_whose_z_points_away_from_the_cameras_says_so(tmp_path):
 
 def test_of_a_field_as_wide_as_long_the_strain_tells_the_loaded_ends(tmp_path):
     write_stages(tmp_path)
+    (tmp_path / "check").mkdir()
+    imsave(tmp_path / "check" / "mesh.png", np.zeros((4, 4, 3)))  # of `idic check`, before the file was removed
     done = CliRunner().invoke(app, ["init", str(tmp_path)])
     text = (tmp_path / "experiment.toml").read_text()
     assert done.exit_code == 0 and "loaded end: the mean strain is larger along y" in text, done.output

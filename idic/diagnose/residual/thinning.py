@@ -49,8 +49,10 @@ class ThinnedStack(StackView):
             noise = np.column_stack(drawn)
             if self.points.depth is not None:
                 noise[:, 2] /= self.points.depth.weight
-        return self.stack.frame(k).astype(np.float32) + np.float32(self.sign * self.noise.recorded_gv) * noise
-
+        recorded = self.stack.frame(k)
+        if self.points is not None:
+            recorded = recorded[:, :self.points.n_components]  # a RUN may hold more than is compared
+        return recorded.astype(np.float32) + np.float32(self.sign * self.noise.recorded_gv) * noise
 
     def _drawn(self, rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
         noise = rng.standard_normal(shape, dtype=np.float32)

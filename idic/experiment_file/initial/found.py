@@ -20,6 +20,7 @@ from idic.readers.paths import natural_key, recorded_order
 from idic.readers.raw_mesh import DIMENSION, to_mesh
 
 _NO_MESHES = (".dat", ".svg", ".wkt", ".xml")  # formats of meshio whose suffix usually means something else
+CHECK = "check"  # where `idic check` draws
 
 
 @dataclass
@@ -45,9 +46,9 @@ Area = Callable[[np.ndarray], tuple[list, list]]  # image -> outline and holes o
 
 
 def files_in(folder: Path) -> list[Path]:
-    """Files of the folder and of the folders in it, in natural order."""
+    """Files of the folder and of the folders in it, in natural order, without the pictures of `idic check`."""
     return sorted((path for depth in ("*", "*/*") for path in folder.glob(depth) if path.is_file()
-                   and not path.name.startswith(".")),
+                   and not path.name.startswith(".") and path.parent != folder / CHECK),
                   key=lambda path: natural_key(path.relative_to(folder).as_posix()))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -122,10 +122,10 @@ def _ends(config: ExperimentFile) -> dict[str, list[int]]:
     """Segments (from 1) of an outline in mm that are its ends, as those of an outline of points, unless they are named
     or defined otherwise."""
     table = config.experiment.mesh
-    outline = np.array(table.outline_mm or [], dtype=float)
-    if outline.ndim != 2:
+    corners = [entry[-2:] for entry in table.outline_mm or [] if isinstance(entry, Sequence)]  # where arcs end
+    if not corners:
         return {}  # a circle, or no outline
-    ends = sides_of_any(outline)
+    ends = sides_of_any(np.array(corners, dtype=float))
     return {name: numbers for name, numbers in ends.items() if name not in config.sets and name not in table.edge_names}
 
 

@@ -11,6 +11,13 @@ the thickness:
 
     a(K, x) = sum_i (k_i^2 xi_i^3 / 6) e_i,       k_i, e_i principal curvatures and their directions, xi_i = x . e_i
 
+An uneven change of thickness makes a rise alpha p that is no bending and does not count in K: p = h (1 / det F - 1) is
+the largest possible one, 0 <= alpha <= 1 its share, by what polynomials of the third degree leave of both:
+
+    alpha = (p . w / s^2 + alpha_0 / s_0^2) / (p . p / s^2 + 1 / s_0^2)
+
+with s the rms of what is left of w, and alpha_0 = 0.5, s_0 = 0.25 where it shows nothing (metals 0.4 to 1).
+
 docs/method.md, equation 15.9. The arc is exact to the second order where one curvature is zero: a sheet that can be
 laid flat.
 """
@@ -18,10 +25,14 @@ laid flat.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from idic.readers.fields.plane import BENDING_DEGREE, area_ratio, neighbours, powers
+
 MIN_KNOWN = 12  # points that show the rise
+SHARE_MEAN, SHARE_STD = 0.5, 0.25  # of the largest possible change of thickness, where the rise does not show it
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +66,30 @@ class Flattening:
         level = np.column_stack([now[known, :2], np.ones(known.sum())])
         tilt = np.linalg.lstsq(level, now[known, 2], rcond=None)[0][:2]
         turned = now @ _upright(tilt).T - self.positions
-        slope, K = _rise(x[known], turned[known, 2])
+        slope, K = _rise(x[known], (turned[:, 2] - self.thinning(turned))[known])
         turned[:, :2] += self.half_mm * (slope + x @ K) + _arc(self.curvature + K, x) - _arc(self.curvature, x)
         return turned
+
+    @cached_property
+    def _near(self) -> np.ndarray:
+        return neighbours(self.positions[:, :2])
+
+    def thinning(self, moved: np.ndarray) -> np.ndarray:
+        """The part of the rise that is a change of thickness  # (n, 3) mm, level -> (n,) mm"""
+        if not self.half_mm:
+            return np.zeros(len(moved))
+        x = self.positions[:, :2] / np.abs(self.positions[:, :2]).max()
+        largest = self.half_mm * (1.0 / area_ratio(self.positions[:, :2], moved[:, :2], self._near) - 1.0)
+        known = np.isfinite(largest) & np.isfinite(moved[:, 2])
+        bent = np.column_stack([x[:, 0] ** i * x[:, 1] ** j for i, j in powers(BENDING_DEGREE)])[known]
+        if len(bent) < 2 * bent.shape[1]:
+            return np.zeros(len(moved))
+        both = np.column_stack([largest, moved[:, 2]])[known]
+        p, w = (both - bent @ np.linalg.lstsq(bent, both, rcond=None)[0]).T
+        precision = 1.0 / max(float(w @ w) / len(w), 1e-300)
+        share = ((precision * float(p @ w) + SHARE_MEAN / SHARE_STD**2)
+                 / (precision * float(p @ p) + 1.0 / SHARE_STD**2))
+        return float(np.clip(share, 0.0, 1.0)) * np.where(np.isfinite(largest), largest, np.nanmean(largest))
 
 
 def _upright(tilt: np.ndarray) -> np.ndarray:

@@ -75,7 +75,7 @@ def largest_change(positions: np.ndarray, moved: np.ndarray, half_mm: float) -> 
 
     positions : (n, 2) mm; moved : (n, 2) mm in the plane, NaN where not measured
     """
-    rise = half_mm * (1.0 / _area_ratio(positions, moved) - 1.0)
+    rise = half_mm * (1.0 / area_ratio(positions, moved, neighbours(positions)) - 1.0)
     known = np.isfinite(rise)
     degree = powers(BENDING_DEGREE)
     if known.sum() <= 2 * len(degree):
@@ -86,9 +86,13 @@ def largest_change(positions: np.ndarray, moved: np.ndarray, half_mm: float) -> 
     return float(np.sqrt(np.mean(left**2)))
 
 
-def _area_ratio(positions: np.ndarray, moved: np.ndarray) -> np.ndarray:
+def neighbours(positions: np.ndarray) -> np.ndarray:
+    """The points around every point, itself among them  # (n, 2) mm -> (n, NEIGHBOURS)"""
+    return scipy.spatial.cKDTree(positions).query(positions, k=min(NEIGHBOURS, len(positions)))[1]
+
+
+def area_ratio(positions: np.ndarray, moved: np.ndarray, near: np.ndarray) -> np.ndarray:
     """det F of the motion of the neighbours of every point, NaN where too few are measured  # (n,)"""
-    near = scipy.spatial.cKDTree(positions).query(positions, k=min(NEIGHBOURS, len(positions)))[1]
     known = np.isfinite(moved).all(axis=1)[near]
     n = np.maximum(known.sum(axis=1), 1)
     x, u = (np.where(known[:, :, None], values[near], 0.0) for values in (positions, moved))

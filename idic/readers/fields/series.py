@@ -324,6 +324,10 @@ class FieldStack:
                  flattening: Flattening | None = None):
         self.series, self.points, self.n_components, self.flattening = series, points, n_components, flattening
 
+    def with_components(self, n: int) -> FieldStack:
+        """The same frames with the first n components."""
+        return self if n == self.n_components else FieldStack(self.series, self.points, n, self.flattening)
+
     @property
     def entries(self) -> tuple[FieldEntry, ...]:
         return self.series.entries
