@@ -27,8 +27,10 @@ def case(texture, kind="quad4", degree=3, shift=(0.7, -0.4), seed=0, patch_px=40
     return f, 0.95 * g + 5.0, reference, u, rng.normal(size=(*nodes.shape, 4))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("degree", [3, 5])
+# the degree of the spline and the kind of cells do not meet in the sums: degree 5 with the last kind
+@pytest.mark.parametrize(("kind", "degree"), [
+    *((kind, 3) for kind in KINDS), *(pytest.param(kind, 5, marks=pytest.mark.slow) for kind in KINDS[:-1]),
+    (KINDS[-1], 5)])
 @pytest.mark.parametrize("brightness", ["none", "frame", "patch"])
 @pytest.mark.parametrize("shift", [(0.7, -0.4), (25.0, 3.0)], ids=["inside", "leaving"])
 def test_nodal_and_pixelwise_normal_equations_agree(texture, kind, degree, brightness, shift):

@@ -95,7 +95,8 @@ def test_columns_are_difference_quotients_of_the_position_in_the_frame(name):
         assert np.abs(columns[:, :, i] - quotient).max() < 1e-6 * np.abs(quotient).max()  # step squared, rounding
 
 
-@pytest.mark.parametrize("name", ["plate", "tube"])
+# on a tube every pixel has a depth of its own
+@pytest.mark.parametrize("name", [pytest.param("plate", marks=pytest.mark.slow), "tube"])
 @pytest.mark.parametrize("parameter", LENS + PLACES + ("turn_x", "turn_y"))
 def test_the_column_of_a_camera_parameter_is_the_change_of_the_position_at_fixed_pixels(name, parameter):
     """The exact way: with the changed camera every pixel is traced to its new material point and carried again."""

@@ -116,7 +116,7 @@ def test_sigterm_ends_a_resumed_command_with_code_4_and_no_process_behind(undist
 @pytest.mark.usefixtures("shared_server")
 def test_ctrl_c_ends_with_code_4_and_the_way_to_go_on(small, tmp_path):
     run = tmp_path / "run"
-    process = command_line("identify", small.experiment, "--out", run, "--workers", 2)
+    process = command_line("identify", small.experiment, "--out", run, "--workers", 1)
     wait_for_evaluation(run, process, 1)
     family = descendants(process)
     os.killpg(process.pid, signal.SIGINT)  # a terminal sends it to the workers, too

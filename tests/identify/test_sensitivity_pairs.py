@@ -106,7 +106,7 @@ LIKE_OTHERS = ("elastic, finite strain", "orthotropic", "j2_voce", "j2_power", "
                "free_rubber", "free_relaxation", "j2_swift", "j2_hill", "j2_kinematic", "viscoplastic", "maxwell",
                "creep",
                "elastic_damage", "nonlinear_elastic", "j2_pressure",
-               "elastoplastic", "elastoplastic, back stress", "heterogeneous", "thickness and time")
+               "elastoplastic", "elastoplastic, back stress", "egp", "heterogeneous", "thickness and time")
 # Gradient of f carried along by F of the element's centre, for that of g. Camera and geometry are seen through the
 # gradient of u, which the columns take at the nodes: it jumps from one linear element to the next.
 IMAGE_TOLERANCE = 0.01

@@ -30,7 +30,7 @@ def folder(tmp_path):
 def test_nothing_is_written_outside_the_run_and_the_report_is_made(folder, tmp_path):
     run = tmp_path / "laboratory" / "run"
     before = {file for file in tmp_path.rglob("*") if not file.is_relative_to(run)}
-    few = {"options.max_iterations": 2}
+    few = {"options.max_iterations": 1}
     result = idic.identify_experiment(folder, run, sensitivity="perturbed", overrides=few)
     assert f"{SET}.E" in result["parameters"]
     assert COLUMN in json.loads((run / "result.json").read_text())["residual"]["channel_rms"]
