@@ -177,6 +177,11 @@ class ParameterSet(Mapping[str, Parameter]):
         return ParameterSet((replace(p, value=given[p.name]) if p.name in given else p for p in self.values()),
                             self.joint)
 
+    def with_scales(self, scales: Mapping[str, float]) -> ParameterSet:
+        """These scales of linear parameters changed."""
+        return ParameterSet((replace(p, scale=scales[p.name]) if p.name in scales else p for p in self.values()),
+                            self.joint)
+
     def with_free(self, names: Iterable[str]) -> ParameterSet:
         """The same set with exactly these names free."""
         names = set(names)

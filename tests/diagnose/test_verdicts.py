@@ -95,7 +95,8 @@ def test_a_rival_that_fails_or_whose_gain_is_gone_on_held_out_data_cannot_win(ma
 
 
 def test_a_rival_of_which_nothing_is_determined_names_nothing():
-    """One of its unknowns with an error bar is enough; those of the model before do not count, nor does any drop."""
+    """One of its unknowns with an error bar is enough; those of the model before do not count, nor does any drop. Of a
+    single unknown the drop says that it is not zero."""
     def spot(heldout=20.0, **stds):
         found = rival("heterogeneity", heldout)
         found = replace(found, ranked=replace(found.ranked, bias={"E": 0.0}))
@@ -103,7 +104,7 @@ def test_a_rival_of_which_nothing_is_determined_names_nothing():
 
     for unknown in (spot(stiffness=None, radius=None), spot(3000.0, stiffness=None, radius=None)):
         assert judge([unknown], screening()) == (None, ())
-    for known in (spot(stiffness=None, radius=0.1), spot()):
+    for known in (spot(stiffness=None, radius=0.1), spot(), spot(alpha=None)):
         assert judge([known], screening())[0] is known
 
 

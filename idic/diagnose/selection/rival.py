@@ -95,12 +95,13 @@ class Rival:
 
         Of a law that acts in the whole body the kind of effect is known also where its unknowns imitate each other: of
         yielding that has only just begun the yield stress and the hardening (correlation 0.993) are open, each alone;
-        so are all stiffnesses of an orthotropic body whose load cell has an unknown offset.
+        so are all stiffnesses of an orthotropic body whose load cell has an unknown offset. And of a cause with one
+        unknown its drop of chi-square says that this is not zero, however little of its size is known.
         """
         if self.ranked.candidate.changes_law:
             return True
         own = [self.refitted.stds[name] for name in self.own_unknowns]
-        return not own or any(std is not None for std in own)
+        return len(own) < 2 or any(std is not None for std in own)
 
 
 @dataclass(frozen=True, eq=False)

@@ -200,14 +200,16 @@ def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting,
     of the last model that holds.
 
     whole : residual of the null on the recording itself; further : there is a cause in the null. On a measured motion,
-    an inclusion that leaves motion at its own place describes a flaw of that cause then and is none itself
+    an inclusion that leaves motion at its own place describes a flaw of that cause then and is none itself. Blocks
+    measure motions and readings: of a cause that acts on grey values they say nothing
     """
     setting.stage("judgement on blocks of the recording")
     with setting.clock.step("blocks_s"):
         winner = one.winner
         after = refit_residual(one.source.with_edits(edits_of(winner, one.screening)).load(),
                                winner.refitted)  # type: ignore[union-attr, arg-type]
-        judged = judged_by_step(whole, after, setting.grid)
+        of_grey_values = winner.ranked.variant.pixels is not None  # type: ignore[union-attr]
+        judged = () if of_grey_values else judged_by_step(whole, after, setting.grid)
         formal = further and holds_motion(after.context.experiment) and any(
             left.matters for left in local_residual_tests(whole, after, setting.grid,
                                                           winner.refitted.values, setting.margin))  # type: ignore
