@@ -9,7 +9,7 @@ from test_verdicts import LEFT, POWER, left, ranked, rival, round_of, screening
 
 from idic.diagnose.cautions import channel_cautions, outline_caution
 from idic.diagnose.channel_left import ChannelLeft
-from idic.diagnose.probability import P_NONE, P_UNEXPLAINED, P_WITH_LEFTOVER, probability
+from idic.diagnose.probability import P_NONE, P_OF_STRENGTH, P_UNEXPLAINED, P_WITH_LEFTOVER, probability
 from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.verdict import conclude
@@ -72,7 +72,7 @@ def verdict_of(heldout, after=0.0):
 
 def test_the_probability_grows_with_the_strength_and_falls_with_what_is_left():
     faint, clear = (probability(*verdict_of(heldout), []) for heldout in (40.0, 5000.0))
-    assert 0.8 < faint < clear < 1.0
+    assert P_OF_STRENGTH[0] < faint < clear < 1.0
     assert probability(*verdict_of(5000.0, after=28.0), []) == P_WITH_LEFTOVER
     assert probability(*verdict_of(5000.0), [channel(20.0, 3.5)]) == P_WITH_LEFTOVER
 

@@ -151,12 +151,13 @@ def test_the_scores_count_what_they_say():
         record("singles/creep-clear-0", ["creep"], ["creep"], probability=0.9, intervals=(2, 2)),
         record("singles/creep-clear-1", ["creep"], ["damage"], probability=0.8, false_physics=True, unseen=True),
         record("singles/creep-clear-2", ["creep"], [], "outside_library", side_right=True),
-        record("clean/0", [], [], "none", probability=1.0, intervals=(1, 2)), record("clean/1", [], ["creep"])]
+        record("clean/0", [], [], "none", probability=1.0, intervals=(1, 2)), record("clean/1", [], ["creep"]),
+        record("clean/2", [], ["geometric_nonlinearity"], probability=0.9, alarm=False)]  # bricks of finite strains
     got = {goal.what.partition(":")[0].partition(" (")[0]: goal for goal in world_goals(records)}
-    assert got["alarms on clean recordings"].got.startswith("1 of 2")
-    assert got["false physics"].got.startswith("1 of 5") and not got["false physics"].met
+    assert got["alarms on clean recordings"].got.startswith("1 of 3")
+    assert got["false physics"].got.startswith("1 of 6") and not got["false physics"].met
     assert got["cause in the set, or its side flagged"].got.startswith("2 of 3")
     assert got["95 % intervals of the last model that hold the truth"].got.startswith("3 of 4")
-    assert got["Brier score of the probability"].got == "0.217 (n = 3)"  # 0.01, 0.64 and 0 by three
+    assert got["Brier score of the probability"].got == "0.165 (n = 4)"  # 0.01, 0.64, 0, 0.01 by four
     header, *rows = target_table(records).splitlines()
     assert "unseen kinds" in header and any("≤ 3 %" in row and "1 of 1" in row for row in rows)

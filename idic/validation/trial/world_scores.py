@@ -68,7 +68,10 @@ def _brier(records: Sequence[TrialRecord]) -> Goal | None:
 
 
 def _holds(record: TrialRecord) -> bool:
-    return not record.truth if record.verdict == "none" else record.inside
+    """Whether the answer is right; finite strains of the truth are no alarm, and no error of a clean recording."""
+    if record.verdict == "none":
+        return not record.truth
+    return record.inside or (not record.truth and not record.alarm)
 
 
 Filter = Callable[[TrialRecord], bool]
