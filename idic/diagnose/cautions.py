@@ -39,7 +39,8 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     camera = [diagnosis.margin.words] if diagnosis.margin.px > PRACTICAL_MARGIN_PX else []
     outline = outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word)
     register = [] if diagnosis.register is None else [diagnosis.register.words]
-    return [*register, *_quick(diagnosis), *outline, *thickness_caution(diagnosis), *search, *camera,
+    return [*register, *_quick(diagnosis), *outline, *thickness_caution(diagnosis),
+            *open_thickness_caution(diagnosis), *other_axis_caution(diagnosis), *search, *camera,
             *formal_fit(diagnosis.excess_left), *channel_cautions(diagnosis.channels), *_few_elements(diagnosis),
             *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_cut_short(diagnosis.rounds),
             *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
@@ -73,13 +74,42 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
     moved = float(np.sqrt((error.thickness.u**2).sum(axis=2).mean(axis=1)).max()) / pixel_size(experiment)
     shares = [f", {100.0 * np.abs(change).max() / channel.largest:.2g} % of {channel.column}"
               for channel, change in zip(experiment.channels, error.thickness.channels.T, strict=True)]
-    identified, with_bricks = diagnosis.found.parameters, diagnosis.rounds[0].null.values
-    values = [f"{name} {identified[name].value:.4g}, about {with_bricks[name]:.4g} with bricks"
-              for name in identified.free]
+    identified, first = diagnosis.found.parameters, diagnosis.rounds[0]
+    known = None if first.source is None else first.source.motion_error
+    values = "; ".join(f"{name} {identified[name].value:.4g}, about {first.null.values[name]:.4g} with bricks"
+                       for name in identified.free)
+    told = f" ({values})" if known is not None and known.thickness is not None else ""  # counted before any cause
     return [f"The specimen is not in plane stress: the motion of bricks of its thickness ({experiment.thickness:.3g} "
             f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
-            f"shows it. The diagnosis counts the difference; the identified parameters do not ({'; '.join(values)}). "
+            f"shows it. The diagnosis counts the difference; the identified parameters do not{told}. "
             "Identify again with a mesh of bricks (kind = \"solid\")."]
+
+
+def open_thickness_caution(diagnosis: Diagnosis) -> list[str]:
+    """Where the recording does not tell plane stress from bricks, and the parameters depend on it."""
+    thickness, experiment = diagnosis.open_thickness, diagnosis.found.experiment
+    if thickness is None:
+        return []
+    parameters = experiment.parameters if diagnosis.residual_after is None else (
+        diagnosis.residual_after.context.experiment.parameters)
+    moves = [f"{name} by {move / parameters[name].factor:+.2g} {parameters[name].unit}".rstrip()
+             for name, move in thickness.moves.items() if name in parameters]
+    return [f"Plane stress is an assumption: bricks of the specimen's thickness ({experiment.thickness:.3g} mm) with "
+            f"ends that keep theirs would move {', '.join(moves)}. The recording asks for {thickness.share:.0%} ± "
+            f"{thickness.share_std:.0%} of that; no error bar counts it (model.parameters_of_real_thickness does). "
+            "Identify again with a mesh of bricks (kind = \"solid\")."]
+
+
+def other_axis_caution(diagnosis: Diagnosis) -> list[str]:
+    """Where the recording fits another axis as well, with other values."""
+    other, after = diagnosis.other_axis, diagnosis.residual_after
+    if other is None or after is None:
+        return []
+    parameters = after.context.experiment.parameters
+    values = [f"{name} {other.values[name] / parameters[name].factor:.4g} {parameters[name].unit}".rstrip()
+              for name in other.stds]
+    return ["Another axis of the law explains the recording as well, with other values: " + ", ".join(values) + ". No "
+            "error bar counts that. Turn a second specimen by 45 degrees, or lock what is known."]
 
 
 def channel_cautions(channels: Sequence[ChannelLeft]) -> list[str]:

@@ -14,7 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from idic.diagnose.channel_left import ChannelLeft, channels_left
-from idic.diagnose.discretisation import with_error, with_thickness
+from idic.diagnose.discretisation import (OpenThickness, open_thickness, renewed_error, with_bricks, with_error,
+                                           with_thickness)
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
 from idic.diagnose.measured_motion import OutOfRegister
@@ -35,6 +36,7 @@ from idic.diagnose.screen.edits import open_share
 from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.time_course import time_course_test
 from idic.diagnose.selection.block_step import BlockJudgement, judged_by_step
+from idic.diagnose.selection.other_axis import fit_from_other_axes, is_another_answer, is_better
 from idic.diagnose.selection.rival import Round
 from idic.diagnose.selection.rounds import (Clock, Group, Setting, Stage, Watch, has_state, null_refit, selected_rounds,
                                             silent, unwatched)
@@ -43,6 +45,7 @@ from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 
 SEED = 20260
+MAX_RENEWALS = 3  # of the known error of the last model: it depends on the parameters, and they on it
 DRAW_FIRST = ("draw the outline of the specimen (outline_mm in mesh) and diagnose again; the outline of the points "
               "may explain the whole finding")
 
@@ -70,6 +73,8 @@ class Diagnosis:
     probability : that the selected set holds the truth (`idic.diagnose.probability`), None where the test says nothing
     quick : no rival was refitted, and `final` is the fit to one copy
     blocks : both models on blocks of the recording, after one step from the finished fit to the others
+    other_axis : fit of the last model with another axis, which the recording does not tell from it
+    open_thickness : of the last model in plane stress, where bricks would move its parameters
     register : where the images are out of register with the identified model and the measured motion took their place
     """
 
@@ -94,6 +99,8 @@ class Diagnosis:
     probability: float | None = None
     quick: bool = False
     blocks: tuple[BlockJudgement, ...] = ()
+    open_thickness: OpenThickness | None = None
+    other_axis: Refit | None = None
     register: OutOfRegister | None = None
 
     @property
@@ -153,7 +160,8 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
                 whole, mismatch = fit(before, grid), located(there, before, margin)
     first = null_refit(source, here, setting)
     rounds, source, null, groups = selected_rounds(source, here, first, before, setting)
-    final, after, active = _enriched(source, null, rounds, setting) if null is not first else (None, None, None)
+    last = _Enriched(source) if null is first else _enriched(source, null, rounds, setting)
+    source, final, after, active = last.source, last.final, last.after, last.active
     unit = float(power(before.evidence).sum())
     of_camera = {"margin_px": margin.px, "camera_px": margin.camera_px}
     on_copy = ExcessLeft(first.judgement, null.judgement, unit / COPY_VARIANCE_FACTOR, **of_camera)
@@ -174,13 +182,24 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
                        unloads(found.experiment), _camera_chi2(margin, unit, rounds[0] if alone else None), channels)
     notes = Notes()
     blocks = () if after is None else judged_by_step(before, after, grid)
+    thickness = None if quick else notes.attempt("the error of plane stress", _open_thickness, here, before, source,
+                                                 final, after, clock)
     of_points = open_share(found.experiment) is not None and verdict.word not in ("none", "blind")
     advice = DRAW_FIRST if of_points else _separating_test(groups, setting, notes)
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, before, after, final, source, whole, effect(whole, unit),
                      grid, clock.seconds, active, tuple(own), margin, tuple(notes.told), channels, excesses[0],
-                     probability(verdict, rounds, excesses[0], channels), quick, blocks)
+                     probability(verdict, rounds, excesses[0], channels), quick, blocks, thickness, last.other)
+
+
+def _open_thickness(here: Identification, before: ResidualEvidence, source: ExperimentSource, final: Refit | None,
+                    after: ResidualEvidence | None, clock: Clock) -> OpenThickness | None:
+    """Of the last model; the parameters of one that was enriched are those of its final fit."""
+    with clock.step("mesh_s"):
+        if final is None or after is None:
+            return open_thickness(here, before)
+        return open_thickness(identification_at(source.load(), final.values, final.local, final.steps), after)
 
 
 def _separating_test(groups: Sequence[Group], setting: Setting, notes: Notes) -> str | None:
@@ -203,25 +222,58 @@ def _camera_chi2(margin: Margin, power_of_unit: float, judged: Round | None) -> 
     return copies * margin.floor.px**2 * power_of_unit / COPY_VARIANCE_FACTOR
 
 
-def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round],
-              setting: Setting) -> tuple[Refit, ResidualEvidence | None, Activity | None]:
-    """The last model fitted to the recording itself, its residual (None without an equilibrium), its active elements.
+@dataclass(frozen=True, eq=False)
+class _Enriched:
+    """The last model: its source, its fit to the recording, the residual (None without an equilibrium), the elements in
+    which it acts, and a fit with another axis that the recording does not tell from it."""
 
-    The fit begins at the end of the fit to a copy, a few standard deviations away, with the estimator of that end. A
-    quick diagnosis ends with the fit to the copy.
+    source: ExperimentSource
+    final: Refit | None = None
+    after: ResidualEvidence | None = None
+    active: Activity | None = None
+    other: Refit | None = None
+
+
+def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round], setting: Setting,
+              ) -> _Enriched:
+    """The last model fitted to the recording itself.
+
+    The fit begins at the end of the fit to a copy, a few standard deviations away, with the estimator of that end. The
+    known error of its simulation is that of the values on the copy; where those of the recording change it, or ask for
+    bricks now that the cause is known, the fit is repeated with it, and the source has it. A quick diagnosis ends with
+    the fit to the copy.
     """
     setting.stage("residual of the enriched model" if setting.quick
                   else "fit of the enriched model to the whole recording")
     with setting.clock.step("final_s"):
-        (final,) = [null] if setting.quick else setting.refits([refit_of_one(
-            source, "enriched", null, setting.grid, setting.seed, copies=False, estimator=null.estimator,
-            whole_std=True)])
+        final = null if setting.quick else _whole_fit(source, null, setting)
         if not final.usable:
-            return final, None, None
+            return _Enriched(source, final)
         after, active = refit_residual(source.load(), final), None
+        for turn in range(0 if setting.quick else MAX_RENEWALS):
+            there = identification_at(source.load(), final.values, final.local, final.steps)
+            error = with_bricks(there, after, setting.grid) if turn == 0 else None
+            error = renewed_error(there, after, setting.grid) if error is None else error
+            again = None if error is None else _whole_fit(source.with_motion_error(error), final, setting)
+            if again is None or not again.usable:
+                break
+            source, final = source.with_motion_error(error), again
+            after = refit_residual(source.load(), final)
+        other = None if setting.quick else fit_from_other_axes(source, final, rounds, setting.refits, setting.grid,
+                                                               setting.seed)
+        if other is not None and is_better(other, final):
+            other, final, after = final, other, refit_residual(source.load(), other)
         if rounds[0].winner.ranked.candidate.kind.active:
             active = activity(identification_at(source.load(), final.values, final.local, final.steps))
-    return final, after, active
+    same = other is None or not is_another_answer(other, final)
+    return _Enriched(source, final, after, active, None if same else other)
+
+
+def _whole_fit(source: ExperimentSource, near: Refit, setting: Setting) -> Refit:
+    """The model of a source fitted to the recording itself, from the end of another fit."""
+    (found,) = setting.refits([refit_of_one(source, "enriched", near, setting.grid, setting.seed, copies=False,
+                                            estimator=near.estimator, whole_std=True)])
+    return found
 
 
 def unlimited_excess(copy: ExcessLeft, source: ExperimentSource, null: Refit, refits: Refits, grid: Grid,

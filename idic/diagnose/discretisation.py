@@ -18,8 +18,8 @@ is, it is added as well, and a caution says so.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,6 +51,9 @@ MIN_DROP_SHARE = 0.5  # of what free motions and channels explain
 MAX_TURNS, TURNED_STD = 12, 0.1  # of error and parameters; standard deviations of the last step
 MIN_ERROR_CHI2 = 1.0  # on the whole recording, beside the parameters: one standard deviation of any cause
 MAX_RISE = 25.0  # of the chi-square of the recording by an error: five standard deviations
+LIKELY_SHARE, SHARE_STD = 0.5, 0.5  # of the difference of bricks, where the recording does not tell: none or all of it
+MIN_OPEN_STD = 1.0  # of a parameter by the difference of bricks that may be missing: more is said
+MIN_SHIFT_STD = 0.5  # of a parameter by the change of a known error: what the parameters take up is no chi-square
 
 
 def can_be_found(experiment: Experiment) -> bool:
@@ -91,6 +94,41 @@ def thickness_error(found: Identification) -> MotionError | None:
     return _lacking(found, experiment, bricks, found.local, lambda u, other: other[:n, :2] - u)
 
 
+@dataclass(frozen=True)
+class OpenThickness:
+    """What plane stress may have done to the parameters, where the recording does not tell it from bricks.
+
+    share, share_std : of the difference of bricks that the body has, by the recording, between none and all of it
+    moves : by how much each free parameter would move with all of it, internal units
+    """
+
+    share: float
+    share_std: float
+    moves: Mapping[str, float]
+
+
+def open_thickness(found: Identification, residual: ResidualEvidence) -> OpenThickness | None:
+    """What bricks would change in the parameters of a model in plane stress; None where they cannot be made, are
+    counted already, or would move no parameter by a standard deviation.
+
+    residual : of the model. The share of the difference is an unknown of its own, none or all of it without the
+    recording.
+    """
+    known = residual.context.experiment.motion_error
+    error = None if known is not None and known.thickness is not None else thickness_error(found)
+    if error is None:
+        return None
+    null = null_model(residual.evidence, residual.null)
+    seen = score(residual.evidence, null, error_column(residual, error))
+    precision = float(seen.own[0]) + 1.0 / SHARE_STD**2
+    share = float(np.clip((seen.U[0] + LIKELY_SHARE / SHARE_STD**2) / precision, 0.0, 1.0))
+    std, moves = precision**-0.5, seen.moves[:, 0]
+    noise = np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300))
+    if float((np.abs(moves) * np.hypot(share, std) / noise).max(initial=0.0)) < MIN_OPEN_STD:
+        return None
+    return OpenThickness(share, std, dict(zip(null.names, moves.tolist(), strict=True)))
+
+
 def known_error(found: Identification, old: MotionError | None) -> MotionError | None:
     """The error of the mesh of a changed model, with that of plane stress where `old` counts it."""
     error = motion_error(found)
@@ -129,9 +167,17 @@ def counts(residual: ResidualEvidence, error: MotionError) -> bool:
     or more. Where a cause is still unknown, the sign is one of chance; it is asked again for every model that a cause
     has joined.
     """
-    found = score(residual.evidence, null_model(residual.evidence, residual.null), error_column(residual, error))
-    chi2, rise = float(found.own[0]), float(found.own[0] - 2.0 * found.U[0])
+    chi2, rise, _ = _weighed(residual, error)
     return chi2 >= MIN_ERROR_CHI2 and rise <= MAX_RISE
+
+
+def _weighed(residual: ResidualEvidence, error: MotionError) -> tuple[float, float, float]:
+    """Chi-square of an error beside the parameters, by how much it raises that of the recording, and its largest shift
+    of a parameter in standard deviations."""
+    null = null_model(residual.evidence, residual.null)
+    found = score(residual.evidence, null, error_column(residual, error))
+    shift = np.abs(found.moves[:, 0]) / np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300))
+    return float(found.own[0]), float(found.own[0] - 2.0 * found.U[0]), float(shift.max(initial=0.0))
 
 
 def error_column(residual: ResidualEvidence, error: MotionError) -> Columns:
@@ -160,26 +206,36 @@ def with_thickness(source: ExperimentSource, found: Identification, residual: Re
     residual : of the identification, whose mismatch is significant
     """
     left = fit(residual, grid)
-    readings = sum(max(excess(one.before), 0.0) for one in channels_left(residual, None))
-    mesh, there = found.experiment.motion_error, found
+    settled = _in_turns(found, found.experiment.motion_error, grid, left.chi2)
+    if settled is None:
+        return source, found
+    error, there = settled
+    after = fit(residual_evidence(there, light=False), grid)
+    if left.chi2 - after.chi2 < least_drop(residual, grid):
+        return source, found
+    return source.with_motion_error(error), there
+
+
+def _in_turns(found: Identification, mesh: MotionError | None, grid: Grid,
+              bar: float = np.inf) -> tuple[MotionError, Identification] | None:
+    """The error of plane stress on top of that of the mesh, and the parameters that belong to it; None where bricks
+    cannot be simulated, or where chi-square does not fall below the bar."""
+    there = found
     for turn in range(MAX_TURNS):
         thickness = thickness_error(there)
         if thickness is None:
-            return source, found
+            return None
         nothing = MotionError(np.zeros_like(thickness.u), np.zeros_like(thickness.channels))
         error = (mesh or nothing).with_thickness(thickness)
         there = _at(found, replace(found.experiment, motion_error=error), there.parameters.as_values())
         here = residual_evidence(there, light=False)
         step, std, gain = _remaining(here)
-        if turn and fit(here, grid).chi2 - gain >= left.chi2:
-            return source, found
+        if turn and fit(here, grid).chi2 - gain >= bar:
+            return None
         there = _moved(there, step)
         if np.abs(step / std).max(initial=0.0) < TURNED_STD:
             break
-    after = fit(residual_evidence(there, light=False), grid)
-    if left.chi2 - after.chi2 < max(MIN_DROP, MIN_DROP_SHARE * (left.room + readings)):
-        return source, found
-    return source.with_motion_error(error), there
+    return error, there
 
 
 def _knowing(source: ExperimentSource, found: Identification,
@@ -208,9 +264,50 @@ def _moved(found: Identification, step: np.ndarray) -> Identification:
 
 def change_matters(residual: ResidualEvidence, old: MotionError | None, new: MotionError) -> bool:
     """Whether the present error of a model differs from the added one by more than noise, and the recording does not
-    contradict the difference; residual : of the model."""
-    change = new if old is None else MotionError(new.u - old.u, new.channels - old.channels)
-    return counts(residual, change)
+    contradict the difference; residual : of the model.
+
+    A renewed error also matters by what it does to the parameters: that of plane stress grows with Poisson's ratio,
+    which a cause has moved, and its change is nearly a factor of the stiffness.
+    """
+    if old is None:
+        return counts(residual, new)
+    chi2, rise, shift = _weighed(residual, MotionError(new.u - old.u, new.channels - old.channels))
+    return (chi2 >= MIN_ERROR_CHI2 or shift >= MIN_SHIFT_STD) and rise <= MAX_RISE
+
+
+def renewed_error(found: Identification, residual: ResidualEvidence, grid: Grid) -> MotionError | None:
+    """The error of a model at its present values, where it differs from the known one (`change_matters`)."""
+    old = residual.context.experiment.motion_error
+    if old is None:
+        return None
+    new = motion_error(found)
+    if old.thickness is not None:
+        settled = _in_turns(found, new, grid)
+        new = None if settled is None else settled[0]
+    return new if new is not None and change_matters(residual, old, new) else None
+
+
+def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid) -> MotionError | None:
+    """The known error with that of plane stress, where a model with a cause leaves what bricks explain: as
+    `with_thickness`, to first order; None elsewhere.
+
+    Before the cause was known it hid the difference: finite strains and bricks both stiffen a bent beam.
+    """
+    known = residual.context.experiment.motion_error
+    error = None if known is not None and known.thickness is not None else thickness_error(found)
+    if error is None:
+        return None
+    seen = score(residual.evidence, null_model(residual.evidence, residual.null), error_column(residual, error))
+    if 2.0 * seen.U[0] - seen.own[0] < least_drop(residual, grid):
+        return None
+    settled = _in_turns(found, known, grid)
+    return None if settled is None else settled[0]
+
+
+def least_drop(residual: ResidualEvidence, grid: Grid) -> float:
+    """Drop of chi-square from which on bricks are counted: significant, and most of what there is."""
+    readings = sum(max(excess(one.before), 0.0) for one in channels_left(residual, None))
+    return max(MIN_DROP, MIN_DROP_SHARE * (fit(residual, grid).room + readings))
 
 
 def _at(found: Identification, experiment: Experiment, values: dict[str, float]) -> Identification:

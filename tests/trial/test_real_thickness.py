@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.diagnose.discretisation import thickness_error
+from idic.diagnose.discretisation import change_matters, counts, open_thickness, thickness_error
 from idic.diagnose.refit import identification_at
+from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.experiment_file.load import load_rendered
 from idic.identify.systematic.real_thickness import MIDDLE, extruded
 from idic.fe.mesh.mesh import check_elements
 from idic.model.experiment import Prescribed
+from idic.model.forward import build_forward
 from idic.validation.trial.scenes.calculix import solve_with_calculix
 from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS
@@ -28,9 +30,9 @@ def scene_of_world(grip=None, **changes):
     return scene if grip is None else replace(scene, times=np.arange(len(grip)) * 1.0, grip=np.array(grip))
 
 
-def at_truth(folder, scene, motion):
+def at_truth(folder, scene, motion, **other):
     experiment = load_rendered(folder, write_public(folder, scene, motion, Paint(1, 2)))
-    values = {f"BODY.{name}": value for name, value in NULLS["elastic"].truth.items()}
+    values = {f"BODY.{name}": value for name, value in (NULLS["elastic"].truth | other).items()}
     return identification_at(experiment, values, np.zeros((experiment.n_frames, 1)), None)
 
 
@@ -77,3 +79,23 @@ def test_the_error_of_plane_stress_is_that_against_bricks_of_another_program(tmp
     assert np.linalg.norm(error.u[2][same] - known) < 0.1 * np.linalg.norm(known)
     force = bricks.force[2] - plane.force[2]
     assert abs(error.channels[2, 0] - force) < 0.2 * force
+
+
+@pytest.mark.slow
+def test_an_error_that_the_stiffness_takes_up_is_counted_and_said(tmp_path):
+    """A strip whose motion hardly tells bricks from plane stress, and whose force follows E."""
+    scene = scene_of_world((0.0, 0.02, 0.04, 0.05), specimen="hole")
+    motion = solve(scene)
+    found = at_truth(tmp_path / "one", scene, motion)
+    residual, error = residual_evidence(found), thickness_error(found)
+    said = open_thickness(found, residual)
+    assert 0.0 <= said.share <= 1.0 and 0.0 < said.share_std <= 0.5
+    assert -0.04 < said.moves["BODY.E"] / 2000.0 < -0.01  # bricks are stiffer by 2 %
+    lateral = thickness_error(at_truth(tmp_path / "two", scene, motion, nu=0.36))
+    assert not counts(residual, type(error)(lateral.u - error.u, lateral.channels - error.channels))
+    nothing = type(error)(np.zeros_like(error.u), np.zeros_like(error.channels))
+    old, new = (nothing.with_thickness(one) for one in (error, lateral))
+    assert change_matters(residual, old, new) and not change_matters(residual, old, old)
+    experiment = replace(found.experiment, motion_error=old)
+    knowing = replace(found, experiment=experiment, forward=build_forward(experiment))
+    assert open_thickness(knowing, residual_evidence(knowing)) is None

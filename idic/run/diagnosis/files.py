@@ -58,6 +58,7 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
         "indistinguishable": [list(group) for group in verdict.indistinguishable],
         "next_experiment": verdict.next_experiment,
         "model": {"parameters_before": before, "parameters_after": _after(diagnosis),
+                  "parameters_of_real_thickness": of_real_thickness(diagnosis, _after(diagnosis) or before),
                   "experiment": None if enriched is None else enriched.relative_to(run).as_posix()},
         "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded if entry["name"] not in near],
         "cannot_tell": list(verdict.cannot_tell), "probability": diagnosis.probability,
@@ -177,6 +178,26 @@ def _after(diagnosis: Diagnosis) -> dict:
                        "std": None if std is None else std / abs(factor),
                        "unit": parameters[name].unit}
     return shown
+
+
+def of_real_thickness(diagnosis: Diagnosis, last: Mapping[str, Mapping]) -> dict[str, dict]:
+    """Value and std that count what plane stress may have done to the parameters of the last model; {} where the
+    recording tells, or it does nothing.
+
+    last : their value, std and unit
+    """
+    thickness, parameters = diagnosis.open_thickness, diagnosis.found.experiment.parameters
+    if thickness is None:
+        return {}
+    if diagnosis.residual_after is not None:
+        parameters = diagnosis.residual_after.context.experiment.parameters
+    made = {}
+    for name, entry in last.items():
+        if name in thickness.moves and entry["std"] is not None:
+            move = thickness.moves[name] / parameters[name].factor
+            made[name] = entry | {"value": entry["value"] + thickness.share * move,
+                                  "std": float(np.hypot(entry["std"], thickness.share_std * move))}
+    return made
 
 
 def _fit(diagnosis: Diagnosis) -> dict:

@@ -115,7 +115,12 @@ def evaluated(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Tri
         float(answer.get("cost", {}).get("cpu_s", 0.0)),
         int(answer.get("attempt", 1)), answer.get("ablations"), answer.get("sentence", answer.get("problem", "")),
         truth.world, any(is_unseen(name) for name in truth.names), told and bool(set(bulk) - true),
-        answer.get("probability"), _intervals(truth, known | answer.get("model", {}).get("parameters_after", {})))
+        answer.get("probability"), _intervals(truth, known | _last(answer.get("model", {}))))
+
+
+def _last(model: Mapping) -> Mapping:
+    """Parameters of the last model, with the error of plane stress where the answer states it."""
+    return model.get("parameters_after", {}) | model.get("parameters_of_real_thickness", {})
 
 
 def _implied(truth: Truth) -> set[str]:

@@ -1,0 +1,89 @@
+"""Another axis of a law that depends on direction: a second minimum that explains the recording as well.
+
+Over the angle of its axis an orthotropic stiffness has several minima. In a small recording two of them may fit equally
+well with moduli that differ by far more than their error bars. So the last model is fitted again from other axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from idic.diagnose.refit import Refit
+from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
+from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.screen.candidate import Variant
+from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
+from idic.diagnose.selection.rival import COPIES, Round
+
+ANGLE = "angle"
+MIN_OTHER_DEG = 20.0  # from the axis that was found, or across it
+MAX_OTHER_AXES = 2
+MIN_DIFFERENCE_STD = 3.0  # of a parameter of two fits, in standard deviations of both
+MIN_CHI2 = COPIES * MIN_SEPARATION_CHI2  # of the whole recording between two models that it tells apart
+
+
+def fit_from_other_axes(source: ExperimentSource, final: Refit, rounds: Sequence[Round], refits: Refits, grid: Grid,
+                        seed: int) -> Refit | None:
+    """The best fit of the last model to the recording that begins at another axis; None without an axis or an answer.
+
+    source : with every selected candidate; final : their fit to the recording
+    """
+    one = next((r for r in rounds if r.winner is not None and _angle_of(r.winner.ranked.variant)), None)
+    if one is None or final.choice is None:
+        return None
+    variant = one.winner.ranked.variant  # type: ignore[union-attr]
+    name = _angle_of(variant)
+    scores = {trial.variant.label: (abs(one.screening.scores.z[k]), trial.variant)
+              for k, trial in enumerate(one.screening.trials)
+              if trial.candidate.name == one.winner.name and trial.variant.new == variant.new}  # type: ignore
+    far = [v for _, v in sorted(scores.values(), key=lambda entry: -entry[0])
+           if _apart(v.probe[name], final.values[name]) > MIN_OTHER_DEG][:MAX_OTHER_AXES]
+    if not far:
+        return None
+    values = tuple({**final.values, **{n: v.probe[n] for n in v.new}} for v in far)
+    job = RefitJob("other_axis", source, tuple(v.label for v in far), ({},) * len(far), values, final.local, grid,
+                   -np.inf, seed, copies=False, whole_std=True)
+    (found,) = refits([job])
+    return replace(found, name=final.name) if found.usable else None
+
+
+def is_better(other: Refit, final: Refit) -> bool:
+    """Whether the recording prefers the other axis."""
+    return other.choice.chi2 < final.choice.chi2 - MIN_CHI2  # type: ignore[union-attr]
+
+
+def is_another_answer(other: Refit, final: Refit) -> bool:
+    """Whether the recording does not tell the two, and a parameter differs by more than the error bars say."""
+    if not other.choice.chi2 < final.choice.chi2 + MIN_CHI2:  # type: ignore[union-attr]
+        return False
+    values = same_axes(other.values, final.values)
+    known = {name: (std, other.stds[name]) for name, std in final.stds.items()
+             if not name.endswith(f".{ANGLE}") and None not in (std, other.stds.get(name))}
+    return any(abs(values[name] - final.values[name]) > MIN_DIFFERENCE_STD * float(np.hypot(*both))
+               for name, both in known.items())
+
+
+def same_axes(values: Mapping[str, float], like: Mapping[str, float]) -> dict[str, float]:
+    """The values of an orthotropic law with its first axis where it is in `like`, not across it: the same law."""
+    turned = dict(values)
+    for name in (n for n in values if n.rpartition(".")[2] == ANGLE):
+        stem = name.removesuffix(ANGLE)
+        first, second, poisson = (f"{stem}{key}" for key in ("E1", "E2", "nu12"))
+        across = 45.0 < (values[name] - like[name]) % 180.0 < 135.0
+        if across and {first, second, poisson} <= set(values):
+            turned |= {first: values[second], second: values[first], name: values[name] - 90.0,
+                       poisson: values[poisson] * values[second] / values[first]}
+    return turned
+
+
+def _angle_of(variant: Variant) -> str:
+    return next((name for name in variant.new if name.rpartition(".")[2] == ANGLE), "")
+
+
+def _apart(one: float, other: float) -> float:
+    """Degrees between two axes, or one and what is across the other: E1 and E2 change their places there."""
+    gap = abs(one - other) % 90.0
+    return min(gap, 90.0 - gap)
