@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.materials import compile, get_law, point
-from idic.materials.composed.free_curve import basis, classical_fits, knots, knots_of, level_names
+from idic.materials.composed.free_curve import basis, between_knots, classical_fits, knots, knots_of, level_names
 from idic.materials.composed.smoothness import ROOT, Smoothness, bends, rise
 from idic.materials.composed.written_terms import flow_stress
 from idic.parameters import Parameter, SmoothnessPrior
@@ -19,6 +19,24 @@ def test_the_basis_is_linear_between_the_knots_and_beyond():
     np.testing.assert_allclose(basis(p, LAST, N) @ (200.0 + 900.0 * at), 200.0 + 900.0 * p)
     assert (knots_of("elastoplastic(hill48+free12+norton)"), knots_of("elastoplastic(voce)")) == (12, 0)
     assert len(level_names("elastoplastic(free12)", "sheet")) == 12
+
+
+def test_the_band_counts_a_corner_between_two_knots_and_the_chords_of_a_parabola():
+    at, p = knots(LAST, N), np.linspace(0.0, LAST, 400)
+    known = np.zeros((N, N))
+    corner = 0.5 * (at[3] + at[4])
+    rest = basis(p, LAST, N) @ np.maximum(at - corner, 0.0) - np.maximum(p - corner, 0.0)
+    covariance = between_knots(p, LAST, np.maximum(at - corner, 0.0), known)
+    std = np.sqrt(np.diag(covariance))
+    near = (p > at[3]) & (p < at[4])
+    assert rest.max() == pytest.approx(0.25 * (at[4] - at[3]), rel=0.05)
+    assert np.all(rest[near] < 4.0 * std[near] + 1e-12) and rest.max() > 1.96 * std.max()
+    assert np.allclose(std[p < at[2]], 0.0) and np.allclose(std[p > at[5]], 0.0)
+    even = between_knots(at, LAST, at**2, known)
+    assert np.allclose(even, 0.0)
+    bends = np.diff(np.diff(at**2) / np.diff(at))
+    noisy = np.diag(np.full(N, (bends.max() * np.diff(at).max()) ** 2))
+    assert np.allclose(between_knots(p, LAST, at**2, noisy), 0.0)  # the bends may be noise
 
 
 @pytest.mark.slow  # a law to compile

@@ -123,10 +123,11 @@ def truth_of(form: str) -> Truth:
     return Truth(mesh, u, force, np.concatenate([group.state[:, 6] for group in last.points]))
 
 
-def write_folder(folder, truth: Truth, seed: int, material: str, grip: np.ndarray = GRIP, columns: dict | None = None):
+def write_folder(folder, truth: Truth, seed: int, material: str, grip: np.ndarray = GRIP, columns: dict | None = None,
+                 elements: tuple[int, int] = USER):
     """The experiment of a user who does not know the form of the hardening; columns : more of the log."""
     rng = np.random.default_rng(50 + seed)
     noise = write_recording(folder, truth.mesh, truth.u, CAMERA, SHAPE, NOISE, rng, texture_px=300.0)
     force = truth.force + FORCE_NOISE * rng.standard_normal(len(truth.u))
-    return write_rest(folder, waisted(*USER), TOML.replace("NOISE", f"{noise:.4f}", 1) + material,
+    return write_rest(folder, waisted(*elements), TOML.replace("NOISE", f"{noise:.4f}", 1) + material,
                       np.arange(len(truth.u), dtype=float), {"force_N": force, "grip_mm": grip} | (columns or {}))

@@ -17,6 +17,7 @@ TERM = re.compile(r"[(+]free(\d+)[)+]")
 WHITENING_RANK = 1e-10  # variances below this share of the largest are rounding
 NOISE_PROBABILITY = 0.95  # of a loss that noise explains
 STARTS = 6  # of the exponents of a classical form
+SURE_BEND = 3.0  # standard deviations of a change of slope that is none of the noise
 
 
 def knots_of(law: str) -> int:
@@ -45,6 +46,25 @@ def basis(p: np.ndarray, last: float, n: int) -> np.ndarray:
     B[np.arange(len(p)), k] = 1.0 - x
     B[np.arange(len(p)), k + 1] = x
     return B
+
+
+def between_knots(p: np.ndarray, last: float, levels: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Covariance at p (m,) of what a curve does between its knots, MPa^2  # (m, m)
+
+    Of every interval the std is the distance of its chord from the parabola whose change of slope is the mean of those
+    at both ends; the intervals are independent. Nothing at the knots, little where the curve is smooth, most beside a
+    corner, which may lie anywhere between two knots. Changes of slope that may be noise do not count.
+
+    levels, covariance : (n,), (n, n) values at the knots, the last at plastic strain `last`
+    """
+    at = knots(last, len(levels))
+    slopes = np.diff(np.eye(len(levels)), axis=0) / np.diff(at)[:, None]
+    bends = np.pad(np.diff(slopes, axis=0), ((1, 1), (0, 0)))
+    means = 0.5 * (bends[:-1] + bends[1:])
+    squares = (means @ levels) ** 2 - SURE_BEND**2 * np.einsum("ij,jk,ik->i", means, covariance, means)
+    x = np.clip((np.asarray(p, dtype=float) - at[:-1, None]) / np.diff(at)[:, None], 0.0, 1.0)
+    rests = (0.5 * np.sqrt(np.maximum(squares, 0.0)) * np.diff(at))[:, None] * x * (1.0 - x)
+    return rests.T @ rests
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from idic.fields.series import FieldSeries
-from idic.materials.composed.free_curve import basis, classical_fits, knots, knots_of, level_names
+from idic.materials.composed.free_curve import basis, between_knots, classical_fits, knots, knots_of, level_names
 from idic.materials.composed.smoothness import Smoothness
 from idic.model.experiment import Experiment
 from idic.parameters import ParameterSet
@@ -52,8 +52,11 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         p = np.unique(np.concatenate([np.linspace(a, b, POINTS_BETWEEN + 1)
                                       for a, b in pairwise(compared)]))
         J = basis(p, last, n)
-        covariance = J[:, known] @ covariance_of(result, parameters, [names[i] for i in known]) @ J[:, known].T
-        stress = J @ np.maximum.accumulate([parameters[name].value for name in names])
+        own = np.zeros((n, n))
+        own[np.ix_(known, known)] = covariance_of(result, parameters, [names[i] for i in known])
+        levels = np.maximum.accumulate([parameters[name].value for name in names])
+        stress = J @ levels
+        covariance = J @ own @ J.T + between_knots(p, last, levels, own)
         fits = classical_fits(p, stress, covariance, np.searchsorted(p, compared))
         std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         yield HardeningCurve(material.element_set, p, stress, std, at, reached, fits,

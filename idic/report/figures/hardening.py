@@ -53,8 +53,9 @@ def _caption(curve: HardeningCurve, unit: str, size: float) -> str:
     forms = "; ".join(_form(fit, unit, size) for fit in curve.fits)
     return (f"Flow stress up to the plastic strain that 99 % of the seen nodes stay within ({100 * curve.reached:.3g} "
             f"%); beyond it "
-            "the curve is not measured. The band follows from the covariance of the parameters; the smoothness prior "
-            f"({_prior(curve)}) is part of it. Below: classical forms at the knots, "
+            "the curve is not measured. The band follows from the covariance of the parameters and from what the curve "
+            f"may do between its knots; the smoothness prior ({_prior(curve)}) is part of it. Below: classical forms "
+            "at the knots, "
             "fitted in that covariance, solid where their loss in chi2 is no more than noise explains (about the "
             f"number in brackets). {forms}.")
 
