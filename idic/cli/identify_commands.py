@@ -77,10 +77,7 @@ def demo(
         refuse_store(store, "demo")
         _clear_earlier_demo(out)
         typer.echo(f"writing a virtual tensile test with known parameters to {user_path(out / 'experiment')}")
-        from idic.workers.precompiling import compiling_meanwhile
-
-        # now: both work while the images are rendered, for which the law and the loop of its tangent are compiled
-        with _server(prefect), compiling_meanwhile("directional", "stress"):
+        with _server(prefect), _compiling_where_cold():
             from idic.virtual_tests.examples import write_example
 
             write_example("demo", out / "experiment")
@@ -162,6 +159,18 @@ def _show_result(result: dict, run: Path, began: float, truth_file: Path | None 
         view.stage("report")
         page = write_report(run)
     console.print(f"report   {user_path(page)}", highlight=False)
+
+
+def _compiling_where_cold() -> AbstractContextManager:
+    """Where nothing is compiled yet, a second process compiles beside the first steps of the demo."""
+    from idic.correlation.image_kernel import residual_pass
+    from idic.materials.core.compilation import has_code_on_disk, is_kept
+    from idic.materials.core.kernels import stress_loop
+    from idic.workers.precompiling import compiling_meanwhile
+
+    if is_kept(stress_loop) and has_code_on_disk(residual_pass):
+        return nullcontext()
+    return compiling_meanwhile("idic.virtual_tests.rehearsal")
 
 
 def _clear_earlier_demo(out: Path) -> None:

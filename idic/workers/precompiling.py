@@ -12,10 +12,9 @@ from idic.workers.working_folder import empty_folder
 
 
 @contextmanager
-def compiling_meanwhile(*loops: str) -> Iterator[None]:
-    """Compile loops over points (`idic.materials.core.points`) beside a ``with`` block; at its end that process ends,
-    too."""
-    process = subprocess.Popen([sys.executable, parent_guard.__file__, "idic.materials.core.precompile", *loops],
+def compiling_meanwhile(module: str) -> Iterator[None]:
+    """Run a module that compiles kernels beside a ``with`` block; at its end that process ends, too."""
+    process = subprocess.Popen([sys.executable, parent_guard.__file__, module],
                                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                                cwd=empty_folder())
     try:

@@ -87,7 +87,8 @@ def height_pass(start, ix, iy, a, b, f, fx, fy, motion, coefficients, width, deg
     u, v, h = np.empty(8, np.float32), np.empty(8, np.float32), np.empty(8, np.float32)
     for e in range(start.size - 1):
         shift_x, shift_y = _split_motion(motion[e, 0], u), _split_motion(motion[e, 1], v)
-        h[:] = motion[e, 2]
+        for k in range(8):  # not h[:]: that takes three seconds to compile
+            h[k] = motion[e, 2, k]
         sums[e, :] = 0.0
         n_lost[e] = 0
         for s in range(start[e], start[e + 1], _PIXELS_PER_BLOCK):
@@ -121,7 +122,8 @@ def height_residuals(start, ix, iy, a, b, f, motion, coefficients, width, degree
     u, v, h = np.empty(8, np.float32), np.empty(8, np.float32), np.empty(8, np.float32)
     for e in range(start.size - 1):
         shift_x, shift_y = _split_motion(motion[e, 0], u), _split_motion(motion[e, 1], v)
-        h[:] = motion[e, 2]
+        for k in range(8):  # not h[:]: that takes three seconds to compile
+            h[k] = motion[e, 2, k]
         for s in range(start[e], start[e + 1], _PIXELS_PER_BLOCK):
             t = min(s + _PIXELS_PER_BLOCK, start[e + 1])
             n = t - s

@@ -201,11 +201,17 @@ def sort_by_owner(owner, n_elements):
     for o in owner.ravel():
         if o >= 0:
             count[o] += 1
-    visible = np.flatnonzero(count)
-    start = np.zeros(visible.size + 1, dtype=np.int64)
-    start[1:] = np.cumsum(count[visible])
-    place = np.zeros(n_elements, dtype=np.int64)
-    place[visible] = start[:-1]
+    n_visible = 0
+    for e in range(n_elements):
+        n_visible += 1 if count[e] else 0
+    visible, start = np.empty(n_visible, dtype=np.int64), np.empty(n_visible + 1, dtype=np.int64)
+    place = np.empty(n_elements, dtype=np.int64)
+    start[0] = k = 0
+    for e in range(n_elements):  # loops: an array put into a slice takes three seconds to compile
+        place[e] = start[k]
+        if count[e]:
+            visible[k], start[k + 1] = e, start[k] + count[e]
+            k += 1
     iy, ix = np.empty(start[-1], dtype=np.int64), np.empty(start[-1], dtype=np.int64)
     for i in range(owner.shape[0]):
         for j in range(owner.shape[1]):

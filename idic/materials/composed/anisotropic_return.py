@@ -174,7 +174,8 @@ def plastic_growth(elastic, back, hardening, rate, A, trial, q, modulus, p, dt, 
     low, high = 0.0, max(most_growth(rate, q, sigma, dt, own), ABSOLUTE_TOLERANCE * largest)
     x = 0.5 * min((q - sigma) / modulus, high)
     for _ in range(MAX_ITERATIONS):
-        e[:] = trial
+        for m in range(6):  # not e[:]: that takes three seconds to compile
+            e[m] = trial[m]
         value, slope = relaxed(elastic, back, hardening, rate, A, trial, p, x, dt, state, params, own, e, xi, flowing,
                                MOST_PASSES, True)
         if not math.isfinite(value):
@@ -212,7 +213,8 @@ def update(elastic, shift, angle, surface, hill, hardening, back, rate, damage, 
                                        np.empty(6, F.dtype), np.empty(6, F.dtype), np.empty(6, F.dtype))
     D, A = np.empty((6, 6), F.dtype), np.empty((6, 6), F.dtype)
     trial[0], trial[1], trial[2], trial[3], trial[4], trial[5] = local
-    e[:] = trial
+    for m in range(6):
+        e[m] = trial[m]
     elastic_stress(elastic[0], elastic[1:], e, params, t, D)
     flow_matrix(surface, hill, own, A)
     shifted(back, t, 0.0 * p, state, own, xi, slope)

@@ -42,6 +42,26 @@ def _sources_stamp() -> tuple:
 
 def compile_cached(function: Callable, signature):
     """Compile `function` for one signature: serial, nogil, with numba's disk cache where there is a place for it."""
+    dispatcher = _dispatcher(function)
+    dispatcher.compile(signature)
+    dispatcher.disable_compile()
+    return dispatcher
+
+
+def is_kept(function: Callable) -> bool:
+    """Whether numba's disk cache holds machine code of `function` that `compile_cached` would take."""
+    return has_code_on_disk(_dispatcher(function))
+
+
+def has_code_on_disk(dispatcher) -> bool:
+    """Whether numba's disk cache holds machine code of a function with a cache."""
+    try:
+        return bool(dispatcher._cache._cache_file._load_index())
+    except (OSError, AttributeError):
+        return False
+
+
+def _dispatcher(function: Callable):
     dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
     try:
         dispatcher.enable_caching()
@@ -51,8 +71,6 @@ def compile_cached(function: Callable, signature):
         cache_file._source_stamp = (cache_file._source_stamp, _sources_stamp(), function.__module__)
     except (RuntimeError, AttributeError):  # typed at a prompt, or nowhere to write: compile without cache
         pass
-    dispatcher.compile(signature)
-    dispatcher.disable_compile()
     return dispatcher
 
 
