@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
 
 import numpy as np
@@ -15,14 +18,25 @@ from idic.experiment_file.load import load_experiment
 from idic.materials.core import points
 from idic.model.forward import build_forward
 from idic.store.camera_groups import with_stored_images
+from idic.store.run_lock import RunBusy, run_lock
 from idic.store.run_store import RunStore
+from idic.workers.working_folder import cache_folder
+
+_LONGEST_WAIT_S = 60.0
 
 
 def compile_image_kernels(job: tuple[str, str, dict]) -> None:
     """Correlate one frame with a specimen at rest and drop the result (a task).
 
+    What another process of this user compiles meanwhile is waited for, and read.
+
     job : the RUN folder with its images, the experiment, ``--set key=value``
     """
+    with _one_at_a_time():
+        _correlate_at_rest(job)
+
+
+def _correlate_at_rest(job: tuple[str, str, dict]) -> None:
     run, path, overrides = job
     experiment = with_stored_images(RunStore(run), load_experiment(path, overrides))
     frames = correlated_frames(experiment, range(experiment.n_frames))
@@ -42,6 +56,20 @@ def compile_image_kernels(job: tuple[str, str, dict]) -> None:
         frames[0], at_rest, np.zeros(n_channels), np.zeros((*at_rest.shape, len(moving))),
         np.zeros((n_channels, len(moving))), np.zeros((*at_rest.shape, m)), np.zeros((n_channels, m)))
     frame_system(context, response, np.zeros(m))
+
+
+@contextmanager
+def _one_at_a_time() -> Iterator[None]:
+    """A lock of this user, on this machine, on compiling the image kernels; after a minute on without it."""
+    end = time.monotonic() + _LONGEST_WAIT_S
+    with ExitStack() as held:
+        while time.monotonic() < end:
+            with suppress(RunBusy):
+                with suppress(OSError):  # nowhere to write
+                    held.enter_context(run_lock(cache_folder() / "compiling"))
+                break
+            time.sleep(0.1)
+        yield
 
 
 def compile_stress_kernel(_: None) -> None:

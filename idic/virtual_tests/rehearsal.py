@@ -49,9 +49,9 @@ def rehearse() -> None:
         planned.check("auto")
         with planned.claim(False):
             planned.ingest(SerialRunner())
-            compile_image_kernels(planned.first_job)
             points.loop("directional")
             points.loop("stress")
+            compile_image_kernels(planned.first_job)
             OpenRun(planned, SerialRunner(), "auto", Timing(), time.perf_counter(), Console()).identify()
 
 
