@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,18 +14,25 @@ SHAPE = (160, 240)
 def make_folder(folder: Path, n: int = 3) -> Path:
     """A dotted strip that is stretched a little, with the force and a pressure of every frame."""
     (folder / "images").mkdir(parents=True)
-    rng = np.random.default_rng(3)
-    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
-    waves = rng.uniform(-1.1, 1.1, (60, 2)), rng.uniform(0, 6.3, 60)
-    for k in range(n):
-        at = 120 + (x - 120) / (1 + 0.002 * k)
-        grey = 120 + 7 * sum(np.cos(kx * at + ky * y + phase) for (kx, ky), phase in zip(*waves, strict=True))
-        inside = (np.abs(x - 120) < 100) & (np.abs(y - 80) < 50)
-        image = np.where(inside, grey, 15) + rng.normal(0, 1, SHAPE)
-        tifffile.imwrite(folder / "images" / f"f_{k}.tif", np.clip(image, 0, 255).astype(np.uint8))
+    for k, image in enumerate(_images(n)):
+        tifffile.imwrite(folder / "images" / f"f_{k}.tif", image)
     rows = [f"{k},{k}.0,{100 * k},{0.04 * k},{2 * k}" for k in range(n)]
     (folder / "loads.csv").write_text("\n".join(["frame,time_s,force_N,grip_displacement_mm,p_bar", *rows]) + "\n")
     return folder
+
+
+@cache
+def _images(n: int) -> list[np.ndarray]:
+    rng = np.random.default_rng(3)
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    waves = rng.uniform(-1.1, 1.1, (60, 2)), rng.uniform(0, 6.3, 60)
+    inside, images = (np.abs(x - 120) < 100) & (np.abs(y - 80) < 50), []
+    for k in range(n):
+        at = 120 + (x - 120) / (1 + 0.002 * k)
+        grey = 120 + 7 * sum(np.cos(kx * at + ky * y + phase) for (kx, ky), phase in zip(*waves, strict=True))
+        image = np.where(inside, grey, 15) + rng.normal(0, 1, SHAPE)
+        images.append(np.clip(image, 0, 255).astype(np.uint8))
+    return images
 
 
 def plan(**changes) -> dict:
