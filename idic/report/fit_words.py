@@ -9,6 +9,7 @@ from idic.identify.judgement.significance import z_text
 
 NOISE_CHI2 = (0.9, 1.1)  # image chi² per pixel that camera noise explains: its own uncertainty is below 1 %,
 #                          the rest is the uncertainty of the estimate of sigma
+MIN_CHI2_OF_FIELDS = 0.8  # where their noise is correlated (an unknown takes more than one component) and not stated
 MAX_FREE_DIC_CHI2 = 2.0  # times the χ² of the model: above, the free FE-DIC failed to match the pattern in some frames
 MAX_CHI2_OVER_FREE = 0.03  # χ² per pixel that a free motion may save before the model is said to lack one
 MAX_SHARE_OVER_FREE = 0.15  # of the χ² above noise that a free motion saves, where the model follows as well as it does
@@ -53,6 +54,12 @@ WORDS_OF_FIELDS = (  # what is said of images, and of measured fields in their p
      "fields nor channels"), ("the noise of the images", "the noise of the fields"),
      ("a camera shows only", "a field shows only"),
 )
+
+
+def noise_chi2(result: Mapping) -> tuple[float, float]:
+    """The range of χ² per pixel or component that noise explains."""
+    estimated = result.get("quantity") == "displacement" and result.get("noise", {}).get("source") != "given"
+    return (MIN_CHI2_OF_FIELDS if estimated else NOISE_CHI2[0]), NOISE_CHI2[1]
 
 
 def in_words_of(result: Mapping, text: str) -> str:
@@ -111,7 +118,7 @@ def images(result: Mapping) -> tuple[str, str, str]:
         return "look", "Look closer: the noise of the images is not known", ""
     free, where, numbers = against_free(result), cluster(result), _numbers(result, chi2)
     local = f" The residual is raised {where}." if where else ""
-    if chi2 < NOISE_CHI2[0]:
+    if chi2 < noise_chi2(result)[0]:
         return ("look", "Look closer: the stated noise is larger than the image residual",
                 f"The image residual is smaller than the stated camera noise ({numbers}). "
                 f"The noise is overstated, and so are the error bars.{local}")

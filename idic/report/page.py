@@ -16,7 +16,7 @@ from idic.report.figures.mesh_overlay import identified_mesh
 from idic.report.figures.point_maps import point_maps
 from idic.report.figures.profiles import is_profile
 from idic.report.figures.style import Picture
-from idic.report.fit_words import NOISE_CHI2, against_free, in_words_of
+from idic.report.fit_words import against_free, in_words_of, noise_chi2
 from idic.report.free_dic import free_dic
 from idic.report.html import filled_in
 from idic.report.practice import practice_table
@@ -178,14 +178,15 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
                                                   result["status"] in GOOD)]
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     if chi2 is not None:
-        facts.append(("χ² per pixel", f"{chi2:.3f}", NOISE_CHI2[0] <= chi2 <= NOISE_CHI2[1]))
+        low, high = noise_chi2(result)
+        facts.append(("χ² per pixel", f"{chi2:.3f}", low <= chi2 <= high))
         if (free := against_free(result)) is not None:
             facts.append(("χ² of a free FE-DIC", f"{free.free:.3g}, failed" if free.failed else f"{free.free:.3f}",
-                          not free.failed and NOISE_CHI2[0] <= free.free <= NOISE_CHI2[1]))
+                          not free.failed and (low <= free.free or free.floor > 0.0) and free.free <= high))
         local = result["residual"].get("local")
         if local:
             facts.append(("largest local χ²", f"{local['chi2']:.2f} ({local['typical_chi2']:.2f} in the median)",
-                          not local["is_cluster"] and local["typical_chi2"] <= NOISE_CHI2[1]))
+                          not local["is_cluster"] and local["typical_chi2"] <= high))
     floor = result.get("camera_floor") or {}
     if floor:
         scale, unit = record.motion_unit

@@ -11,7 +11,7 @@ import numpy as np
 from idic.identify.result import STRESS_UNITS
 from idic.model.mode_names import in_words, is_mode, motions
 from idic.report.fit_words import (
-    MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, cluster, images, in_error_bars, remedies,
+    MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, cluster, images, in_error_bars, noise_chi2, remedies,
 )
 from idic.report.stress_scale import held_stresses, in_ratios
 
@@ -295,7 +295,7 @@ def advice(result: Mapping) -> list[str]:
     if only_light and not channels_missed(result):
         sentences.append(remedies(result)
                          or "Try brightness = \"patch\", smaller patches or a stronger low-pass under [options].")
-    elif channels_missed(result) or (level == "look" and (chi2 is None or chi2 >= NOISE_CHI2[0])):
+    elif channels_missed(result) or (level == "look" and (chi2 is None or chi2 >= noise_chi2(result)[0])):
         sentences.append(f"The model does not explain the test within its noise. {in_error_bars(result)} The report "
                          f"shows where "
                          "and when. Check the position of the mesh (idic check), scale, thickness and boundaries; idic "

@@ -41,6 +41,15 @@ def test_a_model_that_follows_as_well_as_a_free_motion_is_not_said_to_lack_an_ef
     assert "Remedies for light and aliasing" in page and "<td>1.050</td>" in page
 
 
+def test_chi2_of_fields_is_some_percent_below_one_where_their_noise_is_correlated():
+    result = judged(0.87, free=0.3)
+    assert "stated noise is larger" in words.verdict(result)[1]
+    of_fields = result | {"quantity": "displacement", "noise": result["noise"] | {"source": "stage_differences"}}
+    assert words.verdict(of_fields)[0] == "good"
+    of_fields["noise"]["source"] = "given"
+    assert words.verdict(of_fields)[0] == "look"
+
+
 def test_remedies_without_effect_are_named_as_such():
     said = words.explained(judged(1.31, free=1.30, remedies=(LOWPASS,)))
     assert "None of the remedies tried" in said and "lowpass_px = 1" in said
