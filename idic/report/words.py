@@ -8,6 +8,7 @@ from math import floor, isfinite, log10
 
 import numpy as np
 
+from idic.fe.mesh.edge_morph import OUTLINE
 from idic.identify.result import STRESS_UNITS
 from idic.model.mode_names import in_words, is_mode, motions
 from idic.report.fit_words import (
@@ -34,6 +35,8 @@ NOISE_SOURCE = {
 }
 MAX_CHANNEL_CHI2 = 2.0  # χ² per frame of a channel: with 20 frames a larger one has a probability below 0.5 %
 MODES_OPEN = "the images do not separate them all; undetermined modes keep their start values"
+EDGES_OPEN = (" These edges stay where the margin puts them; moduli by the force depend on it, and no error bar counts "
+              "it: draw the outline (outline_mm).")
 MAX_LISTED = 4  # frames, or pairs of parameters, named in a sentence
 MIN_STRONG_CORRELATION = 0.95  # |coefficient| above which two parameters are hardly separated
 
@@ -190,7 +193,8 @@ def undetermined(result: Mapping) -> str:
         reasons["the 95 % interval reaches zero: the error of the model decides the value; fix it at a known value, "
                 "or add a test that depends on it", frozenset()] = [names[name] for name in hardly]
     items = [f"{', '.join(group)} ({reason})" for (reason, _), group in reasons.items()]
-    return f"Not determined by this test: {'; '.join(items)}." if items else ""
+    edges = any(item["name"].startswith(OUTLINE) for item in listed)
+    return f"Not determined by this test: {'; '.join(items)}.{EDGES_OPEN if edges else ''}" if items else ""
 
 
 def _together(listed: Sequence[Mapping]) -> dict[str, tuple[str, frozenset]]:

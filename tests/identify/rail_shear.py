@@ -30,13 +30,14 @@ STRIP = (12.5, 40.0)  # half width and half length
 @dataclass(frozen=True)
 class Specimen:
     """outline : entries for the mesher; polygon : (n, 2) fine corners; view : half sizes of what the camera sees;
-    along : axis between the ends; motion : of the loaded end along y"""
+    along : axis between the ends; motion : of the loaded end along y; holes : x, y, radius of each"""
 
     outline: list
     polygon: np.ndarray
     view: tuple[float, float]
     along: int
     motion: float
+    holes: tuple[tuple[float, float, float], ...] = ()
 
 
 def rail(strain: float = 0.01) -> Specimen:
@@ -56,6 +57,13 @@ def strip(strain: float = 0.004) -> Specimen:
     a, b = STRIP
     corners = np.array([[-a, -b], [a, -b], [a, b], [-a, b]])
     return Specimen(corners.tolist(), corners, (a, 25.0), 1, 2.0 * b * strain)
+
+
+def waisted(strain: float = 0.002) -> Specimen:
+    """Pulled along y, narrower in the middle, where it has a hole; the camera sees no ends."""
+    half = np.array([[10.0, -30.0], [10.0, -22.0], [7.0, -13.0], [7.0, 13.0], [10.0, 22.0], [10.0, 30.0]])
+    corners = np.vstack([half, half[::-1] * [-1.0, 1.0]])
+    return Specimen(corners.tolist(), corners, (10.0, 26.0), 1, 60.0 * strain, ((0.0, 0.0, 2.5),))
 
 
 def write_stages(folder: Path, specimen: Specimen, ply: dict, angle_deg: float = 0.0, stages: int = 8,
@@ -95,13 +103,15 @@ def facets(specimen: Specimen) -> np.ndarray:
     along = np.roll(a, -1, axis=0) - a
     share = np.clip(((at[:, None] - a) * along).sum(axis=-1) / (along**2).sum(axis=-1), 0.0, 1.0)
     far = np.linalg.norm(at[:, None] - (a + share[..., None] * along), axis=-1).min(axis=1)
+    for x, y, radius in specimen.holes:
+        far = np.minimum(far, np.hypot(*(at - [x, y]).T) - radius)
     return at[Region(a).contains_points(at) & (far > 0.5 * FACET - 1e-9)]
 
 
 def solved(specimen: Specimen, ply: dict, angle_deg: float,
            size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Nodes, triangles, displacement (n, 2) at the last stage, and the force along y on the loaded end  # N"""
-    mesh = raise_order(mesh_polygon(specimen.outline, (), size))
+    mesh = raise_order(mesh_polygon(specimen.outline, specimen.holes, size))
     nodes, cells = mesh.nodes, mesh.blocks[0].connectivity
     stiffness = np.zeros((len(cells), 12, 12))
     for point in GAUSS:

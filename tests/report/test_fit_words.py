@@ -50,6 +50,13 @@ def test_chi2_of_fields_is_some_percent_below_one_where_their_noise_is_correlate
     assert words.verdict(of_fields)[0] == "look"
 
 
+def test_an_edge_that_is_not_determined_is_told_to_decide_the_moduli():
+    result = make_result()
+    assert "margin" not in words.undetermined(result)
+    result["not_identifiable"] = [{"name": "geometry.outline.EDGE2", "reason": "why", "together_with": []}]
+    assert "stay where the margin puts them" in words.undetermined(result)
+
+
 def test_remedies_without_effect_are_named_as_such():
     said = words.explained(judged(1.31, free=1.30, remedies=(LOWPASS,)))
     assert "None of the remedies tried" in said and "lowpass_px = 1" in said
