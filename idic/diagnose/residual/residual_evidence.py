@@ -20,6 +20,7 @@ from idic.correlation.context import CorrelationContext, FrameResponse
 from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.frame import NodalEquations
 from idic.correlation.frame_equations import correlated_frames, global_columns, turned_response, with_all_cameras
+from idic.correlation.grey import blur_of_noise
 from idic.correlation.view import GREY, View, view_of
 from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence, noise_share
 from idic.diagnose.residual.grey_value_effects import joined_pixels, pixel_basis, pixel_parts, sums_against
@@ -167,6 +168,23 @@ class _CameraPasses:
         """The residual that all frames have in common."""
         self.shared, self.chi2 = _shared_residual(self.maps, kappa, self.context.reference.n_images)
         self.still_q, self.still_rb = sums_against(self.context, self.shared)
+        if len(self.still_rb) > self._n_brightness:  # the last one is the blur's; as any image, the sum lost it once
+            self.still_rb[-1] -= (float(np.sum(1.0 / kappa)) - 1.0) * self._blur_of_noise
+
+    @property
+    def _blur_of_noise(self) -> float:
+        """Expected product of the blur's column with the noise of the reference image, which every residual contains,
+        and their sum once for each; it is taken off every image that is compared (`idic.correlation.grey.with_blur`).
+        """
+        reference = self.context.reference
+        variance = self.context.experiment.noise.std_gv**2 / reference.n_images
+        return variance * blur_of_noise(reference.lowpass_px) * int((self.shared != 0.0).sum())
+
+    @property
+    def _n_brightness(self) -> int:
+        """Columns of gain and offset of a frame; a blur has one more."""
+        experiment = self.context.experiment
+        return self.context.reference.layout(experiment.options.brightness).n_columns if _is_grey(self.context) else 0
 
     def white(self, t: int, root: float, c: float) -> tuple[np.ndarray, np.ndarray]:
         """Right-hand sides of the nodes and of brightness in a white frame."""
