@@ -178,13 +178,16 @@ class _CameraPasses:
         """
         reference = self.context.reference
         variance = self.context.experiment.noise.std_gv**2 / reference.n_images
-        return variance * blur_of_noise(reference.lowpass_px) * int((self.shared != 0.0).sum())
+        noise = blur_of_noise(reference.lowpass_px)  # type: ignore[attr-defined]  # only grey images have a blur
+        return variance * noise * int((self.shared != 0.0).sum())
 
     @property
     def _n_brightness(self) -> int:
         """Columns of gain and offset of a frame; a blur has one more."""
-        experiment = self.context.experiment
-        return self.context.reference.layout(experiment.options.brightness).n_columns if _is_grey(self.context) else 0
+        if not _is_grey(self.context):
+            return 0
+        brightness = self.context.experiment.options.brightness
+        return self.context.reference.layout(brightness).n_columns  # type: ignore[attr-defined]
 
     def white(self, t: int, root: float, c: float) -> tuple[np.ndarray, np.ndarray]:
         """Right-hand sides of the nodes and of brightness in a white frame."""
