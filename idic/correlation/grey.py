@@ -24,7 +24,7 @@ from idic.correlation.pixels.pixel_map import PixelMap
 from idic.correlation.reference import ReferenceImage, build_reference
 from idic.images.interpolate import DEGREES, Spline, prefilter
 from idic.images.quality.lowpass import blur_column, lowpass_weights
-from idic.model.experiment import Experiment
+from idic.model.experiment import Experiment, Noise
 
 MIN_CONTRAST_RATIO = 0.1  # of a frame to the reference: less is a closed shutter, or a specimen that left the view
 
@@ -42,7 +42,7 @@ class GreyReference(NodalBasis, ReferenceImage):
         equations = nodal_equations(self, spline, motion, brightness)
         if experiment.options.defocus == "none":
             return equations
-        return with_blur(self, equations, spline, motion, brightness, self.pull_back(motion), experiment.noise.std_gv)
+        return with_blur(self, equations, spline, motion, brightness, self.pull_back(motion), experiment.noise)
 
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
@@ -108,30 +108,49 @@ def squares_about_mean(equations: NodalEquations) -> tuple[float, float]:
     return still, squares + 2.0 * rb[gain].sum() + equations.rr - ((sums + rb[offset][seen]) ** 2 / numbers).sum()
 
 
-def blur_of_noise(lowpass_px: float) -> float:
-    """Expected product of low-passed noise and its own `blur_column`, per pixel and variance of one pixel."""
+def blur_of_noise(lowpass_px: float, correlation: np.ndarray | None = None) -> float:
+    """Expected product of low-passed noise and its own `blur_column`, per pixel and variance of one pixel.
+
+    correlation : (2 L + 1, 2 L + 1) of pixels so many rows and columns apart, before the low-pass; None: independent
+    """
     weights = np.array(lowpass_weights(lowpass_px))
-    kernel = np.pad(np.outer(weights, weights), 4)
-    return float((kernel * blur_column(kernel)).sum())
+    twice = np.correlate(weights, weights, "full")
+    reach = 0 if correlation is None else len(correlation) // 2
+    kernel = np.pad(np.outer(twice, twice), 4 + reach)
+    column, middle = blur_column(kernel), len(kernel) // 2
+    if correlation is None:
+        return float(column[middle, middle])
+    near = slice(middle - reach, middle + reach + 1)
+    return float((np.asarray(correlation) * column[near, near]).sum())
+
+
+def blur_bias(noise: Noise, reference: ReferenceImage) -> float:
+    """Expected product of the noise in the reference image and the part of its blur's column that is noise, per pixel
+    (GV²); 0 where the noise is not known."""
+    if noise.std_gv is None:
+        return 0.0
+    found = noise.correlated
+    if found is None:
+        product = noise.std_gv**2 * blur_of_noise(reference.lowpass_px)
+    else:
+        product = found.recorded_gv**2 * blur_of_noise(reference.lowpass_px, np.array(found.correlation))
+    return product / reference.n_images
 
 
 def with_blur(reference: ReferenceImage, equations: NodalEquations, spline: Spline, u_px: np.ndarray, brightness: str,
-              pull_back: np.ndarray, noise_std: float | None) -> NodalEquations:
+              pull_back: np.ndarray, noise: Noise) -> NodalEquations:
     """The equations of a frame with the column of its blur after those of its brightness.
 
     Parameters
     ----------
     pull_back : (n_nodes, 2, 2) F^-1 at the nodes
-    noise_std : of one image (GV), None where it is not known yet
     """
     column = reference.blur_column.astype(float)
     found = residual_map(reference, spline, u_px, exclude=equations.lost_pixels if equations.n_lost else None)
     still_q, still_rb = _coupling(reference, brightness)
     q = np.einsum("nij,ni->nj", pull_back, still_q.reshape(-1, 2)).ravel()
     seen = found.valid
-    rhs = float(column[seen] @ found.r[seen].astype(float))
-    if noise_std is not None:
-        rhs -= noise_std**2 / reference.n_images * blur_of_noise(reference.lowpass_px) * int(seen.sum())
+    rhs = float(column[seen] @ found.r[seen].astype(float)) - blur_bias(noise, reference) * int(seen.sum())
     n = equations.n_brightness
     bb = np.zeros((n + 1, n + 1))
     bb[:n, :n], bb[n, n] = equations.bb, float(column[seen] @ column[seen])

@@ -25,3 +25,16 @@ def test_the_product_of_noise_with_its_own_column_has_the_expected_mean(lowpass_
     product = (seen * blur_column(seen))[5:-5, 5:-5]
     spread = 5.0 * product.std() / np.sqrt(product.size)  # neighbours are correlated: wider than 3 of the mean
     assert product.mean() == pytest.approx(blur_of_noise(lowpass_px), abs=spread)
+
+
+@pytest.mark.parametrize("lowpass_px", [0.0, 0.6])
+def test_so_has_noise_that_neighbours_share(lowpass_px):
+    noise = lowpass(np.random.default_rng(1).standard_normal((600, 600)), 0.5).astype(float)
+    noise /= noise.std()
+    correlation = np.array([[np.mean(noise * np.roll(noise, (i, j), (0, 1))) for j in range(-4, 5)]
+                            for i in range(-4, 5)])
+    seen = lowpass(noise, lowpass_px).astype(float)
+    product = (seen * blur_column(seen))[5:-5, 5:-5]
+    spread = 5.0 * product.std() / np.sqrt(product.size)
+    assert product.mean() == pytest.approx(blur_of_noise(lowpass_px, correlation), abs=spread)
+    assert abs(product.mean() - blur_of_noise(lowpass_px)) > 3.0 * spread  # independent noise has another one

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from idic.correlation.context import CorrelationContext
-from idic.correlation.grey import blur_of_noise
+from idic.correlation.grey import blur_bias
 from idic.correlation.reference import ReferenceImage
 from idic.images.quality.lowpass import lowpass
 from idic.images.quality.noise_covariance import sum_gain
@@ -70,7 +70,7 @@ def pixel_basis(context: CorrelationContext) -> PixelBasis:
     share = np.array([_noise_left(pm, column, std, correlation) for column in images.T])
     weight = context.weights.image_noise**2 / (recorded * share)
     bias = np.zeros(len(names))
-    bias[-1] = noise / reference.n_images * len(f) * blur_of_noise(std)
+    bias[-1] = blur_bias(context.experiment.noise, reference) * len(f)
     return PixelBasis(names, images, weight, bias)
 
 

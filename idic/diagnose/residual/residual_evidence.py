@@ -20,7 +20,7 @@ from idic.correlation.context import CorrelationContext, FrameResponse
 from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.frame import NodalEquations
 from idic.correlation.frame_equations import correlated_frames, global_columns, turned_response, with_all_cameras
-from idic.correlation.grey import blur_of_noise
+from idic.correlation.grey import blur_bias
 from idic.correlation.view import GREY, View, view_of
 from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence, noise_share
 from idic.diagnose.residual.grey_value_effects import joined_pixels, pixel_basis, pixel_parts, sums_against
@@ -176,10 +176,8 @@ class _CameraPasses:
         """Expected product of the blur's column with the noise of the reference image, which every residual contains,
         and their sum once for each; it is taken off every image that is compared (`idic.correlation.grey.with_blur`).
         """
-        reference = self.context.reference
-        variance = self.context.experiment.noise.std_gv**2 / reference.n_images
-        noise = blur_of_noise(reference.lowpass_px)  # type: ignore[attr-defined]  # only grey images have a blur
-        return variance * noise * int((self.shared != 0.0).sum())
+        noise = blur_bias(self.context.experiment.noise, self.context.reference)  # type: ignore[arg-type]
+        return noise * int((self.shared != 0.0).sum())
 
     @property
     def _n_brightness(self) -> int:
