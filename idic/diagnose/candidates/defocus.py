@@ -1,6 +1,7 @@
 """Defocus: the images become blurred, by a variance that grows with time or load.
 
-g_w = g + w/2 laplace(g): even in the width, hence one-sided in w.
+g_w = g + w/2 laplace(g): even in the width, hence one-sided in w. Where the pattern moves over the pixels, colour
+filter and compression change the blur of a sharp image, too.
 """
 
 from __future__ import annotations
@@ -8,13 +9,15 @@ from __future__ import annotations
 from idic.diagnose.candidates.illumination import courses
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 
+MIN_BLUR_PX2 = 1.0 / 48.0  # a quarter of the variance of a pixel's area; demosaiced and compressed images: up to 0.019
+
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
     if experiment.quantity != "grey" or experiment.options.defocus != "none":
         return ()
     return tuple(Variant(f"blur grows with {name}", {"options.defocus": "frame"}, (), {}, sign=1,
-                         pixels=("blur", course[None])) for name, course in courses(situation))
+                         pixels=("blur", course[None]), least=MIN_BLUR_PX2) for name, course in courses(situation))
 
 
 register(Candidate(

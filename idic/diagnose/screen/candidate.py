@@ -101,6 +101,7 @@ class Variant:
         (`idic.diagnose.residual.grey_value_effects`); each counts alone, and all together
     refit : further edits for the refit only (starting values)
     free_course : `new` are the knots of a course that the data give: their columns count together
+    least : amplitude up to which the recording shows it without a cause in the test, whatever its significance
     """
 
     label: str
@@ -116,6 +117,7 @@ class Variant:
     pixels: tuple[str, np.ndarray] | None = None
     refit: Mapping[str, Any] = field(default_factory=dict)
     free_course: bool = False
+    least: float = 0.0
 
     @property
     def counts_together(self) -> bool:
