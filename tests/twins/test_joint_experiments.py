@@ -144,7 +144,8 @@ m = { value = 3.0, identify = true }
     for name in ("yield_stress", "eta", "m"):
         entry = both["parameters"][f"BODY.{name}"]
         assert entry["value"] == pytest.approx(truth[name], abs=4 * entry["std"] + 0.03 * truth[name])  # coarse mesh
-        assert alone[1]["parameters"][f"BODY.{name}"]["std"] > 5 * entry["std"]  # 7, 38 and 52 measured
+        of_one = alone[1]["parameters"][f"BODY.{name}"]["std"]
+        assert of_one is None or of_one > 5 * entry["std"]  # None: left open; 7, 38 and 52 measured
 
 
 def test_a_shared_parameter_that_is_stated_in_two_ways_is_refused(pair, tmp_path):

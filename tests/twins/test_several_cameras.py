@@ -150,7 +150,7 @@ def test_the_report_shows_every_camera(run):
     from idic.run.reporting.write import write_report
 
     page = write_report(run[1]).read_text()
-    assert "What the camera behind saw" in page
+    assert "Camera behind" in page
     assert (run[1] / "figures" / "residual_maps_behind.png").exists()
 
 
