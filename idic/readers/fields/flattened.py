@@ -12,11 +12,13 @@ the thickness:
     a(K, x) = sum_i (k_i^2 xi_i^3 / 6) e_i,       k_i, e_i principal curvatures and their directions, xi_i = x . e_i
 
 An uneven change of thickness makes a rise alpha p that is no bending and does not count in K: p = h (1 / det F - 1) is
-the largest possible one, 0 <= alpha <= 1 its share, by what polynomials of the third degree leave of both:
+the largest possible one. Its share 0 <= alpha <= 1 follows from the rests of p and w after a fit by polynomials of the
+third degree:
 
     alpha = (p . w / s^2 + alpha_0 / s_0^2) / (p . p / s^2 + 1 / s_0^2)
 
-with s the rms of what is left of w, and alpha_0 = 0.5, s_0 = 0.25 where it shows nothing (metals 0.4 to 1).
+with s the rms of the rest of w. Where the rise does not show it, the share is alpha_0 = 0.5 with a standard deviation
+of s_0 = 0.25 (metals: 0.4 to 1).
 
 docs/method.md, equation 15.9. The arc is exact to the second order where one curvature is zero: a sheet that can be
 laid flat.
