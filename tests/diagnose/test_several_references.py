@@ -68,6 +68,18 @@ def test_a_frame_at_rest_is_not_blurred(at_rest, residual):
     assert np.abs(z).max() < SIGMAS
 
 
+def test_light_and_the_blur_of_a_frame_share_what_their_images_share(at_rest):
+    """Of images without noise of their own nothing is taken off. Taken off all the same, a blur that a frame has of its
+    own left light where there was none (15 standard deviations)."""
+    blurred = replace(at_rest, options=replace(at_rest.options, defocus="frame"))
+    values = at_rest.parameters.as_values()
+    part = residual_evidence(identification_at(blurred, values, np.zeros((T + STILL, 1)), None)).evidence.parts[0]
+    shared, alike = part.pixel.border[:, -1], part.pixel.gram[:, -1]  # with the frame's own blur; with the tested one
+    scale = np.sqrt(np.diagonal(part.pixel.gram) * part.pixel.gram[-1, -1])
+    assert np.abs(shared - alike).max() < 1e-4 * scale.max()  # grey values in single precision
+    assert (np.abs(shared - alike) / scale).max() < 1e-3
+
+
 def test_whitening_is_a_root_of_the_inverse_covariance(residual):
     rng = np.random.default_rng(0)
     kappa = rng.uniform(0.7, 1.4, T)

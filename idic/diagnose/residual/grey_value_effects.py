@@ -140,10 +140,14 @@ def columns_of_kind(names: Sequence[tuple[str, int]], kind: str, mean: float) ->
 
 
 def sums_against(context: CorrelationContext, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sums of an image (n_pixels,) against the reference's gradient at the nodes, and its brightness columns."""
+    """Sums of an image (n_pixels,) against the reference's gradient at the nodes, and its brightness columns.
+
+    Of the image as it is: no product of noise is taken off its sum against a blur, as from that of a recorded frame.
+    """
     experiment = context.experiment
     shown, reference = context.reference.synthetic_image(image)
-    alone = replace(experiment, stack=ArrayStack(shown[None]), options=replace(experiment.options, lowpass_px=0.0))
+    alone = replace(experiment, stack=ArrayStack(shown[None]), options=replace(experiment.options, lowpass_px=0.0),
+                    noise=replace(experiment.noise, std_gv=None))
     still = reference.compare(alone, 0, np.zeros((len(experiment.mesh.nodes), reference.n_components)))
     return still.q, still.rb
 

@@ -168,13 +168,13 @@ class _CameraPasses:
         """The residual that all frames have in common."""
         self.shared, self.chi2 = _shared_residual(self.maps, kappa, self.context.reference.n_images)
         self.still_q, self.still_rb = sums_against(self.context, self.shared)
-        if len(self.still_rb) > self._n_brightness:  # the last one is the blur's; as any image, the sum lost it once
-            self.still_rb[-1] -= (float(np.sum(1.0 / kappa)) - 1.0) * self._blur_of_noise
+        if len(self.still_rb) > self._n_brightness:  # the last one is the blur's
+            self.still_rb[-1] -= float(np.sum(1.0 / kappa)) * self._blur_of_noise
 
     @property
     def _blur_of_noise(self) -> float:
         """Expected product of the blur's column with the noise of the reference image, which every residual contains,
-        and their sum once for each; it is taken off every image that is compared (`idic.correlation.grey.with_blur`).
+        and their sum once for each; it is taken off every frame that is compared (`idic.correlation.grey.with_blur`).
         """
         noise = blur_bias(self.context.experiment.noise, self.context.reference)  # type: ignore[arg-type]
         return noise * int((self.shared != 0.0).sum())
