@@ -177,10 +177,18 @@ class ParameterSet(Mapping[str, Parameter]):
         return ParameterSet((replace(p, value=given[p.name]) if p.name in given else p for p in self.values()),
                             self.joint)
 
-    def with_scales(self, scales: Mapping[str, float]) -> ParameterSet:
-        """These scales of linear parameters changed."""
-        return ParameterSet((replace(p, scale=scales[p.name]) if p.name in scales else p for p in self.values()),
-                            self.joint)
+    def with_starts(self, values: Mapping[str, float]) -> ParameterSet:
+        """These values changed, for a search that begins there: the unit of a linear parameter is at least the way from
+        its present value, unless bounds on both sides say how far it goes.
+
+        A search leaves a direction where it is whose standard deviation exceeds a unit.
+        """
+        def started(p: Parameter) -> Parameter:
+            if p.name not in values or p.transform != "linear" or np.isfinite(p.bounds).all():
+                return p
+            return replace(p, scale=max(p.scale, abs(values[p.name] - p.value)))
+
+        return ParameterSet(map(started, self.values()), self.joint).with_values(values)
 
     def with_free(self, names: Iterable[str]) -> ParameterSet:
         """The same set with exactly these names free."""

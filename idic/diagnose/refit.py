@@ -21,7 +21,6 @@ from idic.identify.result import Analysis
 from idic.identify.weights import noise_weights
 from idic.identify.step.estimator import may_begin_generalised
 from idic.identify.step.state import GENERALISED, ORDINARY, AcceptedPoint, LoopState, Trial
-from idic.materials.core.law import EXPANSION
 from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
 
@@ -214,11 +213,7 @@ def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:
 
 
 def _started(start: Start, evaluations: int | None) -> Experiment:
-    """The experiment with its start values; evaluations : at most so many, where they are limited.
-
-    A thermal expansion is searched in units of its start value, as in a file (at least 1e-4 per K): the search leaves a
-    direction where it is whose standard deviation exceeds a unit, and a score promises eight times its probe.
-    """
+    """The experiment with its start values; evaluations : at most so many, where they are limited."""
     options = replace(start.experiment.options, tolerance=max(start.experiment.options.tolerance, STEP_TOLERANCE_STD))
     if evaluations is not None:
         options = replace(options, max_iterations=min(options.max_iterations, evaluations))
@@ -227,11 +222,8 @@ def _started(start: Start, evaluations: int | None) -> Experiment:
         if name in start.experiment.parameters:
             low, high = start.experiment.parameters[name].bounds
             known[name] = float(np.clip(value, low, high))
-    parameters = start.experiment.parameters.with_values(known)
-    expansions = {name: max(p.scale, abs(p.value)) for name, p in parameters.items()
-                  if name.rpartition(".")[2] == EXPANSION.name}
-    parameters = parameters.with_scales(expansions)
-    return replace(start.experiment, parameters=parameters, stages=(), options=options)
+    return replace(start.experiment, parameters=start.experiment.parameters.with_starts(known), stages=(),
+                   options=options)
 
 
 def _fitting(local: np.ndarray, experiment: Experiment) -> np.ndarray | None:

@@ -218,33 +218,34 @@ class Analysis:
         for i, name in enumerate(self.names):
             if self.share[i] <= MAX_UNDETERMINED_SHARE:
                 continue
-            partners = self._partners(i)
+            partners, alike = self._partners(i), None
             if not self._has_force() and self._is_stress(name):
                 reason = ("no force: only ratios of moduli can be determined" if partners
                           else "no force: it scales the stress and does not change the motion")
             else:
-                reason = self._reason(i, partners)
-            entries.append({"name": name, "reason": reason, "together_with": partners})
+                reason, alike = self._reason(i, partners)
+            entries.append({"name": name, "reason": reason, "together_with": partners, "correlation": alike})
         return entries
 
     def _has_force(self) -> bool:
         """Whether a force or a load is known: a displacement alone gives no stress."""
         return bool(self.experiment.loads) or any(c.kind != "displacement" for c in self.experiment.channels)
 
-    def _reason(self, i: int, partners: list[str]) -> str:
-        """Why the data leave parameter i open: it has no effect, or one that its partners can imitate."""
+    def _reason(self, i: int, partners: list[str]) -> tuple[str, float | None]:
+        """Why the data leave parameter i open: it has no effect, or one that its partners can imitate, with the
+        correlation of both (None elsewhere)."""
         alike = self._imitated(i, partners) if partners else 0.0
         shown = ", ".join(in_words(partners, self.names))
         if alike < MIN_IMITATED_CORRELATION:
             return ("it changes neither images nor channels by more than the noise"
                     + (": a camera shows only where the specimen deforms or turns"
                        if self.names[i].rpartition(".")[2] in {*CAMERA_PARAMETERS, *LENS_PARAMETERS, *TURN} else "")
-                    + (f" (correlation {alike:.2f} with {shown})" if partners else ""))
+                    + (f" (correlation {alike:.2f} with {shown})" if partners else "")), None
         gauges = [other for other in partners if other.startswith("boundary.") and other.endswith(".scale")]
         if gauges and self._is_stress(self.names[i]):
-            return f"determined only up to the factor {gauges[0]}: no channel measures that load"
+            return f"determined only up to the factor {gauges[0]}: no channel measures that load", None
         together = shown if len(partners) == 1 else f"{shown} together"
-        return f"cannot be told apart from {together}: correlation {alike:.3f}"
+        return f"cannot be told apart from {together}: correlation {alike:.3f}", alike
 
     def _imitated(self, i: int, partners: list[str]) -> float:
         """Multiple correlation of the effect of parameter i with those of its partners, 0 … 1."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from math import floor, isfinite, log10
 
@@ -202,11 +201,10 @@ def _together(listed: Sequence[Mapping]) -> dict[str, tuple[str, frozenset]]:
     groups = {item["name"]: frozenset((item["name"], *item["together_with"])) for item in listed}
     found = {}
     for item in listed:
-        name, reason = item["name"], item["reason"]
-        alike = re.fullmatch(r"cannot be told apart from .*: (correlation [0-9.]+)", reason)
-        if alike and all(groups.get(other) == groups[name] for other in groups[name]):
-            reason = f"cannot be told apart from each other: {alike[1]}"
-        found[name] = (reason, groups[name] if alike else frozenset())
+        name, reason, alike = item["name"], item["reason"], item.get("correlation")
+        if alike is not None and all(groups.get(other) == groups[name] for other in groups[name]):
+            reason = f"cannot be told apart from each other: correlation {alike:.3f}"
+        found[name] = (reason, groups[name] if alike is not None else frozenset())
     return found
 
 

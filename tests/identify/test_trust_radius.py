@@ -47,3 +47,14 @@ def test_after_a_rejection_the_next_step_is_half_as_long_as_the_shortest_that_wa
     assert radius_after_rejection(1.0, 0.2) == 0.1
     assert radius_after_rejection(1.0, 1.0, halvings=2) == 0.125
     assert radius_after_rejection(0.5, 0.0) == 0.25  # the trial was where the last one stood
+
+
+def test_a_start_far_from_the_value_of_the_file_is_a_unit_of_the_search():
+    """A start that a score promises lies many units away; a direction wider than a unit is left where it is."""
+    known = ParameterSet([Parameter("warmth", 1e-5, free=True, scale=1e-5), Parameter("place", 20.0, scale=1.0),
+                          Parameter("nu", 0.3, free=True, bounds=(-1.0, 0.5), scale=0.3),
+                          Parameter("E", 2000.0, free=True, transform="log", scale=2000.0)])
+    begun = known.with_starts({"warmth": -3e-4, "place": 20.0, "nu": -0.5, "E": 10.0})
+    assert begun.as_values() == {"warmth": -3e-4, "place": 20.0, "nu": -0.5, "E": 10.0}
+    assert [p.scale for p in begun.values()] == pytest.approx([3.1e-4, 1.0, 0.3, 2000.0])
+    assert known.with_starts({})["warmth"] == known["warmth"]

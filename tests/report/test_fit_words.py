@@ -158,8 +158,9 @@ def test_parameters_that_imitate_each_other_are_named_once():
 
     names = ("s.E", "s.H", "t")
     listed = [{"name": name, "reason": reason(*(n for n in names if n != name)),
-               "together_with": [n for n in names if n != name]} for name in names]
-    listed.append({"name": "c.tilt", "reason": reason("s.E"), "together_with": ["s.E"]})  # s.E does not name it
+               "together_with": [n for n in names if n != name], "correlation": 0.99996} for name in names]
+    listed.append({"name": "c.tilt", "reason": reason("s.E"), "together_with": ["s.E"],  # s.E does not name it
+                   "correlation": 0.99996})
     result = {"parameters": {n: {"value": 1.0, "std": None} for n in (*names, "c.tilt")}, "not_identifiable": listed}
     said = words.undetermined(result)
     assert said.count("cannot be told apart from each other: correlation 1.000") == 1
