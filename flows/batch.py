@@ -21,6 +21,7 @@ from idic.workers.dask_executor import check_scheduler, checked_memory_limit, op
 from idic.workers.runner import JobKillsWorkers, TaskRunner
 # before Prefect: it reads its settings from the environment
 from idic_flows.settings import connected, flow_server, show_dashboards
+from idic_flows.shown_runner import ShownRunner
 from idic_flows.stages import run_stage
 
 
@@ -72,7 +73,7 @@ def run_batch(paths: Sequence[str | Path], out: str | Path, *, starts: int | Non
             console.stage("starting Prefect")
             with connected(server):
                 show_dashboards(console.dashboards, server, runner.dashboard)
-                return _batch_in_prefect(_Work(batch, runner, console))
+                return _batch_in_prefect(_Work(batch, ShownRunner(runner, name_run=True), console))
 
 
 @dataclass(frozen=True)

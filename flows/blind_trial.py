@@ -16,6 +16,7 @@ from idic.workers.dask_executor import check_scheduler, open_cluster
 from idic.workers.runner import TaskRunner
 # before Prefect: it reads its settings from the environment
 from idic_flows.settings import connected, flow_server, show_dashboards
+from idic_flows.shown_runner import ShownRunner
 from idic_flows.stages import run_stage
 from idic_flows.study import StudyConsole
 
@@ -46,7 +47,7 @@ def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Se
         console.stage("starting Prefect")
         with connected(server):
             show_dashboards(console.dashboards, server, runner.dashboard)
-            return _trial_in_prefect(_Run(folder, campaign, chosen, runner, console))
+            return _trial_in_prefect(_Run(folder, campaign, chosen, ShownRunner(runner), console))
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from idic.run.diagnosis.source import open_source
 from idic.workers.runner import TaskRunner
 from idic.workers.workplace import Workplace
 from idic_flows.settings import connected, flow_server  # before Prefect: it reads its settings from the environment
+from idic_flows.shown_runner import ShownRunner
 from idic_flows.stages import run_stage
 
 
@@ -43,7 +44,7 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     with (flow_server() as server,
           place.opened(run, experiments_of(run), ("idic.run.diagnosis.diagnose",)) as runner):
         with connected(server):
-            return _diagnose_in_prefect(str(run), runner, stage, began, resume, blocks, quick)
+            return _diagnose_in_prefect(str(run), ShownRunner(runner), stage, began, resume, blocks, quick)
 
 
 def _diagnose_in_prefect(run: str, runner: TaskRunner, stage: Callable[[str], None], began: float, resume: bool,

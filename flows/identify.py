@@ -1,8 +1,8 @@
 """The identification as a Prefect flow around the one driver of the loop (`idic.identify.driver`).
 
 One Prefect task per stage of an iteration; inside a stage the simulations and the chunks of frames are Dask tasks with
-names such as ``simulate-it003-SPECIMEN.E``. A killed run resumes from the RUN folder alone; Prefect holds none of its
-state.
+names such as ``simulate-it003-SPECIMEN.E``, which Prefect shows as task runs (`idic_flows.shown_runner`). A killed run
+resumes from the RUN folder alone; Prefect holds none of its state.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 
 # before Prefect: it reads the environment
 from idic_flows.settings import connected, flow_server, server_is_gone, show_dashboards, show_killed_as_crashed
+from idic_flows.shown_runner import ShownRunner
 from idic_flows.stages import publish_evaluations, publish_residual, publish_schedule, run_stage
 
 from idic.identify.driver import StageHook, run_loop
@@ -72,7 +73,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
                 with suppress(Exception):  # it would only tidy up: the run goes on where Prefect does not answer
                     show_killed_as_crashed(FLOW)
                 show_dashboards(console.dashboards, server, runner.dashboard)
-                run = OpenRun(planned, runner, sensitivity, Timing(), began, console, pause_after)
+                run = OpenRun(planned, ShownRunner(runner), sensitivity, Timing(), began, console, pause_after)
                 with run.kept_when_interrupted():
                     try:
                         return _identify_in_prefect(run, compiled, paths, out)

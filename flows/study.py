@@ -20,6 +20,7 @@ from idic.workers.dask_executor import check_scheduler, checked_memory_limit, op
 from idic.workers.runner import TaskRunner
 # before Prefect: it reads its settings from the environment
 from idic_flows.settings import connected, flow_server, show_dashboards
+from idic_flows.shown_runner import ShownRunner
 from idic_flows.stages import run_stage
 
 
@@ -66,7 +67,7 @@ def run_study(name: str, out: str | Path, size: str = "full", only: Sequence[str
             console.stage("starting Prefect")
             with connected(server):
                 show_dashboards(console.dashboards, server, runner.dashboard)
-                return _study_in_prefect(_Run(study, store, chosen, runner, console))
+                return _study_in_prefect(_Run(study, store, chosen, ShownRunner(runner), console))
 
 
 @dataclass(frozen=True)

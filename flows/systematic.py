@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from idic_flows.settings import connected, flow_server  # before Prefect: it reads its settings from the environment
+from idic_flows.shown_runner import ShownRunner
 from idic_flows.stages import run_stage
 
 from idic.run.systematic import assessed_experiments, systematic
@@ -38,7 +39,7 @@ def run_systematic(run: str | Path, bias: bool = True, spread: bool = True, work
     place.check(run, say=stage)
     with flow_server() as server, place.opened(run, assessed_experiments(run), ("idic.run.systematic",)) as runner:
         with connected(server):
-            return _assess_in_prefect(str(run), runner, bias, spread, progress)
+            return _assess_in_prefect(str(run), ShownRunner(runner), bias, spread, progress)
 
 
 def _assess_in_prefect(run: str, runner: TaskRunner, bias: bool, spread: bool, progress: Progress | None) -> dict:

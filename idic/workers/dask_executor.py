@@ -19,7 +19,7 @@ from idic.workers.dask_settings import be_quiet, cluster_settings
 from idic.workers.mirrored_runner import check_store
 from idic.workers.probe import ExperimentToSee, check_workers
 from idic.workers.runner import SerialRunner, TaskRunner
-from idic.workers.submission import ALLOWED_FAILURES, Submission
+from idic.workers.submission import ALLOWED_FAILURES, Submission, WatchedCalls
 from idic.workers.task_limits import TaskLimits, task_limits
 
 SMALLEST_MEMORY = 350_000_000  # bytes of a worker process
@@ -76,7 +76,11 @@ def open_cluster(
             client = stack.enter_context(_local(distributed, workers or default_workers(), memory_limit))
         else:
             client = stack.enter_context(connected(scheduler))
-        yield DaskRunner(client, preload, limits, here=scheduler is None)
+        runner = DaskRunner(client, preload, limits, here=scheduler is None)
+        try:
+            yield runner
+        finally:
+            runner.close()
 
 
 def checked_memory_limit(limit: str | None, workers: int | None, scheduler: str | None) -> int | None:
@@ -140,6 +144,7 @@ class DaskRunner:
 
     def __init__(self, client, preload: Sequence[str] = (), limits: TaskLimits | None = None, here: bool = False):
         self._client, self._limits, self._here = client, limits or TaskLimits(), here
+        self._calls = WatchedCalls(client)
         self._imports = {  # the references keep Dask from dropping the tasks
             worker: client.submit(_import_modules, tuple(preload), workers=[worker], key=f"import-{worker}", pure=False)
             for worker in client.nthreads() if preload
@@ -164,6 +169,10 @@ class DaskRunner:
         """See `TaskRunner.threads_for`: the cores of idle workers of this machine."""
         return max(1, self.workers // max(1, n_jobs)) if self._here else 1
 
+    def close(self) -> None:
+        """End what belongs to this runner alone; the client stays open."""
+        self._calls.close()
+
     @property
     def client(self):
         """The `distributed.Client`."""
@@ -176,18 +185,23 @@ class DaskRunner:
 
         return self._client.dashboard_link if find_spec("bokeh") else None
 
-    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False) -> Iterator[Any]:
+    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False,
+               watch=None) -> Iterator[Any]:
         """See `TaskRunner.stream`."""
         names = list(names)
         if len(names) != len(jobs):
             raise ValueError(f"{len(jobs)} jobs, {len(names)} names")
         self._after_imports()
         limits = replace(self._limits, retries=max(retries, self._limits.retries))
-        submission = Submission(self._client, function, jobs, names, limits, copies)
+        submission = Submission(self._client, function, jobs, names, limits, copies,
+                                None if watch is None else self._calls.topic)
+        if watch is not None:
+            self._calls.add(submission.token, watch)
         try:
             yield from submission.in_order(progress, ahead or len(jobs))
         finally:
             submission.cancel()
+            self._calls.drop(submission.token)
 
     def map(self, function, jobs, names, retries=0, progress=None) -> list[Any]:
         """See `TaskRunner.map`."""

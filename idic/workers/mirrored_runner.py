@@ -21,7 +21,7 @@ from idic.store.mirror.mirror import Mirror, Written
 from idic.store.mirror.objects import Objects, StoredObjects
 from idic.workers.exchange import Exchange, Way, open_exchange
 from idic.workers.probe import ExperimentToSee
-from idic.workers.runner import TaskRunner
+from idic.workers.runner import TaskRunner, problem_of
 from idic.workers.served_objects import ANSWER_SECONDS, ServedObjects
 
 
@@ -41,6 +41,11 @@ class MirroredResult:
 
     value: Any
     written: Written
+
+    @property
+    def failed(self) -> str:
+        """As of the value (`idic.workers.runner.problem_of`)."""
+        return problem_of(self.value)
 
 
 def run_mirrored(job: MirroredJob) -> MirroredResult:
@@ -120,13 +125,14 @@ class MirroredRunner:
     def threads_for(self, n_jobs: int) -> int:
         return self._inner.threads_for(n_jobs)
 
-    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False) -> Iterator[Any]:
+    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False,
+               watch=None) -> Iterator[Any]:
         """See `TaskRunner.stream`; the files of a job are in the RUN before its result comes."""
         if not jobs:
             return
         lists = self._exchange.publish()
         sent = [MirroredJob(function, job, self._exchange.way, lists) for job in jobs]
-        for found in self._inner.stream(run_mirrored, sent, names, retries, progress, ahead, copies):
+        for found in self._inner.stream(run_mirrored, sent, names, retries, progress, ahead, copies, watch):
             self._exchange.take(found.written)
             yield found.value
 

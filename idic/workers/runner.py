@@ -2,16 +2,46 @@
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 from idic.errors import InputError
 
 Progress = Callable[[int, int], None]  # (done, total)
+MAX_TOLD = 500  # characters of a problem that a watch is told
 
 
 class JobKillsWorkers(InputError):
     """The processes of one job die repeatedly; other jobs may succeed."""
+
+
+class Watch(Protocol):
+    """Is told what becomes of the jobs of a call; from any thread, and comes back at once.
+
+    A job that is repeated, or done by two workers, starts as another attempt each time.
+    """
+
+    def started(self, job: int, attempt: str, place: str) -> None:
+        """A job starts at a place; attempt : a name of its own."""
+
+    def ended(self, attempt: str, problem: str) -> None:
+        """An attempt is over; problem : why it has no result, "" where it has one."""
+
+    def lost(self, place: str) -> None:
+        """A worker is gone, with all that ran on it."""
+
+
+def problem_of(result: Any) -> str:
+    """Why a job that came back has not reached what it was for: the text `failed` of its result."""
+    problem = getattr(result, "failed", "")
+    return problem if isinstance(problem, str) else ""
+
+
+def told(problem: BaseException) -> str:
+    """An exception in one line."""
+    return " ".join(f"{type(problem).__name__}: {problem}".split())[:MAX_TOLD]
 
 
 class TaskRunner(Protocol):
@@ -46,6 +76,7 @@ class TaskRunner(Protocol):
         progress: Progress | None = None,
         ahead: int | None = None,
         copies: bool = False,
+        watch: Watch | None = None,
     ) -> Iterator[Any]:
         """Yield ``function(job)`` in job order, each as soon as all earlier results are available.
 
@@ -62,6 +93,8 @@ class TaskRunner(Protocol):
             Default: no bound.
         copies : bool
             A job that straggles may run on a second worker at the same time (`idic.workers.task_limits`).
+        watch : Watch, optional
+            Is told of starts, ends and lost workers.
 
         Raises
         ------
@@ -104,10 +137,12 @@ class SerialRunner:
         """See `TaskRunner.threads_for`: one process, one core."""
         return 1
 
-    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False) -> Iterator[Any]:
+    def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False,
+               watch=None) -> Iterator[Any]:
         """See `TaskRunner.stream`."""
         for done, (job, _) in enumerate(zip(jobs, names, strict=True), start=1):
-            result = self._attempt(function, job, retries)
+            work = function if watch is None else partial(_watched, watch, done - 1, function)
+            result = self._attempt(work, job, retries)
             if progress is not None:
                 progress(done, len(jobs))
             yield result
@@ -128,3 +163,15 @@ class SerialRunner:
             except Exception:  # noqa: BLE001 - as Dask does: the last attempt below reports
                 continue
         return function(job)
+
+
+def _watched(watch: Watch, number: int, function: Callable[[Any], Any], job: Any) -> Any:
+    attempt = uuid.uuid4().hex
+    watch.started(number, attempt, "this process")
+    try:
+        result = function(job)
+    except BaseException as problem:
+        watch.ended(attempt, told(problem))
+        raise
+    watch.ended(attempt, problem_of(result))
+    return result

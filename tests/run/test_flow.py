@@ -112,7 +112,13 @@ def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_da
         artifacts = shown_by(server, "artifacts", flow["id"])
     assert found.stdout.split() == ["max_iterations", "perturbed"]
     stages = [f"{stage} it{number:03d}" for number in range(2) for stage in ("simulate", "correlate", "update")]
-    assert shown == dict.fromkeys(["prepare", *stages, "postprocess"], "COMPLETED")
+    assert set(shown.values()) == {"COMPLETED"} and {"prepare", *stages, "postprocess"} <= set(shown)
+    for number in range(2):
+        simulated = [name for name in shown if name.startswith(f"simulate it{number:03d} ")]
+        assert sorted(re.sub(r" \+ [0-9.e-]+( MPa)?$", "", name) for name in simulated) == sorted(
+            f"simulate it{number:03d} {label}" for label in ["base", *PARAMETERS])
+        chunks = [name for name in shown if name.startswith(f"correlate it{number:03d} frame")]
+        assert all(name.endswith(f" of {len(chunks)}") for name in chunks) and len(chunks) > 1
 
     assert flow["parameters"] == {"experiments": [str(tmp_path / "experiment")], "out": str(tmp_path / "run"),
                                   "sensitivity": "perturbed", "workers": 1, "pause_after": None}

@@ -40,6 +40,11 @@ class BatchOutcome:
     reason: str = ""
     result: Mapping | None = None
 
+    @property
+    def failed(self) -> str:
+        """Why there is no result (`idic.workers.runner.problem_of`); what did not converge has one."""
+        return "" if self.result is not None else self.reason or self.status
+
 
 def identify_whole(job: BatchJob) -> BatchOutcome:
     """A whole identification in this process (a task). Done twice, the second finds the result of the first."""
