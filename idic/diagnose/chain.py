@@ -144,8 +144,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     clock = Clock()
     stage("residual evidence of the identified model")
     with clock.step("gather_s"):
-        source, here = with_error(source, found)
-        before = residual_evidence(here, light=False)
+        source, here, before = with_error(source, found)
         grid = grid_of(before)
         whole = fit(before, grid)
     setting = Setting(refits, grid, seed, candidates() if library is None else library, stage, clock, watch, margin,

@@ -187,12 +187,15 @@ def error_column(residual: ResidualEvidence, error: MotionError) -> Columns:
     return Columns(("mesh",), fields, error.channels[frames][..., None])
 
 
-def with_error(source: ExperimentSource, found: Identification) -> tuple[ExperimentSource, Identification]:
-    """The source and the identification with the error of the mesh added, where it matters; as they are elsewhere."""
-    error = motion_error(found)
-    if error is None or not counts(residual_evidence(found, light=False), error):
-        return source, found
-    return _knowing(source, found, error)
+def with_error(source: ExperimentSource,
+               found: Identification) -> tuple[ExperimentSource, Identification, ResidualEvidence]:
+    """The source and the identification with the error of the mesh added, where it matters, as they are elsewhere; and
+    the residual of that identification."""
+    error, residual = motion_error(found), residual_evidence(found, light=False)
+    if error is None or not counts(residual, error):
+        return source, found, residual
+    source, found = _knowing(source, found, error)
+    return source, found, residual_evidence(found, light=False)
 
 
 def with_thickness(source: ExperimentSource, found: Identification, residual: ResidualEvidence,

@@ -15,7 +15,7 @@ from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.grey_value_effects import LIGHT, columns_of_kind
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.screen.candidate import Variant, candidates
-from idic.diagnose.screen.effect_sizes import with_sums
+from idic.diagnose.screen.effect_sizes import effects
 from idic.diagnose.screen.free_courses import fewest_knots, with_free_courses, with_knots
 from idic.diagnose.screen.score import null_model, score, significances
 from idic.diagnose.screen.score_columns import score_columns
@@ -39,8 +39,13 @@ def test_the_sum_of_knots_promises_what_they_promise_together_at_amplitude_one()
     columns, scores = scored(3)
     assert scores.gain([4]) == pytest.approx(scores.gain(KNOTS), rel=1e-9)
     assert scores.expected_change[4] == pytest.approx(1.0) and scores.z[4] ** 2 == pytest.approx(scores.gain(KNOTS))
-    whole = with_sums(columns, scores, [KNOTS])
-    assert np.allclose(whole.fields[..., 4], columns.fields[..., 1:] @ scores.together(KNOTS))
+    together = scores.together(KNOTS)
+    summed = Columns(("course",), columns.fields[..., 1:] @ together[:, None],
+                     columns.channels[..., 1:] @ together[:, None])
+    evidence, nothing = made(np.random.default_rng(3)), columns.pick([])
+    px, channel = effects(evidence, nothing, columns, scores, [KNOTS])
+    alone = effects(evidence, nothing, summed, score(evidence, null_model(evidence, nothing), summed))
+    assert px[4] == pytest.approx(alone[0][0]) and channel[4] == pytest.approx(alone[1][0])
 
 
 def test_under_noise_a_course_is_as_significant_as_chance_makes_it():

@@ -13,6 +13,8 @@ from idic.diagnose.residual.excess import pixel_tests
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.noise_draws import recorded_frames
 from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose.residual.subspace import gain_and_rank
+from idic.diagnose.screen.score import null_model, score
 from idic.experiment_file.load import load_experiment
 from idic.images.stack import ArrayStack
 
@@ -78,6 +80,37 @@ def test_light_and_the_blur_of_a_frame_share_what_their_images_share(at_rest):
     scale = np.sqrt(np.diagonal(part.pixel.gram) * part.pixel.gram[-1, -1])
     assert np.abs(shared - alike).max() < 1e-4 * scale.max()  # grey values in single precision
     assert (np.abs(shared - alike) / scale).max() < 1e-3
+
+
+def test_columns_of_grey_values_alone_are_scored_as_with_fields_of_zero(residual):
+    """They take no part in the products of motions."""
+    evidence, rng = residual.evidence, np.random.default_rng(8)
+    k, n = len(evidence.pixel_names), 5
+    grey = rng.standard_normal((T, k, n))
+    grey[..., :2] = 0.0
+    fields = rng.standard_normal((T, len(evidence.seen), n))
+    fields[..., 2:] = 0.0
+    columns = Columns(tuple("abcde"), fields, rng.standard_normal((T, 1, n)), grey)
+    assert [part.n for part in columns.apart()] == [2, 3] and not columns.apart()[1].moves
+    null = null_model(evidence, residual.null)
+    found, white = score(evidence, null, columns), evidence.whiten(columns)
+    weighed = evidence.weighed(white)
+    np.testing.assert_allclose(found.gross, evidence.products(white, weighed), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(found.moves, -null.covariance @ evidence.products(null.white, weighed), rtol=1e-9)
+    np.testing.assert_allclose(found.U, evidence.scores(white) + found.moves.T @ null.b, rtol=1e-9)
+    beside = score(evidence, null, columns.pick([0, 1]), columns.pick([2, 3, 4]))
+    np.testing.assert_allclose(beside.information, found.information, rtol=1e-9, atol=1e-9)
+
+
+def test_the_drop_by_fields_is_that_of_their_eigenvalues():
+    rng = np.random.default_rng(2)
+    for n_rows in (200, 40):  # all fields are seen; only as many directions as rows
+        drawn = rng.standard_normal((n_rows, 60)) * rng.uniform(0.01, 3.0, 60)
+        drawn[:, 3] = 0.0  # seen by nothing
+        matrix, rhs = drawn.T @ drawn, drawn.T @ rng.standard_normal(n_rows)
+        gain, rank = gain_and_rank(matrix, rhs)
+        assert rank == min(n_rows, 59)
+        assert gain == pytest.approx(float(rhs @ np.linalg.lstsq(matrix, rhs, rcond=1e-12)[0]), rel=1e-6)
 
 
 def test_whitening_is_a_root_of_the_inverse_covariance(residual):

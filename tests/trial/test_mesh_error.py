@@ -65,7 +65,7 @@ def test_rubber_in_shear_leaves_nothing_once_the_error_of_its_mesh_is_known(tmp_
     experiment = recorded(tmp_path, "rubber", 12, 0.3)
     found = identify(experiment)
     before = residual_evidence(found, light=False)
-    _, there = with_error(_Edited(experiment), found)
+    _, there, _ = with_error(_Edited(experiment), found)
     after, grid = residual_evidence(there, light=False), grid_of(before)
     assert fit(before, grid).excess_z > 10.0
     assert fit(after, grid).excess_z < 4.0

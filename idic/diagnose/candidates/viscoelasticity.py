@@ -26,7 +26,8 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
             edits = enriched(situation, name, "maxwell", **others,
                              **{g: new(PROBE_RELAXING_SHARE), tau: new(time, "s")})
             found.append(Variant(f"{name} relaxes within {time:.3g} s", edits, names, {names[0]: 0.0, names[1]: time},
-                                 {names[0]: PROBE_RELAXING_SHARE, names[1]: time}, sign=1, exact=law != "elastic"))
+                                 {names[0]: PROBE_RELAXING_SHARE, names[1]: time}, sign=1, exact=law != "elastic",
+                                 idle=(names[1],)))
     return tuple(found)
 
 

@@ -29,9 +29,9 @@ from idic.diagnose.residual.grey_value_effects import PixelPart
 class Columns:
     """Derivatives (or finite differences) of the simulation, as images and channels record them.
 
-    fields : (T, n_seen, K) image motion at the seen dofs (px, or the unit of height images); channels :
-    (T, n_channels, K) in the channels' units; names : K labels; pixels : (T, k, K) amplitudes of the pixel columns
-    (`idic.diagnose.residual.grey_value_effects`), None where none takes part.
+    fields : (T, n_seen, K) image motion at the seen dofs (px, or the unit of height images), (T, 0, K) of columns that
+    move nothing (`apart`); channels : (T, n_channels, K) in the channels' units; names : K labels; pixels : (T, k, K)
+    amplitudes of the pixel columns (`idic.diagnose.residual.grey_value_effects`), None where none takes part.
     """
 
     names: tuple[str, ...]
@@ -46,6 +46,26 @@ class Columns:
     def amplitudes(self, k: int) -> np.ndarray:
         """Amplitudes of k pixel columns, zero where none takes part  # (T, k, K)"""
         return np.zeros((len(self.fields), k, self.n)) if self.pixels is None else self.pixels
+
+    @property
+    def moves(self) -> bool:
+        """Whether there are fields of motion."""
+        return self.fields.shape[1] > 0
+
+    def apart(self) -> tuple[Columns, ...]:
+        """These columns as one part, or as two where the last ones are of grey values alone: those without fields."""
+        if self.pixels is None or not self.moves:
+            return (self,)
+        of_pixels = np.atleast_1d(self.pixels.any(axis=(0, 1)))
+        first = self.n - int(np.argmin(of_pixels[::-1])) if not of_pixels.all() else 0
+        if first == self.n or self.fields[..., first:].any():
+            return (self,)
+        moving, still = (Columns(self.names[own], self.fields[..., own], self.channels[..., own], self.pixels[..., own])
+                         for own in (slice(first), slice(first, None)))
+        still = replace(still, fields=np.zeros((len(self.fields), 0, still.n)))
+        if not of_pixels[:first].any():
+            moving = replace(moving, pixels=None)
+        return (moving, still) if first else (still,)
 
     def pick(self, indices: Sequence[int]) -> Columns:
         """Some of the columns, in this order."""
@@ -127,14 +147,7 @@ class Evidence:
 
     def whiten(self, columns: Columns) -> Columns:
         """V^-1/2 applied to columns; channels are independent from frame to frame already."""
-        fields = _spread_out(columns.fields, self.seen, self.back.shape[1], self.n_components)
-        shared = np.zeros(fields.shape[1:])
-        for t, back in enumerate(self.back):
-            shared += np.einsum("nij,njk->nik", back, fields[t]) / self.kappa[t]
-        white = np.empty_like(columns.fields)
-        for t, back in enumerate(self.back):
-            own = fields[t] - self.share * np.einsum("nij,njk->nik", np.linalg.inv(back), shared)
-            white[t] = own.reshape(own.shape[0] * own.shape[1], columns.n)[self.seen] / np.sqrt(self.kappa[t])
+        white = self._white_fields(columns.fields) if columns.moves else columns.fields
         if columns.pixels is None:
             return Columns(columns.names, white, columns.channels)
         kappa = self.kappa[:, None, None]
@@ -142,8 +155,30 @@ class Evidence:
         return Columns(columns.names, white, columns.channels,
                        (columns.pixels - self.share * mean) / np.sqrt(kappa))
 
+    def _white_fields(self, fields: np.ndarray) -> np.ndarray:
+        """`whiten` of the motions  # (T, n_seen, K)"""
+        c, n = self.n_components, fields.shape[2]
+        nodes = np.unique(self.seen // c)
+        whole = len(nodes) * c == len(self.seen)  # of every node all components are seen, or none
+        spread = (fields.reshape(len(fields), len(nodes), c, n) if whole
+                  else _spread_out(fields, self.seen, self.back.shape[1], c))
+        backs = self.back[:, nodes] if whole else self.back
+        shared = np.zeros(spread.shape[1:])
+        for t, back in enumerate(backs):
+            shared += _turned(back, spread[t]) / self.kappa[t]
+        white = np.empty(fields.shape)
+        for t, back in enumerate(backs):
+            own = _turned(np.linalg.inv(back), shared)
+            np.subtract(spread[t], np.multiply(own, self.share, out=own), out=own)
+            own = own.reshape(own.shape[0] * c, n)
+            np.divide(own if whole else own[self.seen], np.sqrt(self.kappa[t]), out=white[t])
+        return white
+
     def weighed(self, white: Columns) -> Columns:
-        """The white columns times the weights, frame-local unknowns projected out."""
+        """The white columns times the weights, frame-local unknowns projected out; of columns without fields the part
+        in channels and grey values, which is all that `products` asks for."""
+        if not white.moves:
+            return self._weighed_still(white)
         fields, channels = np.empty_like(white.fields), np.empty_like(white.channels)
         k = len(self.pixel_names)
         pixels = np.zeros((len(fields), k, white.n)) if k else None
@@ -153,11 +188,30 @@ class Evidence:
                 fields[t], channels[t], pixels[t] = self._with_pixels(part, white, t, fields[t], channels[t])
         return Columns(white.names, fields, channels, pixels)
 
+    def _weighed_still(self, white: Columns) -> Columns:
+        """`weighed` of columns without fields."""
+        channels = np.empty_like(white.channels)
+        k = len(self.pixel_names)
+        pixels = np.zeros((len(channels), k, white.n)) if k else None
+        for t, part in enumerate(self.parts):
+            n, rows = len(part.q), white.channels[t]
+            bordered = part.border[n:].T @ rows
+            if part.pixel is not None:
+                amplitudes = white.amplitudes(k)[t]
+                bordered = bordered + part.pixel.border.T @ amplitudes
+                pixels[t] = part.pixel.gram @ amplitudes - part.pixel.border @ (part.inner @ bordered)
+            channels[t] = self.channel_weight[:, None] * rows - part.border[n:] @ (part.inner @ bordered)
+        return Columns(white.names, white.fields, channels, pixels)
+
     def _with_pixels(self, part: FrameEvidence, white: Columns, t: int, fields: np.ndarray, channels: np.ndarray):
         """One frame of `weighed` with the contribution of pixel columns; fields, channels : without them."""
-        n, pixel, amplitudes = len(fields), part.pixel, white.amplitudes(len(self.pixel_names))[t]
-        heavy = pixel.coupling.T @ white.fields[t] + pixel.gram @ amplitudes
+        n, pixel = len(fields), part.pixel
+        heavy = pixel.coupling.T @ white.fields[t]
         bordered = part.border[:n].T @ white.fields[t] + part.border[n:].T @ white.channels[t]
+        if white.pixels is None:
+            return fields, channels, heavy - pixel.border @ (part.inner @ bordered)
+        amplitudes = white.pixels[t]
+        heavy = heavy + pixel.gram @ amplitudes
         own = part.inner @ (pixel.border.T @ amplitudes)
         return (fields + pixel.coupling @ amplitudes - part.border[:n] @ own, channels - part.border[n:] @ own,
                 heavy - pixel.border @ (part.inner @ bordered + own))
@@ -170,9 +224,12 @@ class Evidence:
         return heavy - part.border[:n] @ own, weighted - part.border[n:] @ own
 
     def products(self, white: Columns, weighed: Columns) -> np.ndarray:
-        """The Gram matrix of two sets of columns  # (K, L)"""
-        total = (np.tensordot(white.fields, weighed.fields, axes=((0, 1), (0, 1)))
-                 + np.tensordot(white.channels, weighed.channels, axes=((0, 1), (0, 1))))
+        """The Gram matrix of two sets of columns  # (K, L); weighed : with fields, unless neither has them"""
+        if white.moves and not weighed.moves:
+            raise ValueError("columns without fields, weighed, against columns with fields")
+        total = np.tensordot(white.channels, weighed.channels, axes=((0, 1), (0, 1)))
+        if white.moves:
+            total += np.tensordot(white.fields, weighed.fields, axes=((0, 1), (0, 1)))
         if white.pixels is not None and weighed.pixels is not None:
             total += np.tensordot(white.pixels, weighed.pixels, axes=((0, 1), (0, 1)))
         return total
@@ -182,7 +239,9 @@ class Evidence:
         total = np.zeros(white.n)
         for t, part in enumerate(self.parts):
             q, channel_q = self.residual(part)
-            total += white.fields[t].T @ q + white.channels[t].T @ channel_q
+            total += white.channels[t].T @ channel_q
+            if white.moves:
+                total += white.fields[t].T @ q
             if white.pixels is not None:
                 total += white.pixels[t].T @ (part.pixel.q - part.pixel.border @ (part.inner @ part.inner_q))
         return total
@@ -197,6 +256,14 @@ def noise_share(kappa: np.ndarray, n_images: int) -> float:
     """c of the module; kappa : (T,) of the frames, n_images : averaged to the reference"""
     k = float(np.sum(1.0 / kappa))
     return (1.0 - 1.0 / np.sqrt(1.0 + k / n_images)) / k
+
+
+def _turned(back: np.ndarray, fields: np.ndarray) -> np.ndarray:
+    """A matrix per node (n, c, c) times the fields there (n, c, K)."""
+    out = back[:, :, 0, None] * fields[:, None, 0]
+    for j in range(1, fields.shape[1]):
+        out += back[:, :, j, None] * fields[:, None, j]
+    return out
 
 
 def _spread_out(fields: np.ndarray, seen: np.ndarray, n_nodes: int, c: int) -> np.ndarray:

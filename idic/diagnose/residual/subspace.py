@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import cholesky, solve_triangular
 
 from idic.diagnose.residual.evidence import Evidence, FrameEvidence
 
@@ -141,8 +142,23 @@ def explained(evidence: Evidence, basis: Basis | list[np.ndarray]) -> Explained:
 
 
 def gain_and_rank(matrix: np.ndarray, rhs: np.ndarray) -> tuple[float, int]:
-    """Drop of chi-square by the fields of normal equations, and how many of them are seen."""
-    values, vectors, scale = spectrum(matrix)
+    """Drop of chi-square by the fields of normal equations, and how many of them are seen.
+
+    Where all fields are seen beyond doubt two Cholesky factors tell so, at a tenth of the cost of the eigenvalues.
+    """
+    scale = unit_scale(matrix)
+    seen = scale > 0.0
+    scaled, right = matrix[np.ix_(seen, seen)] * np.outer(scale[seen], scale[seen]), rhs[seen] * scale[seen]
+    if not len(right):
+        return 0.0, 0
+    largest = float(np.abs(scaled).sum(axis=1).max())  # no eigenvalue is larger
+    try:
+        cholesky(scaled - MIN_EIGENVALUE_SHARE * largest * np.eye(len(right)), lower=True, overwrite_a=True,
+                 check_finite=False)
+        half = solve_triangular(cholesky(scaled, lower=True, check_finite=False), right, lower=True, check_finite=False)
+        return float(half @ half), len(right)
+    except np.linalg.LinAlgError:
+        values, vectors, scale = spectrum(matrix)
     good = values > MIN_EIGENVALUE_SHARE * max(values.max(initial=0.0), 1e-300)
     return float(((vectors[:, good].T @ (rhs * scale)) ** 2 / values[good]).sum()), int(good.sum())
 
@@ -159,11 +175,16 @@ def projected(evidence: Evidence, part: FrameEvidence, fields) -> tuple[np.ndarr
 
 def spectrum(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Eigenvalues and vectors after scaling the diagonal to one  # (p,), (p, p), (p,) the scale applied"""
-    diagonal = np.diagonal(matrix)
-    scale = np.where(diagonal > 1e-9 * max(diagonal.max(initial=0.0), 1e-300),
-                     1.0 / np.sqrt(np.maximum(diagonal, 1e-300)), 0.0)
+    scale = unit_scale(matrix)
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
     return values, vectors, scale
+
+
+def unit_scale(matrix: np.ndarray) -> np.ndarray:
+    """What brings the diagonal to one, 0 for fields that nothing sees  # (p,)"""
+    diagonal = np.diagonal(matrix)
+    return np.where(diagonal > 1e-9 * max(diagonal.max(initial=0.0), 1e-300),
+                    1.0 / np.sqrt(np.maximum(diagonal, 1e-300)), 0.0)
 
 
 def effect_px(evidence: Evidence, basis: Basis) -> np.ndarray:

@@ -92,6 +92,7 @@ class Variant:
     new : names of the degrees of freedom it adds
     null : their values where the physics is absent (may be infinite); of one that has no meaning then, its probe, so
         that a start beyond the probe keeps it
+    idle : names that have no meaning at the null values: all variants with the same unknowns are one model there
     probe : their values for the finite probe; amplitude 1 of the column is the way from null to probe
     sign : +1 where only positive amplitudes are admissible, 0 where both are
     form, place : of the heterogeneity family
@@ -118,6 +119,7 @@ class Variant:
     refit: Mapping[str, Any] = field(default_factory=dict)
     free_course: bool = False
     least: float = 0.0
+    idle: tuple[str, ...] = ()
 
     @property
     def counts_together(self) -> bool:

@@ -155,16 +155,24 @@ class Scores:
         return dict(zip(self.parameters, self.moves[:, i] * self.expected_change[i], strict=True))
 
 
-def score(evidence: Evidence, null: NullModel, columns: Columns) -> Scores:
-    """Test columns (not yet white) against the identified model."""
-    white = evidence.whiten(columns)
-    weighed = evidence.weighed(white)
-    cross = evidence.products(null.white, weighed)  # (n, K)
-    gross = evidence.products(white, weighed)
+def score(evidence: Evidence, null: NullModel, *columns: Columns) -> Scores:
+    """Test columns (not yet white) against the identified model, of one set or of several behind each other.
+
+    Columns of grey values alone, which move nothing, take no part in the products of motions (`Columns.apart`).
+    """
+    white = [evidence.whiten(part) for one in columns for part in one.apart()]
+    weighed = [evidence.weighed(part) for part in white]
+    # the weights are symmetric: what moves nothing stands on the left, without its fields
+    cross = np.hstack([evidence.products(null.white, heavy) if heavy.moves else evidence.products(part, null.weighed).T
+                       for part, heavy in zip(white, weighed, strict=True)])  # (n, K)
+    gross = np.block([[evidence.products(one, heavy) if heavy.moves or not one.moves
+                       else evidence.products(other, weighed[i]).T
+                       for other, heavy in zip(white, weighed, strict=True)] for i, one in enumerate(white)])
     moves = -null.covariance @ cross
-    U = evidence.scores(white) + moves.T @ null.b
+    U = np.concatenate([evidence.scores(part) for part in white]) + moves.T @ null.b
     information = gross + cross.T @ moves
-    return Scores(columns.names, null.names, U, gross, 0.5 * (information + information.T), moves)
+    names = sum((one.names for one in columns), ())
+    return Scores(names, null.names, U, gross, 0.5 * (information + information.T), moves)
 
 
 @dataclass(frozen=True)

@@ -89,14 +89,15 @@ def _stepped(found: Identification, residual: ResidualEvidence, trials: Sequence
              gradients: Gradients) -> tuple[list[ScoreColumn], Columns]:
     """Columns of the variants that have an answer: one-step responses of their probes less those of their null
     embeddings; of patterns times courses (`idic.diagnose.screen.course_columns`) one response per pattern."""
-    answers, moved, others, shared = _Answers(found), [], [], []
+    answers, moved, others, shared, idle = _Answers(found), [], [], [], {}
     for candidate, variant in trials:
         experiment = load(variant.edits)
         if (one := timed(experiment, variant)) is not None:
             shared.append((candidate, one))
             continue
+        alike = idle.setdefault((candidate.name, variant.new), {name: variant.null[name] for name in variant.idle})
         others.append((candidate, variant, answers.position(experiment, variant.probe),
-                       None if variant.exact else answers.position(experiment, variant.null)))
+                       None if variant.exact else answers.position(experiment, {**variant.null, **alike})))
         moved.append(_node_motion(experiment, variant))
     first = {one.pattern: one for _, one in reversed(shared)}
     of_patterns = [answers.position(one.unit, unit_values(one)) for one in first.values()]

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from idic.diagnose.residual.evidence import Columns, Evidence, joined
+from idic.diagnose.residual.evidence import Columns, Evidence
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.screen.candidate import Candidate, Variant
-from idic.diagnose.screen.effect_sizes import columns_together, effects, sum_of, with_sums
+from idic.diagnose.screen.effect_sizes import columns_together, effects, sum_of
 from idic.diagnose.screen.free_courses import course_stem, fewest_knots
 from idic.diagnose.screen.score import Scores, Significance, null_model, score, significances
 from idic.diagnose.screen.score_columns import ScoreColumn
@@ -162,7 +162,7 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
     if mesh is None:
         scores, shared = score(evidence, null, columns), np.zeros(columns.n)
     else:
-        scores, shared = score(evidence, null, joined(columns, mesh)).split()
+        scores, shared = score(evidence, null, columns, mesh).split()
     joint = [fewest_knots(scores, members) if trials[members[0]].variant.new else members for members in together]
     shared = np.concatenate([shared, [scores.together(members) @ shared[list(members)] for members in joint]])
     scores = scores.with_sums([trials[members[0]].variant.label for members in joint], joint)
@@ -176,7 +176,7 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
             groups.setdefault((trial.candidate.name, material_of_variant(trial.variant, materials), free), []).append(i)
     signs = np.array([trial.variant.sign for trial in trials])
     found = significances(scores, groups, signs, np.random.default_rng(seed), sums) if groups else {}
-    sizes_px, sizes_channel = effects(evidence, parameters, with_sums(columns, scores, joint), scores)
+    sizes_px, sizes_channel = effects(evidence, parameters, columns, scores, joint)
     bounds = smallest_px, margin.px, min_channel
     ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, bounds, columns.n,
                               by_mesh),

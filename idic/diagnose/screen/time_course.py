@@ -21,7 +21,7 @@ from idic.diagnose.residual.excess_left import MAX_INCLUSION_EXCESS_LEFT, Excess
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, Grid, hats, projected, spectrum
+from idic.diagnose.residual.subspace import Grid, gain_and_rank, hats, projected
 from idic.diagnose.screen.score import null_model
 
 GRID_REFINEMENT = 2  # cells of this grid per cell of the free motions: the excess of a cut is narrow
@@ -72,10 +72,8 @@ def _fit(residual: ResidualEvidence, grid: Grid, course: np.ndarray) -> Fit:
     for part, white, weighed in zip(evidence.parts, fields, null.weighed.fields, strict=True):
         own_matrix, own_rhs = projected(evidence, part, white)
         matrix, rhs, cross = matrix + own_matrix, rhs + own_rhs, cross + white.T @ weighed
-    values, vectors, scale = spectrum(matrix - cross @ null.covariance @ cross.T)
-    good = values > MIN_EIGENVALUE_SHARE * values.max(initial=1e-300)
-    gain = float(((vectors[:, good].T @ ((rhs - cross @ null.remaining) * scale)) ** 2 / values[good]).sum())
-    return Fit(evidence.frames[-1:], np.array([gain]), np.array([int(good.sum())]), np.zeros((1, 0)), float("nan"))
+    gain, rank = gain_and_rank(matrix - cross @ null.covariance @ cross.T, rhs - cross @ null.remaining)
+    return Fit(evidence.frames[-1:], np.array([gain]), np.array([rank]), np.zeros((1, 0)), float("nan"))
 
 
 def _white(evidence: Evidence, fields: sparse.csr_array, course: np.ndarray) -> Iterator[sparse.csr_array]:
