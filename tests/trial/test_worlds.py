@@ -11,12 +11,12 @@ from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.errors import InputError
 from idic.experiment_file.load import load_rendered
 from idic.identify.in_memory import identify
-from idic.validation.trial.evaluation import TrialRecord
+from idic.validation.trial.evaluation import TrialRecord, told_as_cut
 from idic.validation.trial.kinds import BEYOND, LIBRARY, is_unseen
 from idic.validation.trial.plan import KNOWN_WORLDS, WORLDS, Campaign, Truth, scene_of
 from idic.validation.trial.pool import target_table
 from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS
+from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
 from idic.validation.trial.scenes.solve import DIVISIONS, Motion, solve, true_mesh
 from idic.validation.trial.scenes.specimens import SPECIMENS, bricks, specimen_mesh
 from idic.validation.trial.scenes.worlds import as_solid, drawn_world, view_of, world_geometry, world_scene
@@ -161,3 +161,15 @@ def test_the_scores_count_what_they_say():
     assert got["Brier score of the probability"].got == "0.165 (n = 4)"  # 0.01, 0.64, 0, 0.01 by four
     header, *rows = target_table(records).splitlines()
     assert "unseen kinds" in header and any("≤ 3 %" in row and "1 of 1" in row for row in rows)
+
+
+@pytest.mark.parametrize(("form", "at", "right"), [("void", (0.1, 1.6), True), ("void", (0.1, 3.5), False),
+                                                   ("void", (-1.0, 1.6), False), ("inclusion", (0.1, 1.6), False)])
+def test_a_slit_that_is_called_a_cut_at_its_place_is_no_false_physics(form, at, right):
+    """From the edge of the hole at 1.2 mm to 2.4 mm, above its middle; radius of the void 0.5 mm."""
+    scene = replace(plain_scene("elastic", Geometry(radius=1.2), NULLS["elastic"].truth), slit=1.2)
+    found = {"x": at[0], "y": at[1], "radius": 0.5}
+    answer = {"candidates": [{"name": "heterogeneity", "form": form, "named": True}],
+              "model": {"parameters_after": {f"BODY.inclusion.{name}": {"value": v} for name, v in found.items()}}}
+    assert told_as_cut(scene, answer) is right
+    assert not told_as_cut(replace(scene, slit=0.0), answer)

@@ -32,7 +32,8 @@ class TrialRecord:
     truth, strength : names of the effects, their strength ("" for clean recordings)
     named, reported : selected candidates; the same with their indistinguishable alternatives
     alarm : any verdict but "none" or "blind"
-    family_first : the first name belongs to the family of a true effect; inside : `reported` holds every true effect
+    family_first : the first name belongs to the family of a true effect; inside : `reported` holds every true effect,
+        or calls a slit a cut (`told_as_cut`)
     as_set : the truth and its indistinguishable counterpart are reported as one set
     side_right : side of the located mismatch
     onset_error : frames, signed; overlap : of the elements, intersection over union; None without a true or a
@@ -100,14 +101,15 @@ def evaluated(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Tri
     onset, elements = (None, None) if silent else true_onset_and_place(folder, number, truth)
     bias = _bias(truth, known, answer.get("model", {}).get("parameters_after", {}))
     first = named[0] if named else None
-    true = {effect.name for effect in effects} | _implied(truth)
+    as_cut = told_as_cut(scene_of(truth), answer)
+    true = {effect.name for effect in effects} | _implied(truth) | ({"heterogeneity"} if as_cut else set())
     bulk = [name for name in named if FAMILIES[families[name]].side == "bulk"] if families else []
     told = answer["verdict"] not in NOT_NAMED
     return TrialRecord(
         truth.key, number, truth.names, truth.effects[0][1] if truth.effects else "", truth.solver, answer["verdict"],
         named, reported, answer["verdict"] not in NO_ALARM and not (told and set(named) <= _implied(truth)),
         first is not None and families.get(first) in [effect.family for effect in effects],
-        bool(effects) and all(effect.name in reported for effect in effects),
+        bool(effects) and all(effect.name in reported or (effect.name == "slit" and as_cut) for effect in effects),
         any({*truth.names, truth.counterpart} <= set(group) for group in sets),
         mismatch.get("side") in [effect.side for effect in effects],
         _difference(mismatch.get("onset_frame"), onset), _overlap(mismatch.get("elements"), elements),
@@ -116,6 +118,21 @@ def evaluated(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Tri
         int(answer.get("attempt", 1)), answer.get("ablations"), answer.get("sentence", answer.get("problem", "")),
         truth.world, any(is_unseen(name) for name in truth.names), told and bool(set(bulk) - true),
         answer.get("probability"), _intervals(truth, known | _last(answer.get("model", {}))))
+
+
+def told_as_cut(scene: Scene, answer: Mapping) -> bool:
+    """Whether a slit is named "a void, a cut or a crack" at its place: the centre of the void is no farther from the
+    slit than its radius. It has no candidate of its own; an inclusion of some stiffness is a wrong name.
+    """
+    named = any(c["name"] == "heterogeneity" and c.get("named") and c.get("form") == "void"
+                for c in answer.get("candidates", ()))
+    values = {name.rpartition(".")[2]: entry["value"] for name, entry in _last(answer.get("model", {})).items()
+              if ".inclusion." in name}
+    if not scene.slit or not named or not {"x", "y", "radius"} <= set(values):
+        return False
+    edge = scene.geometry.radius
+    off = values["y"] - np.clip(values["y"], edge, edge + scene.slit)
+    return bool(np.hypot(values["x"], off) <= values["radius"])
 
 
 def _last(model: Mapping) -> Mapping:
