@@ -195,9 +195,24 @@ def solve_brightness(equations: NodalEquations) -> BrightnessFit:
     return BrightnessFit(coefficients, float(equations.rr - coefficients @ equations.rb))
 
 
-def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "none",
-                 coefficients: np.ndarray | None = None, exclude: np.ndarray | None = None) -> ResidualMap:
-    """Residual pixel by pixel; brightness `coefficients` (nb,), as `solve_brightness` finds them, are removed."""
+@dataclass(frozen=True, eq=False)
+class PixelResidual:
+    """Residual of every pixel of the map, brightness in it.
+
+    r : (n_pixels,) float32 GV, 0 where not valid; valid : (n_pixels,) bool; tx, ty : (n_pixels,) place between the
+    pixels of the frame; weights : of the matched blur (`ReferenceImage.matching`).
+    """
+
+    r: np.ndarray
+    valid: np.ndarray
+    tx: np.ndarray
+    ty: np.ndarray
+    weights: np.ndarray
+
+
+def pixel_residual(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
+                   exclude: np.ndarray | None = None) -> PixelResidual:
+    """Residual pixel by pixel as it is; exclude : as for `nodal_equations`."""
     pm = reference.pixel_map
     valid = _initially_valid(pm.n_pixels, exclude)
     r, tx, ty = (np.empty(pm.n_pixels, dtype=np.float32) for _ in range(3))
@@ -205,14 +220,21 @@ def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, br
     maps, weights = reference.matching(_inverse_gradients(reference, motion)[0])
     residual_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, maps, weights, motion, spline.coefficients.ravel(),
                   spline.coefficients.shape[1], spline.degree, np.int32(reference.border_px), valid, r, tx, ty)
-    valid = valid.astype(bool)
+    return PixelResidual(r, valid.astype(bool), tx, ty, weights)
+
+
+def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "none",
+                 coefficients: np.ndarray | None = None, exclude: np.ndarray | None = None) -> ResidualMap:
+    """Residual pixel by pixel; brightness `coefficients` (nb,), as `solve_brightness` finds them, are removed."""
+    pm, found = reference.pixel_map, pixel_residual(reference, spline, u_px, exclude)
+    r, valid, weights = found.r, found.valid, found.weights
     if coefficients is not None and len(coefficients):
         layout = reference.layout(brightness)
         patch = np.repeat(layout.patch, pm.pixels_per_element)
         gain, offset = np.asarray(coefficients, dtype=np.float32).reshape(-1, 2).T
         r += np.where(valid, gain[patch] * (reference.f - layout.mean[patch]) + offset[patch], np.float32(0))
     gain = np.repeat(matched_gain(weights, reference.lowpass_px), pm.pixels_per_element) if len(weights) else None
-    return ResidualMap(r, valid, noise_gain(tx, ty, spline.degree, spline.lowpass_px),
+    return ResidualMap(r, valid, noise_gain(found.tx, found.ty, spline.degree, spline.lowpass_px),
                        still_gain(reference.lowpass_px), reference.n_images, gain)
 
 

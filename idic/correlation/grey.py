@@ -19,7 +19,8 @@ import numpy as np
 from scipy import sparse
 
 from idic.correlation.comparison import NodalBasis, at_nodes
-from idic.correlation.frame import NodalEquations, ResidualMap, nodal_equations, residual_map
+from idic.correlation.frame import (NodalEquations, PixelResidual, ResidualMap, nodal_equations, pixel_residual,
+                                    residual_map)
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.correlation.reference import ReferenceImage, build_reference
 from idic.images.interpolate import DEGREES, Spline, prefilter
@@ -38,7 +39,16 @@ class GreyReference(NodalBasis, ReferenceImage):
 
     def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
         """Nodal equations of one frame, with the blur where its focus is unknown; motion : (n_nodes, 2) px."""
-        brightness, spline = experiment.options.brightness, frame_spline(experiment, frame)
+        return self._compared(experiment, frame_spline(experiment, frame), motion)
+
+    def compare_with_residual(self, experiment: Experiment, frame: int,
+                              motion: np.ndarray) -> tuple[NodalEquations, PixelResidual]:
+        """`compare`, and the residual of every pixel with the brightness in it, from one reading of the frame."""
+        spline = frame_spline(experiment, frame)
+        return self._compared(experiment, spline, motion), pixel_residual(self, spline, motion)
+
+    def _compared(self, experiment: Experiment, spline: Spline, motion: np.ndarray) -> NodalEquations:
+        brightness = experiment.options.brightness
         equations = nodal_equations(self, spline, motion, brightness)
         if experiment.options.defocus == "none":
             return equations
@@ -146,7 +156,7 @@ def with_blur(reference: ReferenceImage, equations: NodalEquations, spline: Spli
     pull_back : (n_nodes, 2, 2) F^-1 at the nodes
     """
     column = reference.blur_column.astype(float)
-    found = residual_map(reference, spline, u_px, exclude=equations.lost_pixels if equations.n_lost else None)
+    found = pixel_residual(reference, spline, u_px, equations.lost_pixels if equations.n_lost else None)
     still_q, still_rb = _coupling(reference, brightness)
     q = np.einsum("nij,ni->nj", pull_back, still_q.reshape(-1, 2)).ravel()
     seen = found.valid

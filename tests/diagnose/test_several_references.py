@@ -113,6 +113,15 @@ def test_the_drop_by_fields_is_that_of_their_eigenvalues():
         assert gain == pytest.approx(float(rhs @ np.linalg.lstsq(matrix, rhs, rcond=1e-12)[0]), rel=1e-6)
 
 
+def test_one_look_at_a_frame_gives_what_two_give(at_rest, residual):
+    reference, motion = residual.context.reference, 0.1 * np.ones((at_rest.mesh.n_nodes, 2))
+    equations, found = reference.compare_with_residual(at_rest, STILL + 2, motion)
+    alone, whole = (reference.compare(at_rest, STILL + 2, motion),
+                    reference.compare_pixels(at_rest, STILL + 2, motion, np.zeros(0)))
+    assert np.array_equal(equations.q, alone.q) and np.array_equal(equations.rb, alone.rb)
+    assert np.array_equal(found.r, whole.r) and np.array_equal(found.valid, whole.valid)
+
+
 def test_whitening_is_a_root_of_the_inverse_covariance(residual):
     rng = np.random.default_rng(0)
     kappa = rng.uniform(0.7, 1.4, T)

@@ -20,7 +20,7 @@ from idic.correlation.context import CorrelationContext, FrameResponse
 from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.frame import NodalEquations
 from idic.correlation.frame_equations import correlated_frames, global_columns, turned_response, with_all_cameras
-from idic.correlation.grey import blur_bias
+from idic.correlation.grey import GreyReference, blur_bias
 from idic.correlation.view import GREY, View, view_of
 from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence, noise_share
 from idic.diagnose.residual.grey_value_effects import joined_pixels, pixel_basis, pixel_parts, sums_against
@@ -138,9 +138,8 @@ class _CameraPasses:
         self.responses = [turned_response(experiment, response) for response in responses]
         self.views = [self.view.at(response.frame) for response in responses]
         motions = [view.motion(nodes, response.u) for view, response in zip(self.views, self.responses, strict=True)]
-        self.sums = [context.reference.compare(experiment, response.frame, motion)
-                     for response, motion in zip(responses, motions, strict=True)]
         self.maps = _ResidualMaps(context, [response.frame for response in responses], motions)
+        self.sums = [self.maps.compare(t) for t in range(len(self.maps))]
         self.seen = _seen_dofs(self.sums[0])
         self.back = np.array([context.reference.pull_back(motion) for motion in motions])
         self.inverse_variance = 1.0 / context.weights.image_noise**2
@@ -301,6 +300,15 @@ class _ResidualMaps:
 
     def __len__(self) -> int:
         return len(self.frames)
+
+    def compare(self, t: int) -> NodalEquations:
+        """The nodal equations of the t-th frame; its residual is kept from the same look."""
+        reference, at = self.context.reference, (self.context.experiment, self.frames[t], self.motions[t])
+        if not isinstance(reference, GreyReference) or len(self) * 4 * len(reference.f) >= MAX_KEPT_BYTES:
+            return reference.compare(*at)
+        equations, found = reference.compare_with_residual(*at)
+        self.kept[t] = found.r, found.valid
+        return equations
 
     def __getitem__(self, t: int) -> tuple[np.ndarray, np.ndarray]:
         """r (n_pixels,) GV and valid (n_pixels,) of the t-th frame."""
