@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 USUAL_MAX_STEP = 0.35  # largest scaled step of one iteration: about a third of a positive parameter
+PRIOR_STDS_PER_STEP = 2.0  # least scaled unit of a linear parameter: its prior alone determines it (std 0.5 of a unit)
 _START_MARGIN = 0.02  # share of the interval of starts that is left out at each end: nothing starts at a bound
 _START_DIGITS = 8  # of a drawn start value
 
@@ -24,9 +25,9 @@ class Parameter:
     name : str
         ``SET.parameter``, ``camera.rotation_deg``, ``channel.force_N.offset``, ... (the names of experiment.toml).
     transform : {"log", "linear"}
-        The optimiser sees ``ln(value)`` or ``value / scale``.
+        The optimiser sees ``ln(value)`` or ``value / unit_step``.
     scale : float
-        Size of a unit step of a linear parameter; ignored by the log transform.
+        Typical size of a linear parameter; ignored by the log transform.
     max_step : float
         Largest scaled step of one iteration.
     start_values : tuple of float
@@ -53,16 +54,25 @@ class Parameter:
     activation_factor: float = 1.0
     shared: bool = True
 
+    @property
+    def unit_step(self) -> float:
+        """Change of a linear parameter by a unit of its scaled value.
+
+        What a prior states is known: where it is wider than the scale, the unit is `PRIOR_STDS_PER_STEP` of its
+        standard deviations, so that the parameter counts as determined (`idic.identify.covariance`).
+        """
+        return max(self.scale, PRIOR_STDS_PER_STEP * (self.prior_std or 0.0))
+
     def to_scaled(self, value: float | None = None) -> float:
         value = self.value if value is None else value
-        return float(np.log(value)) if self.transform == "log" else value / self.scale
+        return float(np.log(value)) if self.transform == "log" else value / self.unit_step
 
     def from_scaled(self, z: float) -> float:
-        return float(np.exp(z)) if self.transform == "log" else float(z * self.scale)
+        return float(np.exp(z)) if self.transform == "log" else float(z * self.unit_step)
 
     def slope(self) -> float:
         """d value / d scaled at the present value."""
-        return self.value if self.transform == "log" else self.scale
+        return self.value if self.transform == "log" else self.unit_step
 
     def perturbation(self, epsilon: float) -> float:
         """Change of the value in a perturbed run: `epsilon` of the value (log) or of the scale, within the bounds."""
@@ -224,8 +234,8 @@ class ParameterSet(Mapping[str, Parameter]):
                 low.append(np.log(lo) if lo > 0 else -np.inf)
                 high.append(np.log(hi) if np.isfinite(hi) else np.inf)
             else:
-                low.append(lo / p.scale)
-                high.append(hi / p.scale)
+                low.append(lo / p.unit_step)
+                high.append(hi / p.unit_step)
         return np.array(low), np.array(high)
 
 
@@ -235,7 +245,7 @@ def drawn_start(parameter: Parameter, spread: float, place: float) -> float:
     low, high = parameter.to_scaled() - half_width, parameter.to_scaled() + half_width
     bounds = [b if parameter.transform == "linear" else max(b, 0.0) for b in parameter.bounds]
     with np.errstate(divide="ignore"):
-        scaled = [np.log(b) if parameter.transform == "log" else b / parameter.scale for b in bounds]
+        scaled = [np.log(b) if parameter.transform == "log" else b / parameter.unit_step for b in bounds]
     low, high = max(low, scaled[0]), min(high, scaled[1])
     margin = _START_MARGIN * (high - low)
     value = parameter.from_scaled(low + margin + place * (high - low - 2.0 * margin)) / parameter.factor

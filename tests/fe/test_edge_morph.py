@@ -62,3 +62,22 @@ def test_straight_edges_stay_straight_and_corners_stay_on_the_lines_of_both(notc
             along = np.linalg.svd(before - before.mean(axis=0))[2][0]
             off = np.array([-along[1], along[0]])
             np.testing.assert_allclose(after @ off, (before @ off).mean(), atol=1e-9)
+
+
+def test_a_flat_corner_goes_half_way_and_neighbouring_edges_stay_where_they_are():
+    """A waist whose flanks turn by 16 degrees: on the line of both edges the corner would run 3.6 times as far."""
+    half = [[10.0, 30.0], [7.0, 20.0], [7.0, -20.0], [10.0, -30.0]]
+    outline = [*half[::-1], *([-x, y] for x, y in half)]
+    mesh = mesh_polygon(outline, [], 2.0, quads=True, names={"BOTTOM": [8], "TOP": [4]})
+    held = {name: mesh.node_sets[name] for name in ("BOTTOM", "TOP")}
+    known = edges_by_name(mesh, free_edges(mesh, held))
+    moved = outward_velocity(mesh, known["EDGE1"])  # from (10, -30) to (7, -20)
+    assert np.hypot(*moved.T).max() < 1.2
+    corner = np.argmin(np.hypot(*(mesh.nodes - (7.0, -20.0)).T))
+    assert np.hypot(*moved[corner]) == pytest.approx(0.5, rel=0.02)
+    for name, along in (("EDGE2", [0.0, 1.0]), ("EDGE3", [3.0, 10.0])):
+        nodes = np.setdiff1d(mesh.node_sets[name], [corner])
+        assert np.abs(moved[nodes] @ [along[1], -along[0]]).max() < 0.05 * np.hypot(*along)
+    both = sum(outward_velocity(mesh, known[name]) for name in ("EDGE1", "EDGE2"))
+    np.testing.assert_allclose(both[corner], outward_velocity(mesh, np.concatenate([known["EDGE1"], known["EDGE2"]]))[
+        corner], atol=1e-9)

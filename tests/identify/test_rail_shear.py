@@ -83,7 +83,7 @@ def test_a_right_law_on_an_outline_of_points_is_blamed_for_nothing(sheared, tmp_
 
 @pytest.mark.slow
 def test_a_waisted_specimen_with_a_hole_from_init_to_the_diagnosis(tmp_path, monkeypatch):
-    """With the margin that `idic init` asks for; with half of it the edges, not determined, leave E 3.3 % too high."""
+    """With the margin of `idic init`, half of the true one: what the edges leave open counts in the error bar of E."""
     monkeypatch.setattr(rail_shear, "PITCH", 1.0)
     E, nu = 65e3, 0.33
     folder, out = tmp_path / "waist", tmp_path / "run"
@@ -91,14 +91,13 @@ def test_a_waisted_specimen_with_a_hole_from_init_to_the_diagnosis(tmp_path, mon
     run("init", folder)
     file = folder / "experiment.toml"
     text = file.read_text(encoding="utf-8")
-    assert "geometry.outline.HOLE1" in text
-    text = text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 ")
-    file.write_text(text.replace("outline_points_mm = 0.5,", f"outline_points_mm = {0.5 * FACET},"), encoding="utf-8")
-    run("identify", folder, "--out", out, "--no-prefect", "--no-report", "--workers", 0)
+    assert "geometry.outline.HOLE1" in text and f"outline_points_mm = {0.25 * FACET}," in text
+    file.write_text(text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 "), encoding="utf-8")
+    told = run("identify", folder, "--out", out, "--no-prefect", "--no-report", "--workers", 0)
     result = json.loads((out / "result.json").read_text())
-    assert result["status"] == "converged"
+    assert result["status"] == "converged" and not result["not_identifiable"] and "Not determined" not in told
     for name, truth in (("ALL.E", E), ("ALL.nu", nu)):
         own = result["parameters"][name]
-        assert own["std"] < 0.03 * truth and abs(own["value"] - truth) < 3.0 * own["std"], name
+        assert own["std"] < 0.03 * truth and abs(own["value"] - truth) < 2.0 * own["std"], name
     run("diagnose", out, "--no-prefect", "--workers", 0)
     assert json.loads((out / "diagnosis.json").read_text())["verdict"] == "none"

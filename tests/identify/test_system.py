@@ -243,3 +243,18 @@ def test_a_direction_that_the_data_leave_open_is_not_determined_and_not_stepped_
     assert np.isclose(step.delta[0] + step.delta[1], 0.0, atol=1e-9)  # along the open direction nothing happens
     assert np.isclose(step.delta[0] - step.delta[1], 0.05 / 2.0, rtol=1e-6)
     assert np.isclose(step.delta[2], 0.1 / 2.0, rtol=1e-6)
+
+
+def test_what_only_a_prior_knows_is_determined_and_counts_in_what_depends_on_it():
+    """The data show ln a + 0.2 g alone; the prior of g is wider than its scale."""
+    seen = np.array([1.0, 0.2]) / 1e-3
+    M = np.outer(seen, seen)
+    system = CorrelationSystem(("a", "g"), M, np.zeros(2), 0.0, 0.0, M, np.zeros((0, 2)), ())
+    parameters = ParameterSet((Parameter("a", 1.0, free=True, transform="log"),
+                               Parameter("g", 0.3, free=True, scale=0.2, prior_mean=0.0, prior_std=0.5)))
+    scaled = scaled_system(system, parameters, np.zeros((2, 2)), 1.0)
+    found = spectrum(scaled)
+    assert found.determined.all()
+    stds = np.sqrt(np.diagonal(covariance(scaled, found))) * scaled.slopes
+    np.testing.assert_allclose(stds, [0.1, 0.5], rtol=1e-3)
+    np.testing.assert_allclose(found.inverse @ scaled.b * scaled.slopes, [0.06, -0.3], rtol=1e-3)

@@ -1,7 +1,7 @@
 """Edges of a plane mesh that lie further out: V = dX/dlam for `idic.fe.mesh.morph.Morph`, lam in mm.
 
-The edges move by one distance along their outward normals. Corners keep to the lines of both edges; what does not
-move slides along itself, so that its shape stays; inside V is harmonic.
+The edges move by one distance along their outward normals. Corners keep to the lines of both edges, flat ones go half
+way with each; what does not move slides along itself, so that its shape stays; inside V is harmonic.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from idic.fe.mesh.morph import laplacian
 OUTLINE = "geometry.outline"  # stem of the degrees of freedom that move free edges
 # prior of the distance, over that of measured points: half a facet, and within a distance a grid shows an edge
 EDGE_STD_SHARE = 1.0
-MIN_CORNER_SINE = 0.17  # of the angle between two edges (10 degrees): less is one curved edge
+MIN_CORNER_SINE = 0.5  # of the angle between two edges (30 degrees): the corner of flatter ones goes half way with each
 
 
 def free_edges(mesh: Mesh, held: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -55,6 +55,8 @@ def outward_velocity(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
     velocity[list(given)] = list(given.values())
     sliding = np.array([node for node in around if node not in given], dtype=int)
     _solve(velocity, _along_walls(mesh, nodes), sliding)
+    for node in sliding:
+        velocity[node] = _tangential(velocity[node], normals[around[node]].mean(axis=0))
     inside, used = laplacian(mesh)
     _solve(velocity, inside, np.setdiff1d(used, list(around)))
     return _with_straight_edges(mesh, velocity, set(around))
@@ -81,6 +83,11 @@ def _velocity(normals: np.ndarray, target: np.ndarray) -> np.ndarray:
         return np.linalg.solve(normals, target)
     mean = normals.mean(axis=0)
     return target.mean() * mean / (mean @ mean)
+
+
+def _tangential(velocity: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The part across a normal of any length  # (2,)"""
+    return velocity - (velocity @ normal) / (normal @ normal) * normal
 
 
 def _along_walls(mesh: Mesh, walls: list[np.ndarray]) -> sparse.csr_array:
