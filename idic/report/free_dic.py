@@ -42,7 +42,7 @@ def free_dic(record: RunRecord) -> Picture | None:
             maps.bare(axes[2, column], window)
             own = distance[column, used]
             maps.entitle(axes[2, column], "rms ", f"{np.sqrt(np.nanmean(own**2)):.3f} {motion_name}")
-        for row, text in enumerate(("identified", "free FE-DIC", "distance")):
+        for row, text in enumerate(("identified", "free FE-DIC" if motion_name == "px" else "free fit", "distance")):
             axes[row, 0].set_ylabel(text)
         figure.colorbar(shown, ax=axes[:2], label=f"residual / {name}" if units is not None else f"residual [{name}]",
                         shrink=0.8, aspect=25, pad=0.01, extend="both")

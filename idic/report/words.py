@@ -95,17 +95,18 @@ def discrepancy(result: Mapping) -> str:
         return ""
     if not found["significant"]:
         return "No error beyond noise widens the intervals."
+    unit = "distances of the points" if (result.get("noise") or {}).get("unit") == "µm" else "px"
     return (f"The residual shows an error of the model (twice the gain in log-likelihood: "
-            f"{found['likelihood_ratio']:.0f}; {_left_unexplained(found)}): the intervals count it.")
+            f"{found['likelihood_ratio']:.0f}; {_left_unexplained(found, unit)}): the intervals count it.")
 
 
-def _left_unexplained(found: Mapping) -> str:
-    """The parts of a discrepancy that are not zero; of several experiments the largest."""
+def _left_unexplained(found: Mapping, unit: str) -> str:
+    """The parts of a discrepancy that are not zero; of several experiments the largest. unit : of motions, in words"""
     def largest(kind: str) -> float:
         return max((std for name, std in found["std"].items() if name.split(".")[-1] == kind), default=0.0)
 
     motion = max(found["motion_px"].values())
-    parts = [f"smooth motion of about {motion:.2g} px" if motion > MIN_SHOWN_PX else "",
+    parts = [f"smooth motion of about {motion:.2g} {unit}" if motion > MIN_SHOWN_PX else "",
              f"smooth stress of about {100 * largest('stress'):.2g} %" if largest("stress") > MIN_SHOWN_SHARE else "",
              f"channels of about {100 * largest('channel'):.2g} %" if largest("channel") > MIN_SHOWN_SHARE else "",
              f"finer motion {largest('rough'):.2g} times the noise" if largest("rough") > MIN_SHOWN_ROUGH else ""]

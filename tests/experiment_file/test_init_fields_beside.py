@@ -90,3 +90,13 @@ def test_points_on_one_line_are_no_field(tmp_path):
         (tmp_path / f"stage_{k}.csv").write_text("\n".join(["x_mm,y_mm,ux_mm,uy_mm", *rows]))
     with pytest.raises(InputError, match="on one line"):
         write_initial_experiment(tmp_path)
+
+
+def test_lengths_of_fields_in_px_are_told_in_px(tmp_path):
+    for k in range(6):
+        rows = [f"{n},{x},{y},{1e-3 * k * x},{-1e-3 * k * y},0.01"
+                for n, (x, y) in enumerate((x, y) for x in range(40, 300, 20) for y in range(60, 700, 20))]
+        (tmp_path / f"solution_{k}.txt").write_text("\n".join([
+            "SUBSET_ID,COORDINATE_X,COORDINATE_Y,DISPLACEMENT_X,DISPLACEMENT_Y,SIGMA", *rows]))
+    text = write_initial_experiment(tmp_path).read_text()
+    assert "the points span 240 x 620 px and end" in text and "multiply the lengths of mesh and geometry by it" in text

@@ -150,6 +150,8 @@ def test_the_parts_of_a_discrepancy_are_named_where_they_are_not_zero():
     text = words.discrepancy({"discrepancy": found})
     assert "log-likelihood: 1749; smooth motion of about 0.0077 px, smooth stress of about 0.46 %, finer" in text
     assert "finer motion 3 times the noise)" in text and "channel" not in text
+    of_points = words.discrepancy({"discrepancy": found, "noise": {"unit": "µm"}})
+    assert "0.0077 distances of the points, smooth stress" in of_points
 
 
 def test_parameters_that_imitate_each_other_are_named_once():

@@ -78,7 +78,7 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
     upright, why = _upright(points, strain)
     ends = ("TOP", "BOTTOM") if upright else ("RIGHT", "LEFT")
     loaded = _loading(strain, force, upright)
-    parts = [_experiment(folder, _pattern(folder, paths), series, points, mesh),
+    parts = [_experiment(folder, _pattern(folder, paths), series, points, mesh, "px" if in_px else "mm"),
              *_log_lines(series, log, None if own else found[0].relative_to(folder).as_posix(), column),
              "",  # type: ignore[index]
              _camera(in_px, mesh is not None), _MATERIAL,
@@ -138,7 +138,8 @@ def _line(text: str, comment: str) -> str:
     return f"{text:<32} # {comment}"
 
 
-def _experiment(folder: Path, pattern: str, series: FieldSeries, points: MeasuredPoints, mesh: str | None) -> str:
+def _experiment(folder: Path, pattern: str, series: FieldSeries, points: MeasuredPoints, mesh: str | None,
+                unit: str) -> str:
     extent = np.ptp(points.positions, axis=0)
     margin = 0.5 * points.pitch
     widest = 0.97 * (min(extent) + 2.0 * margin)  # both numbers are written with few digits
@@ -149,7 +150,7 @@ def _experiment(folder: Path, pattern: str, series: FieldSeries, points: Measure
              _line(f"fields = {json.dumps(pattern)}", "measured displacements instead of images; the first is the "
                                                       "reference"),
              _line(f"# fields_format = {json.dumps(series.format)}", "as found in the files"),
-             *(_mesh(points, margin, size) if mesh is None
+             *(_mesh(points, margin, size, unit) if mesh is None
                else [_line(f"mesh = {json.dumps(mesh)}", "and mesh_unit, if not mm")]),
              _line('kind = "plane_stress"', "plane_stress | plane_strain | solid (with surface)"),
              _line("# thickness_mm = 1.0", "FILL IN if a force is compared")]
@@ -179,11 +180,11 @@ def _log_lines(series: FieldSeries, log: Log | None, file: str | None, column: s
             if broken else _line("# exclude_frames = [12]", "numbers in the file names, or indices from 0")]
 
 
-def _mesh(points: MeasuredPoints, margin: float, size: float) -> list[str]:
+def _mesh(points: MeasuredPoints, margin: float, size: float, unit: str) -> list[str]:
     """A rectangle around the points, or their outline where that is no rectangle."""
     extent = np.ptp(points.positions, axis=0)
-    span = (f"# the points span {extent[0]:.4g} x {extent[1]:.4g} mm and end before the edges of the specimen: FILL IN "
-            f"the")
+    span = (f"# the points span {extent[0]:.4g} x {extent[1]:.4g} {unit} and end before the edges of the specimen: "
+            f"FILL IN the")
     outline = outline_of(points.positions, points.pitch, 0.0)
     if not outline.holes and outline.filled > _MIN_FILLED:
         return [f"mesh = {{ around_points_mm = [{margin:.2g}, {margin:.2g}], element_mm = {size:.3g} }}", span,
@@ -220,7 +221,8 @@ def _stages(series: FieldSeries, points: MeasuredPoints) -> list[str]:
 def _camera(in_px: bool, mesh_file: bool) -> str:
     if in_px or mesh_file:
         lines = ["[camera]",
-                 *([_line("pixel_size_mm = 1.0", "FILL IN: the fields are in px; multiply the lengths of mesh by it")]
+                 *([_line("pixel_size_mm = 1.0", "FILL IN: the fields are in px; multiply the lengths of mesh and "
+                                                 "geometry by it")]
                                if in_px else []),
                  *([_line('placement = "outline"', "the mesh is laid along the outline of the points")] if mesh_file
                    else [])]
