@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 # before Prefect: it reads the environment
-from idic_flows.settings import connected, flow_server, server_is_gone, show_dashboards, show_killed_as_crashed
+from idic_flows.settings import connected, flow_server, server_is_gone, show_dashboards
 from idic_flows.shown_runner import ShownRunner
 from idic_flows.stages import publish_evaluations, publish_residual, publish_schedule, run_stage
 
@@ -26,9 +25,6 @@ from idic.run.session import Timing
 from idic.run.warm_up import compile_image_kernels, compile_stress_kernel
 from idic.workers.runner import TaskRunner
 from idic.workers.workplace import Workplace
-
-FLOW = "idic-identify"  # its name in Prefect
-
 
 def run_identification(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
                        scheduler: str | None = None, sensitivity: str = "auto",
@@ -70,8 +66,6 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
             runner.background(compile_stress_kernel, None, "compile-stress")
             console.stage("starting Prefect")
             with connected(server):
-                with suppress(Exception):  # it would only tidy up: the run goes on where Prefect does not answer
-                    show_killed_as_crashed(FLOW)
                 show_dashboards(console.dashboards, server, runner.dashboard)
                 run = OpenRun(planned, ShownRunner(runner), sensitivity, Timing(), began, console, pause_after)
                 with run.kept_when_interrupted():
@@ -91,7 +85,7 @@ def _identify_in_prefect(run: OpenRun, compiled: Callable[[], None], paths: Sequ
     """The flow; made here because importing Prefect takes seconds. Its parameters are what Prefect's pages show."""
     from prefect import flow
 
-    @flow(name=FLOW, flow_run_name=f"identify-{time.strftime('%H%M%S')}", validate_parameters=False,
+    @flow(name="idic-identify", flow_run_name=f"identify-{time.strftime('%H%M%S')}", validate_parameters=False,
           persist_result=False)
     def identify(experiments: list[str], out: str, sensitivity: str, workers: int, pause_after: int | None) -> dict:
         if not run.planned.prepared:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import platform
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from contextlib import contextmanager, suppress
 
-from idic.store.run_lock import LOCK_NAME, is_held
+import psutil
+
 from idic.workers.prefect_server import PrefectServer, start_server
+
+TAG = "idic-process:"
+KILLED = "the process was killed; --resume continues"
+START_TOLERANCE = 2.0  # s: of the start of a process, which a corrected clock moves
 
 
 @contextmanager
@@ -41,10 +46,12 @@ def connected(server: PrefectServer | None) -> Iterator[None]:
     """Run flows against `server` for a ``with`` block; wait until it answers, hand over what is still on its way.
 
     server : None changes nothing: the flow becomes part of the flow run that calls it
-    No heartbeat: it would add a second to every flow, and our own checkpoint says where a killed run stood.
+    No heartbeat: it would add a second to every flow. Flow runs name their process instead; those of killed ones are
+    shown as crashed by the next command.
     """
     if server is None:
-        yield
+        with _named_process():
+            yield
         return
     from prefect.settings import (
         PREFECT_API_AUTH_STRING,
@@ -67,11 +74,22 @@ def connected(server: PrefectServer | None) -> Iterator[None]:
         updates[PREFECT_API_AUTH_STRING] = server.password
     if server.home is not None:
         updates[PREFECT_HOME] = server.home
-    with temporary_settings(updates):
+    with temporary_settings(updates), _named_process():
         try:
             yield
         finally:
             _hand_over()
+
+
+@contextmanager
+def _named_process() -> Iterator[None]:
+    """Flow runs of a ``with`` block name their process; those of processes that were killed are shown as crashed."""
+    from prefect import tags
+
+    with suppress(Exception):  # it would only tidy up: the run goes on where Prefect does not answer
+        show_killed_as_crashed()
+    with tags(process_tag()):
+        yield
 
 
 def _hand_over() -> None:
@@ -94,25 +112,56 @@ def server_is_gone(problem: BaseException | None) -> bool:
     return False
 
 
-def show_killed_as_crashed(flow: str) -> int:
-    """Give the runs of a flow that say "Running", while no process works on their RUN folder, the state "Crashed".
+def show_killed_as_crashed() -> int:
+    """Give the runs of idic's flows that say "Running", while the process that began them is gone, the state "Crashed",
+    and so their tasks.
 
-    A process that was killed could not say so. Folders that this machine does not see are left alone. Returns how many
-    there were.
+    A process that was killed could not say so. Runs of other machines are left alone. Returns how many there were.
     """
     from prefect.client.orchestration import get_client
-    from prefect.client.schemas.filters import FlowFilter, FlowFilterName, FlowRunFilter, FlowRunFilterState
-    from prefect.client.schemas.filters import FlowRunFilterStateType
+    from prefect.client.schemas.filters import (
+        FlowFilter,
+        FlowFilterName,
+        FlowRunFilter,
+        FlowRunFilterId,
+        FlowRunFilterState,
+        FlowRunFilterStateType,
+        TaskRunFilter,
+        TaskRunFilterState,
+        TaskRunFilterStateType,
+    )
     from prefect.states import Crashed, StateType
 
     running = FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=[StateType.RUNNING])))
+    open_tasks = TaskRunFilter(state=TaskRunFilterState(type=TaskRunFilterStateType(
+        any_=[StateType.RUNNING, StateType.PENDING])))
     with get_client(sync_client=True) as client:
-        found = client.read_flow_runs(flow_filter=FlowFilter(name=FlowFilterName(any_=[flow])), flow_run_filter=running)
-        killed = [one for one in found if _was_killed(one.parameters.get("out"))]
+        ours = FlowFilter(name=FlowFilterName(like_="idic-"))
+        found = client.read_flow_runs(flow_filter=ours, flow_run_filter=running)
+        killed = [one for one in found if any(map(_names_a_dead_process, one.tags))]
         for one in killed:
-            client.set_flow_run_state(one.id, Crashed(message="the process was killed; --resume continues"), force=True)
+            tasks = client.read_task_runs(flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=[one.id])),
+                                          task_run_filter=open_tasks)
+            for task in tasks:
+                client.set_task_run_state(task.id, Crashed(message=KILLED), force=True)
+            client.set_flow_run_state(one.id, Crashed(message=KILLED), force=True)
     return len(killed)
 
 
-def _was_killed(out: object) -> bool:
-    return isinstance(out, str) and (Path(out) / LOCK_NAME).is_file() and not is_held(out)
+def process_tag() -> str:
+    """The tag by which a flow run names its process: machine, number and second of its start."""
+    own = psutil.Process()
+    return f"{TAG}{platform.node()}:{own.pid}:{own.create_time():.0f}"
+
+
+def _names_a_dead_process(tag: str) -> bool:
+    if not tag.startswith(TAG):
+        return False
+    machine, number, started = tag.removeprefix(TAG).rsplit(":", 2)
+    if machine != platform.node():
+        return False
+    try:
+        process = psutil.Process(int(number))
+        return process.status() == psutil.STATUS_ZOMBIE or abs(process.create_time() - float(started)) > START_TOLERANCE
+    except psutil.NoSuchProcess:
+        return True

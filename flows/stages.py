@@ -18,9 +18,11 @@ def run_stage(name: str, function: Callable, *arguments) -> Any:
     """Run one stage as a Prefect task called `name`; its kind is the first word."""
     from prefect import task
     from prefect.cache_policies import NO_CACHE
+    from prefect.context import TagsContext
 
-    return task(name=name.split(" ", maxsplit=1)[0], task_run_name=name, cache_policy=NO_CACHE, persist_result=False)(
-        lambda: function(*arguments))()
+    with TagsContext(current_tags=set()):  # those of the flow run say which process it is
+        return task(name=name.split(" ", maxsplit=1)[0], task_run_name=name, cache_policy=NO_CACHE,
+                    persist_result=False)(lambda: function(*arguments))()
 
 
 def publish_schedule(experiment: Experiment) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import base64
 import json
 import os
+import platform
 import re
-import socket
 import subprocess
 import sys
 import textwrap
@@ -18,7 +18,7 @@ import numpy as np
 import prefect
 import pytest
 from experiment_file.small_experiment import write_experiment
-from idic_flows.settings import connected, show_killed_as_crashed
+from idic_flows.settings import TAG, connected, process_tag, show_killed_as_crashed
 from idic_flows.stages import EVALUATIONS, RESIDUAL, SCHEDULE
 from prefect.client.orchestration import get_client
 from prefect.states import Running
@@ -27,7 +27,6 @@ from virtual_tests.small_strip import write_small_strip
 import idic
 from idic.errors import InputError
 from idic.run.plain import identify_plainly
-from idic.store.run_lock import LOCK_NAME, run_lock
 from idic.workers.dask_connection import LOOPBACK
 from idic.workers.dask_settings import ONE_THREAD
 from idic.workers.prefect_server import QUIET, start_server
@@ -168,22 +167,26 @@ def test_a_flow_of_ones_own_calls_idic_and_a_run_pauses_between_the_stages_of_it
     assert len([run for run in own if run["name"].startswith("identify-") and run["parent_task_run_id"]]) == 2
 
 
-def test_a_run_whose_process_was_killed_is_shown_as_crashed(tmp_path, shared_server):
-    """Its lock names a process that is gone; that of another run is held; a third folder is not on this machine."""
+def test_a_run_whose_process_was_killed_is_shown_as_crashed_with_its_tasks(shared_server):
+    """A process that is gone, one whose number another one has now, this one, and one of another machine."""
     def identify(out):
         """Never run here: only the server knows of it."""
 
-    killed, alive, elsewhere = (tmp_path / name for name in ("killed", "alive", "elsewhere"))
-    killed.mkdir()
-    gone = {"pid": 2**22 + 1, "host": socket.gethostname(), "process_started": 1.0}
-    (killed / LOCK_NAME).write_text(json.dumps(gone))
-    flow = prefect.flow(identify, name=f"identify of {tmp_path.name} {os.getpid()}")
-    with start_server() as server, connected(server), run_lock(alive), get_client(sync_client=True) as client:
-        runs = [client.create_flow_run(flow, parameters={"out": str(out)}, state=Running())
-                for out in (killed, alive, elsewhere)]
-        assert show_killed_as_crashed(flow.name) == 1 and show_killed_as_crashed(flow.name) == 0
+    @prefect.task
+    def simulate():
+        """Neither."""
+
+    host, own = platform.node(), process_tag()
+    processes = [f"{TAG}{host}:{2**22 + 1}:1", f"{own.rpartition(':')[0]}:1", own, f"{TAG}another-{host}:{2**22 + 1}:1"]
+    flow = prefect.flow(identify, name=f"idic-identify {os.getpid()} {time.time()}")
+    with start_server() as server, connected(server), get_client(sync_client=True) as client:
+        runs = [client.create_flow_run(flow, parameters={"out": "RUN"}, state=Running(), tags=[tag])
+                for tag in processes]
+        task = client.create_task_run(simulate, runs[0].id, dynamic_key="0", state=Running())
+        assert show_killed_as_crashed() == 2 and show_killed_as_crashed() == 0
         states = [client.read_flow_run(run.id).state for run in runs]
-    assert [state.name for state in states] == ["Crashed", "Running", "Running"]
+        assert client.read_task_run(task.id).state.name == "Crashed"
+    assert [state.name for state in states] == ["Crashed", "Crashed", "Running", "Running"]
     assert "--resume" in states[0].message
 
 
