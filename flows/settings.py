@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import platform
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
-import psutil
-
+from idic.store.run_lock import process_lives, this_process
 from idic.workers.prefect_server import PrefectServer, start_server
 
 TAG = "idic-process:"
 KILLED = "the process was killed; --resume continues"
-START_TOLERANCE = 2.0  # s: of the start of a process, which a corrected clock moves
 
 
 @contextmanager
@@ -150,18 +147,12 @@ def show_killed_as_crashed() -> int:
 
 def process_tag() -> str:
     """The tag by which a flow run names its process: machine, number and second of its start."""
-    own = psutil.Process()
-    return f"{TAG}{platform.node()}:{own.pid}:{own.create_time():.0f}"
+    own = this_process()
+    return f"{TAG}{own['host']}:{own['pid']}:{own['process_started']:.2f}"
 
 
 def _names_a_dead_process(tag: str) -> bool:
     if not tag.startswith(TAG):
         return False
-    machine, number, started = tag.removeprefix(TAG).rsplit(":", 2)
-    if machine != platform.node():
-        return False
-    try:
-        process = psutil.Process(int(number))
-        return process.status() == psutil.STATUS_ZOMBIE or abs(process.create_time() - float(started)) > START_TOLERANCE
-    except psutil.NoSuchProcess:
-        return True
+    host, number, started = tag.removeprefix(TAG).rsplit(":", 2)
+    return not process_lives({"host": host, "pid": int(number), "process_started": float(started)})

@@ -6,7 +6,7 @@ import json
 import os
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -49,7 +49,7 @@ def run_lock(run: Path | str) -> Iterator[Path]:
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         owned_by_system = _try_system_lock(descriptor)
-        if owned_by_system is False or (owned_by_system is None and _holder_lives(_read_holder(path))):
+        if owned_by_system is False or (owned_by_system is None and process_lives(_read_holder(path))):
             raise _refusal(path)
         _write_holder(descriptor)
         try:
@@ -62,7 +62,13 @@ def run_lock(run: Path | str) -> Iterator[Path]:
 
 def is_held(run: Path | str) -> bool:
     """Whether a process works on this RUN, as far as the file of its lock tells; nothing is locked or written."""
-    return _holder_lives(_read_holder(Path(run) / LOCK_NAME))
+    return process_lives(_read_holder(Path(run) / LOCK_NAME))
+
+
+def this_process() -> dict:
+    """What tells this process from all others, also from a later one with its number; `process_started` in s after the
+    boot."""
+    return {"pid": os.getpid(), "host": socket.gethostname(), "process_started": _started(psutil.Process())}
 
 
 def _try_system_lock(descriptor: int) -> bool | None:
@@ -89,12 +95,7 @@ def _lock_of_windows(descriptor: int) -> bool:
 
 
 def _write_holder(descriptor: int) -> None:
-    holder = {
-        "pid": os.getpid(),
-        "host": socket.gethostname(),
-        "process_started": _started(psutil.Process()),
-        "locked": time.strftime("%Y-%m-%d %H:%M:%S"),
-    }
+    holder = this_process() | {"locked": time.strftime("%Y-%m-%d %H:%M:%S")}
     os.ftruncate(descriptor, 0)
     os.lseek(descriptor, 0, os.SEEK_SET)
     os.write(descriptor, json.dumps(holder).encode())
@@ -108,8 +109,8 @@ def _read_holder(path: Path) -> dict:
     return holder if isinstance(holder, dict) else {}
 
 
-def _holder_lives(holder: dict) -> bool:
-    """Whether the process named in the file exists; on another host it is assumed to exist."""
+def process_lives(holder: Mapping) -> bool:
+    """Whether the process that `this_process` described exists; on another host it is assumed to exist."""
     if not holder:
         return False
     if holder.get("host") != socket.gethostname():

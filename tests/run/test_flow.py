@@ -5,8 +5,8 @@ from __future__ import annotations
 import base64
 import json
 import os
-import platform
 import re
+import socket
 import subprocess
 import sys
 import textwrap
@@ -176,7 +176,7 @@ def test_a_run_whose_process_was_killed_is_shown_as_crashed_with_its_tasks(share
     def simulate():
         """Neither."""
 
-    host, own = platform.node(), process_tag()
+    host, own = socket.gethostname(), process_tag()
     processes = [f"{TAG}{host}:{2**22 + 1}:1", f"{own.rpartition(':')[0]}:1", own, f"{TAG}another-{host}:{2**22 + 1}:1"]
     flow = prefect.flow(identify, name=f"idic-identify {os.getpid()} {time.time()}")
     with start_server() as server, connected(server), get_client(sync_client=True) as client:
