@@ -46,7 +46,7 @@ def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Pa
                          key="experiment.kind", expected="plane_stress or plane_strain", found="solid",
                          remedy="give a mesh file")
     if table.around_points_mm is not None and isinstance(stack, FieldStack):
-        return _around_points(config, stack.points, scale.camera, file), []
+        return _around_points(config, stack.points, scale.camera, file), [_margin_note(config, stack.points)]
     if table.outline_points_mm is not None and isinstance(stack, FieldStack):
         drawing, found = _of_outline(config, stack.points, scale.camera, file)
         return drawing.mesh(file), [*_edge_notes(config, found, stack.points.pitch), *_gap_notes(found)]
@@ -88,6 +88,13 @@ def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera,
     size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
     return Drawing(found.outline.tolist(), [hole.tolist() for hole in found.holes], size, table.elements == "quads",
                    sides(found.outline), table.mesher), found
+
+
+def _margin_note(config: ExperimentFile, points: MeasuredPoints) -> str:
+    across, along = np.broadcast_to(np.atleast_1d(config.experiment.mesh.around_points_mm), 2)
+    return (f"the rectangle around the points with margins of {across:.2g} and {along:.2g} mm along x and y: facets "
+            f"end half their width before an edge, and the grid shows it to {0.5 * points.pitch:.2g} mm. Moduli by the "
+            "force are off as the width of the mesh is, and no error bar counts it: make it as wide as the specimen")
 
 
 def _edge_notes(config: ExperimentFile, found: PointOutline, pitch: float) -> list[str]:
