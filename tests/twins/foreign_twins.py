@@ -16,6 +16,8 @@ from idic.virtual_tests.meshes import strip_with_hole
 
 TRUE = {"around": 6, "radial": 9, "beside": 4, "grading": 1.5}  # nowhere the nodes of the user
 USER = {"around": 4, "radial": 7, "beside": 3}
+FINER_TRUE = {"around": 8, "radial": 12, "beside": 5, "grading": 1.5}
+FINER_USER = {"around": 6, "radial": 11, "beside": 4}
 SHAPE, PIXEL, ORIGIN = (150, 220), 0.06, (8.3, 140.6)  # image (px), mm, px
 SMALL = {"around": 1, "radial": 2, "beside": 1}
 SYMMETRY = """[[boundary]]
@@ -42,6 +44,7 @@ class Twin:
     times: np.ndarray
     grip: np.ndarray
     fixed: dict[str, float] = field(default_factory=dict)
+    force_noise: float = plate.FORCE_NOISE  # N
 
     @property
     def whole(self) -> bool:
@@ -53,15 +56,31 @@ def start(value: float, unit: str = "MPa") -> str:
 
 
 def damaged() -> Twin:
-    """Pulled to 1.7 % with four unloadings, pressed back and pulled again; linear hardening and Lemaitre's damage."""
-    t = {"E": 70e3, "nu": 0.3, "yield_stress": 200.0, "hardening_1_H": 3000.0, "damage_S": 0.35, "damage_s": 1.0}
-    pull = np.array([0.0, 0.04, 0.08, 0.16, 0.09, 0.17, 0.27, 0.19, 0.28, 0.4, 0.31, 0.22, 0.12, 0.22])
+    """Pulled to 2.3 %, unloaded in part four times, pressed back and pulled again; linear hardening, Lemaitre's damage
+    at the hole to less than where the stress would fall with the strain."""
+    t = {"E": 70e3, "nu": 0.3, "yield_stress": 200.0, "hardening_1_H": 3000.0, "damage_S": 0.9, "damage_s": 1.0}
+    pull = 0.042 * np.array([0.0, 1, 2, 3, 4, 5, 3.7, 5.4, 6.2, 7, 8, 6.3, 8.4, 9.2, 10, 11, 9, 11.4, 12.2, 13, 11, 9,
+                             7.3, 6, 4.7, 6.7, 8.7])
     material = Material((t["E"], t["nu"]), t["yield_stress"], t["hardening_1_H"],
                         damage=(t["damage_S"], t["damage_s"]))
     return Twin("elastoplastic(linear+lemaitre)", t, material, np.arange(len(pull), dtype=float),
-                np.column_stack([pull, 0.0 * pull]), {"damage_threshold": 0.0, "damage_length": 0.0})
+                np.column_stack([pull, 0.0 * pull]), {"damage_threshold": 0.0, "damage_length": 0.0}, force_noise=5.0)
 
 
+DAMAGED = f"""
+[material.sheet]
+law = "elastoplastic"
+E = {start(60e3)}
+nu = {start(0.33, "-")}
+yield_stress = {start(170)}
+hardening = [{{ kind = "linear", H = {start(2500)} }}]
+[material.sheet.damage]
+kind = "lemaitre"
+S = {start(1.3)}
+s = {start(1.3, "-")}
+threshold = 0.0
+length = 0.0
+"""
 VISCOUS = f"""
 [material.sheet]
 law = "elastoplastic"
@@ -134,14 +153,21 @@ def moved(twin: Twin, mesh, increments: int, steps: int):
     return u, forces[:, mesh.node_sets["RIGHT"]].sum(axis=1) * (1.0 if twin.whole else 2.0)
 
 
-def write_folder(folder: Path, twin: Twin, material: str, mesh, u: np.ndarray, force: np.ndarray) -> Path:
+def converged(twin: Twin, mesh, increments: int, steps: int):
+    """As `moved`, extrapolated to endlessly short steps: the flow of one is of first order without a rate."""
+    (u, force), (finer_u, finer_force) = moved(twin, mesh, increments, steps), moved(twin, mesh, increments, 2 * steps)
+    return 2.0 * finer_u - u, 2.0 * finer_force - force
+
+
+def write_folder(folder: Path, twin: Twin, material: str, mesh, u: np.ndarray, force: np.ndarray,
+                 sizes: dict = USER) -> Path:
     """The experiment of a user with a mesh of his own, who knows the terms and not their parameters."""
     rng = np.random.default_rng(150)
     noise = write_recording(folder, mesh, u, Camera.from_table(PIXEL, ORIGIN), SHAPE, plate.NOISE, rng,
                             texture_px=440.0)
-    force = force[:, 0] + plate.FORCE_NOISE * rng.standard_normal(force.shape)[:, 0]
-    toml = strip_toml(PIXEL, ORIGIN, plate.THICKNESS, plate.FORCE_NOISE).replace("NOISE", f"{noise:.4f}", 1)
+    force = force[:, 0] + twin.force_noise * rng.standard_normal(force.shape)[:, 0]
+    toml = strip_toml(PIXEL, ORIGIN, plate.THICKNESS, twin.force_noise).replace("NOISE", f"{noise:.4f}", 1)
     toml = toml.replace('[[boundary]]\nnodes = "LEFT"\nux = 0.0\nuy = 0.0\n', SYMMETRY)
     toml = toml.replace('component = "x" }', 'component = "x", factor = 2.0 }')
-    return write_rest(folder, quarter(USER), toml + material, twin.times,
+    return write_rest(folder, quarter(sizes), toml + material, twin.times,
                       {"force_N": force, "grip_mm": 0.5 * twin.grip[:, 0]})
