@@ -12,13 +12,14 @@ from strip_twin import strip_toml, write_recording, write_rest
 
 from idic.fe.mesh.mesh import make_mesh
 from idic.images.camera import Camera
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.virtual_tests.meshes import Patch, mesh_patches, strip_with_hole
 
 TRUE = {"around": 6, "radial": 9, "beside": 4, "grading": 1.5}  # nowhere the nodes of the user
 USER = {"around": 4, "radial": 7, "beside": 3}
 FINER_TRUE = {"around": 8, "radial": 12, "beside": 5, "grading": 1.5}
 FINER_USER = {"around": 6, "radial": 11, "beside": 4}
 SHAPE, PIXEL, ORIGIN = (150, 220), 0.06, (8.3, 140.6)  # image (px), mm, px
+AXIS, NOTCHED = 25.0, (12.0, 18.0)  # of the laminate: deg, mm
 SMALL = {"around": 1, "radial": 2, "beside": 1}
 SYMMETRY = """[[boundary]]
 nodes = "X0"
@@ -33,7 +34,7 @@ uy = 0.0
 class Twin:
     """A course and a material: times (s), motion (n_frames, 2) mm of RIGHT against LEFT; law : its name in idic.
 
-    With motion to the side it is a waisted strip, else a plate with a hole, of which a quarter is seen and computed.
+    With motion to the side it is a notched sheet, else a plate with a hole, of which a quarter is seen and computed.
 
     truth, fixed : {name without its element set: value}, parameters that are identified and that are known
     """
@@ -113,19 +114,50 @@ def viscous() -> Twin:
 
 
 def laminate() -> Twin:
-    """A waisted strip, pulled, sheared by a fifth and unloaded; Hill's surface on orthotropic elasticity, at 20 deg."""
+    """A notched sheet, pulled until it flows, sheared by 30 % and unloaded; Hill's surface on orthotropic
+    elasticity, axis 1 at 25 deg."""
     t = {"elasticity_E1": 30e3, "elasticity_E2": 15e3, "elasticity_nu12": 0.3, "elasticity_G12": 5e3,
          "yield_stress": 100.0, "yield_surface_r0": 0.8, "yield_surface_r45": 1.8, "yield_surface_r90": 1.4,
          "hardening_1_H": 400.0}
-    pull = np.array([0.0, 0.04, 0.08, 0.2, 0.45, *np.full(8, 0.45)])
-    shear = -np.array([*np.zeros(5), 0.2, 0.5, 1.2, 2.1, 3.2, 4.6, 4.3, 4.0])
+    pull = np.array([0.0, 0.01, 0.02, 0.03, 0.045, 0.08, *np.full(13, 0.14)])
+    shear = np.array([*np.zeros(7), 0.02, 0.05, 0.1, 0.2, 0.33, 0.48, 0.68, 0.92, 1.2, 1.18, 1.15, 1.1])
     r0, r45, r90 = (t[f"yield_surface_{name}"] for name in ("r0", "r45", "r90"))
     g = 1.0 / (1.0 + r0)  # of Hill's f, g, h, n
     hill = (r0 * g / r90, g, r0 * g, 0.5 * (r0 + r90) * (1.0 + 2.0 * r45) * g / r90)
-    material = Material((30e3, 15e3, 0.3, 5e3, np.radians(20.0)), t["yield_stress"],
-                        t["hardening_1_H"], hill=hill)
+    material = Material((30e3, 15e3, 0.3, 5e3, np.radians(AXIS)), t["yield_stress"], t["hardening_1_H"], hill=hill)
     return Twin("elastoplastic(orthotropic+hill48+linear)", t, material, np.arange(len(pull), dtype=float),
-                np.column_stack([pull, shear]), {"elasticity_angle": 20.0})
+                np.column_stack([pull, shear]), {"elasticity_angle": AXIS})
+
+
+LAMINATE = f"""
+[material.sheet]
+law = "elastoplastic"
+yield_stress = {start(85)}
+yield_surface = {{ kind = "hill48", r0 = {start(1, "-")}, r45 = {start(1.1, "-")}, r90 = {start(1, "-")} }}
+hardening = [{{ kind = "linear", H = {start(300)} }}]
+[material.sheet.elasticity]
+kind = "orthotropic"
+E1 = {start(26e3)}
+E2 = {start(18e3)}
+nu12 = {start(0.34, "-")}
+G12 = {start(6e3)}
+angle = {AXIS}
+"""
+
+
+def notched(along: int, across: int, even: float = 0.5):
+    """A sheet 12 x 18 mm, half as wide in the middle; even : 1, elements of one length; less: shorter in the middle."""
+    length, width = NOTCHED
+
+    def shape(s, t):
+        k = 2.0 * s - 1.0
+        x = 0.5 * length * (even * k + (1.0 - even) * k**3)
+        return x, width * (t - 0.5) * (1.0 - 0.5 * np.exp(-(x / 3.0) ** 2))
+
+    nodes, cells = mesh_patches([Patch(shape, along, across)], "quad8")
+    ends = {name: np.flatnonzero(np.abs(nodes[:, 0] - x) < 1e-6)
+            for name, x in (("LEFT", -0.5 * length), ("RIGHT", 0.5 * length))}
+    return make_mesh(nodes, [("quad8", cells)], node_sets=ends, element_sets={"sheet": np.arange(len(cells))})
 
 
 def quarter(sizes: dict):
@@ -171,3 +203,20 @@ def write_folder(folder: Path, twin: Twin, material: str, mesh, u: np.ndarray, f
     toml = toml.replace('component = "x" }', 'component = "x", factor = 2.0 }')
     return write_rest(folder, quarter(sizes), toml + material, twin.times,
                       {"force_N": force, "grip_mm": 0.5 * twin.grip[:, 0]})
+
+
+def write_laminate(folder: Path, twin: Twin, mesh, u: np.ndarray, force: np.ndarray, user_mesh) -> Path:
+    """The experiment of a user who knows the terms and the axes; both forces are measured."""
+    rng, force_noise = np.random.default_rng(160), 3.0
+    shape, pixel, origin = (210, 150), 0.1, (73.2, 110.2)
+    noise = write_recording(folder, mesh, u, Camera.from_table(pixel, origin), shape, 2.0, rng, texture_px=400.0)
+    force = force + force_noise * rng.standard_normal(force.shape)
+    toml = strip_toml(pixel, origin, plate.THICKNESS, force_noise).replace("NOISE", f"{noise:.4f}", 1)
+    toml = toml.replace('"grip_mm" }\nuy = 0.0', '"grip_mm" }\nuy = { column = "side_mm" }')
+    toml += f"""[[channel]]
+column = "side_N"
+simulated = {{ reaction = "RIGHT", component = "y" }}
+noise_std = {force_noise}
+"""
+    return write_rest(folder, user_mesh, toml + LAMINATE, twin.times, {
+        "force_N": force[:, 0], "side_N": force[:, 1], "grip_mm": twin.grip[:, 0], "side_mm": twin.grip[:, 1]})

@@ -3,7 +3,6 @@
 import foreign_twins as twins
 import numpy as np
 import pytest
-from free_hardening import waisted
 
 import idic
 from idic.fe.march import march
@@ -45,6 +44,14 @@ def test_plasticity_and_stiffness_loss_are_found_on_a_plate_with_a_hole(tmp_path
     checked(result, twin, systematic(tmp_path / "run", SerialRunner(), spread=False)["parameters"])
 
 
+def test_hills_plasticity_on_orthotropic_elasticity_is_found_in_a_sheared_laminate(tmp_path):
+    twin, mesh = twins.laminate(), twins.notched(18, 12, 0.6)
+    u, force = twins.converged(twin, mesh, 2, 14)
+    twins.write_laminate(tmp_path / "test", twin, mesh, u, force, twins.notched(12, 8, 0.35))
+    result = idic.identify(str(tmp_path / "test"), out=str(tmp_path / "run"))
+    checked(result, twin, systematic(tmp_path / "run", SerialRunner(), spread=False)["parameters"])
+
+
 def forces_of_the_law(twin, mesh, substeps):
     """Force of the whole sheet on RIGHT by the law of idic  # (n_frames, 2) N"""
     drives = twins.drives(twin)
@@ -63,15 +70,15 @@ def forces_of_the_law(twin, mesh, substeps):
 
 
 @pytest.mark.parametrize(("name", "increments", "allowed"), [
-    ("damaged", 4, 5e-4), ("viscous", 4, 2e-3), ("laminate", 16, 2e-3)])
+    ("damaged", 4, 5e-4), ("viscous", 4, 2e-3), ("laminate", 8, 2e-3)])
 def test_the_foreign_elements_have_the_forces_of_the_law(name, increments, allowed):
-    """Both on one mesh: the forces differ by the time integration of the two, 0.3 % for the laminate with 4 increments.
+    """Both on one mesh: the forces differ by the time integration of the law.
 
-    The laminate is sheared by a fifth.
+    The laminate is sheared by more than a fifth.
     """
     twin = getattr(twins, name)()
-    mesh = waisted(3, 2) if twin.whole else twins.quarter(twins.SMALL)
-    force = twins.moved(twin, mesh, increments, 10)[1]
+    mesh = twins.notched(3, 2) if twin.whole else twins.quarter(twins.SMALL)
+    force = twins.converged(twin, mesh, increments, 10)[1]
     error = np.abs(forces_of_the_law(twin, mesh, 5 * increments) - force).max() / np.abs(force).max()
     print(f"{name}: forces within {100 * error:.3f} %")
     assert error < allowed
