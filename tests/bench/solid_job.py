@@ -19,6 +19,7 @@ from scipy.sparse.linalg import splu
 from idic.fe.march import march
 from idic.fe.solver import linear
 from idic.fe.solver.threads import solver_threads
+from idic.workers.peak_memory import peak_memory_mb
 
 
 def minimum_degree(pattern: linear.Pattern, values: np.ndarray) -> linear.Factor:
@@ -28,7 +29,7 @@ def minimum_degree(pattern: linear.Pattern, values: np.ndarray) -> linear.Factor
 
 
 def peak_mb() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    return peak_memory_mb(children=False)
 
 
 def main(solver: str, n: int, n_frames: int, n_threads: int = 1) -> str:

@@ -12,6 +12,7 @@ import sys
 from functools import cache
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
+import numpy as np
 import pytest
 
 import idic
@@ -108,7 +109,7 @@ def test_files_have_the_same_order_under_either_separator():
 
 def test_peak_memory_is_known_without_the_resource_module(monkeypatch):
     """psutil tells the peak on Windows alone, so that a stand-in has its name here."""
-    known = peak_memory.peak_memory_mb()
+    known = peak_memory.peak_memory_mb(children=False)
     assert known > 10.0  # an interpreter with NumPy
 
     class Process:
@@ -118,6 +119,15 @@ def test_peak_memory_is_known_without_the_resource_module(monkeypatch):
     monkeypatch.setattr(peak_memory, "resource", None)
     monkeypatch.setattr(peak_memory.psutil, "Process", Process)
     assert peak_memory.peak_memory_mb() == pytest.approx(known)
+
+
+@pytest.mark.skipif(not peak_memory.STATUS.exists(), reason="not Linux")
+def test_the_peak_of_a_process_does_not_count_the_memory_of_the_one_that_started_it():
+    """The kernel hands the peak on: a notebook of 6 GB made every run that it started say 6 GB."""
+    large = np.ones(60_000_000)  # 480 MB
+    code = "from idic.workers.peak_memory import peak_memory_mb; print(peak_memory_mb())"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert 1.0 < float(found.stdout) < large.nbytes / 2e6
 
 
 @cache
