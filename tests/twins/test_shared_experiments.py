@@ -105,8 +105,9 @@ def test_a_real_composite_gives_ratios_from_images_alone(shared_data, tmp_path):
     for name in ("PLY.E1", "PLY.E2", "PLY.G12"):
         entry = result["parameters"][name]
         assert entry["std"] is None and entry["value"] == entry["start"]
-    assert result["derived"]["PLY.E1/E2"]["std"] < 0.05 * result["derived"]["PLY.E1/E2"]["value"]
-    assert result["parameters"]["PLY.nu12"]["std"] < 0.01
+    ratio, poisson = result["derived"]["PLY.E1/E2"], result["parameters"]["PLY.nu12"]
+    for entry in (ratio, poisson):  # noise decides little; what no motion of the law explains, a seventh to a quarter
+        assert entry["std_noise"] < 0.01 * entry["value"] < entry["std"] < 0.3 * entry["value"]
     status = {frame["label"]: frame["status"] for frame in result["frames"]}
     assert status.pop("zoom-0078_1.tif") == "unexplained"
     assert set(status.values()) == {"ok"}
