@@ -23,7 +23,7 @@ FAILED, CRASHED, CANCELLED = "Failed", "Crashed", "Cancelled"
 
 @dataclass(frozen=True)
 class JobRun:
-    """A state of a run to be shown. began, ended, when : s since 1970"""
+    """A state of a run to be shown. began, ended, when : s of a monotonic clock"""
 
     run: uuid.UUID
     name: str
@@ -64,7 +64,7 @@ class _Attempt:
 
 
 class JobRuns:
-    """The jobs of one call. Each method returns the states to show now; times in s since 1970.
+    """The jobs of one call. Each method returns the states to show now; times in s of a monotonic clock.
 
     titles : a name for each job
     """

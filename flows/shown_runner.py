@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextvars import copy_context
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from typing import Any
 
 from idic.workers.runner import TaskRunner
@@ -73,7 +73,7 @@ class _Shown:
     """The watch of one call, and the thread that sends what it shows."""
 
     def __init__(self, titles: Sequence[str], names: Sequence[str], budget: Budget):
-        self._runs = JobRuns(titles, budget, time.time())
+        self._runs = JobRuns(titles, budget, time.monotonic())
         self._send = _Sender(names[0].split("-")[0])
         self._told: queue.SimpleQueue = queue.SimpleQueue()
         # with the settings of Prefect and the run that calls, which are variables of the context
@@ -82,19 +82,19 @@ class _Shown:
 
     def started(self, job: int, attempt: str, place: str) -> None:
         """See `Watch.started`."""
-        self._told.put(("started", job, attempt, place, time.time()))
+        self._told.put(("started", job, attempt, place, time.monotonic()))
 
     def ended(self, attempt: str, problem: str) -> None:
         """See `Watch.ended`."""
-        self._told.put(("ended", attempt, problem, time.time()))
+        self._told.put(("ended", attempt, problem, time.monotonic()))
 
     def lost(self, place: str) -> None:
         """See `Watch.lost`."""
-        self._told.put(("lost", place, time.time()))
+        self._told.put(("lost", place, time.monotonic()))
 
     def close(self) -> None:
         """The call is over."""
-        self._told.put(("close", time.time()))
+        self._told.put(("close", time.monotonic()))
         self._thread.join()
 
     def _work(self) -> None:
@@ -103,13 +103,13 @@ class _Shown:
             try:
                 what, *told = self._told.get(timeout=_LOOK_SECONDS)
             except queue.Empty:
-                what, told = "due", [time.time()]
+                what, told = "due", [time.monotonic()]
             over = what == "close"
             try:
                 for state in getattr(self._runs, what)(*told):
                     self._send(state)
                 if not over:
-                    for state in self._runs.due(time.time()):
+                    for state in self._runs.due(time.monotonic()):
                         self._send(state)
             except Exception:  # noqa: BLE001 - the pages of Prefect lack a line; the run itself goes on
                 continue
@@ -122,9 +122,11 @@ class _Sender:
     """
 
     def __init__(self, kind: str):
-        from prefect.client.schemas.objects import TaskRunResult
+        from prefect.client.schemas.objects import State, StateType, TaskRunResult
         from prefect.context import FlowRunContext, TaskRunContext
 
+        # the time of a new state is Prefect's own; durations are those of a clock that nobody sets
+        self._zero = State(type=StateType.RUNNING).timestamp - timedelta(seconds=time.monotonic())
         flow, stage = FlowRunContext.get(), TaskRunContext.get()
         self._kind, self._flow = kind, flow.flow_run.id  # type: ignore[union-attr]
         self._inputs = {} if stage is None else {"__parents__": [TaskRunResult(id=stage.task_run.id)]}
@@ -135,17 +137,16 @@ class _Sender:
         from prefect.utilities.engine import emit_task_run_state_change_event
 
         state = State(type=StateType[shown.state.upper()], name=shown.state, message=shown.message or None,
-                      timestamp=_moment(shown.when))
+                      timestamp=self._moment(shown.when))
         run = TaskRun(id=shown.run, name=shown.name, flow_run_id=self._flow, task_key=f"idic-{self._kind}",
                       dynamic_key=shown.run.hex, task_inputs=self._inputs, run_count=0 if shown.began is None else 1,
-                      expected_start_time=_moment(shown.when if shown.began is None else shown.began),
-                      start_time=None if shown.began is None else _moment(shown.began),
-                      end_time=None if shown.ended is None else _moment(shown.ended), state=state)
+                      expected_start_time=self._moment(shown.when if shown.began is None else shown.began),
+                      start_time=None if shown.began is None else self._moment(shown.began),
+                      end_time=None if shown.ended is None else self._moment(shown.ended), state=state)
         if shown.began is not None and shown.ended is not None:
             run.total_run_time = timedelta(seconds=shown.ended - shown.began)
         emit_task_run_state_change_event(run, self._before.get(shown.run), state)
         self._before[shown.run] = state
 
-
-def _moment(seconds: float) -> datetime:
-    return datetime.fromtimestamp(seconds, UTC)
+    def _moment(self, seconds: float) -> datetime:
+        return self._zero + timedelta(seconds=seconds)

@@ -31,7 +31,7 @@ def peak_memory_mb(children: bool = True) -> float:
 def _peak_of_this_program() -> float | None:
     """Bytes, from Linux; `ru_maxrss` there begins with the memory of the process that started this one."""
     try:
-        lines = STATUS.read_text().splitlines()
+        lines = STATUS.read_text(encoding="utf-8").splitlines()
     except OSError:
         return None
     return next((1024.0 * int(line.split()[1]) for line in lines if line.startswith("VmHWM:")), None)
