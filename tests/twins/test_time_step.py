@@ -83,8 +83,8 @@ def material_table(case: Case) -> str:
     return f'[material.BODY]\nlaw = "{case.law}"\n' + "\n".join(rows) + "\n"
 
 
-def errors_in_std(found, truth) -> dict:
-    return {name: (entry["value"] - truth[name.partition(".")[2]]) / entry["std"]
+def errors_in_std(found, truth, std="std") -> dict:
+    return {name: (entry["value"] - truth[name.partition(".")[2]]) / entry[std]
             for name, entry in found.result["parameters"].items() if entry["std"] is not None}
 
 
@@ -286,15 +286,18 @@ def test_the_choice_survives_a_checkpoint_and_states_before_it_are_read(short, t
 
 @pytest.mark.slow
 def test_a_viscoplastic_law_is_identified_from_sixteen_frames(tmp_path):
-    """The case of issue 22: E 2028 +- 2, hardening 235 +- 4 (300), eta 2485 +- 32 (2000) with one increment per
-    frame."""
+    """With one increment per frame E 2028 +- 2, hardening 235 +- 4 (300), eta 2485 +- 32 (2000), by ordinary weights;
+    4.6 standard deviations of noise by those of today, and `std` counts the misfit."""
     case = CASES["viscoplastic"]
     experiment = write_folder(tmp_path / "case", case, 16, 0.1, 4.0)
     found = identify(experiment)
-    off = errors_in_std(found, case.truth)
-    assert max(map(abs, off.values())) < 4.0, off  # noise, and the error of the mesh
-    old = errors_in_std(identify(with_substeps(experiment, 1)), case.truth)
-    assert max(map(abs, old.values())) > 5.0, old
+    off = errors_in_std(found, case.truth, "std_noise")
+    assert max(map(abs, off.values())) < 3.0, off  # noise, and the error of the mesh
+    coarse = identify(with_substeps(experiment, 1))
+    old = errors_in_std(coarse, case.truth, "std_noise")
+    assert max(map(abs, old.values())) > 3.0, old
+    counted = errors_in_std(coarse, case.truth)  # the misfit that is left shows it
+    assert max(map(abs, counted.values())) < 2.0, counted
 
 
 @pytest.mark.slow
