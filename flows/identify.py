@@ -26,6 +26,7 @@ from idic.run.warm_up import compile_image_kernels, compile_stress_kernel
 from idic.workers.runner import TaskRunner
 from idic.workers.workplace import Workplace
 
+
 def run_identification(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
                        scheduler: str | None = None, sensitivity: str = "auto",
                        overrides: Mapping[str, Any] | None = None, console: Console | None = None,

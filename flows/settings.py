@@ -154,5 +154,8 @@ def process_tag() -> str:
 def _names_a_dead_process(tag: str) -> bool:
     if not tag.startswith(TAG):
         return False
-    host, number, started = tag.removeprefix(TAG).rsplit(":", 2)
-    return not process_lives({"host": host, "pid": int(number), "process_started": float(started)})
+    try:
+        host, number, started = tag.removeprefix(TAG).rsplit(":", 2)
+        return not process_lives({"host": host, "pid": int(number), "process_started": float(started)})
+    except ValueError:  # written by somebody else: a run that is not known to be dead is left alone
+        return False

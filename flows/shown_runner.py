@@ -125,7 +125,7 @@ class _Sender:
         from prefect.client.schemas.objects import State, StateType, TaskRunResult
         from prefect.context import FlowRunContext, TaskRunContext
 
-        # the time of a new state is Prefect's own; durations are those of a clock that nobody sets
+        # the time of a new state is Prefect's own; durations come from a monotonic clock
         self._zero = State(type=StateType.RUNNING).timestamp - timedelta(seconds=time.monotonic())
         flow, stage = FlowRunContext.get(), TaskRunContext.get()
         self._kind, self._flow = kind, flow.flow_run.id  # type: ignore[union-attr]

@@ -104,7 +104,7 @@ class Submission:
                  topic: str | None = None):
         self._client, self._function, self._jobs = client, function, jobs
         self._names, self._limits, self._copies = names, limits, copies
-        self._topic = topic  # of events; None: nobody watches
+        self._topic = topic  # of events; None: without a watch
         self.token = uuid.uuid4().hex[:8]  # keys are unique: Dask would answer a known key from memory
         self._waiting: dict[Any, int] = {}  # future -> its job
         self._began: dict[int, float] = {}
