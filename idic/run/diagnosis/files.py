@@ -12,7 +12,7 @@ from idic.diagnose.cautions import cautions
 from idic.diagnose.chain import Diagnosis
 from idic.diagnose.courses import content as courses_content
 from idic.diagnose.courses import courses_of
-from idic.diagnose.findings import mismatch_content, refitted_form
+from idic.diagnose.findings import mismatch_content, refitted_form, unexplained
 from idic.diagnose.locate.left_place import left_place
 from idic.diagnose.locate.place import in_words
 from idic.diagnose.residual.heldout import Fit, better_blocks, ratio
@@ -54,7 +54,8 @@ def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wa
     near = {entry["name"] for entry in left_open}
     content = {
         "schema": SCHEMA, "verdict": verdict.word, "mismatch": mismatch_content(diagnosis),
-        "candidates": _candidates(diagnosis), "named": list(verdict.selected),
+        "unexplained": list(unexplained(diagnosis)), "candidates": _candidates(diagnosis),
+        "named": list(verdict.selected),
         "indistinguishable": [list(group) for group in verdict.indistinguishable],
         "next_experiment": verdict.next_experiment,
         "model": {"parameters_before": before, "parameters_after": _after(diagnosis),
