@@ -32,6 +32,7 @@ class Scaled:
     noise: np.ndarray  # (n, n) covariance of b
     slopes: np.ndarray  # (n,) d natural / d scaled
     smooth: np.ndarray | None = None  # (n, n) the part of M that the smoothness of free curves makes
+    pull: np.ndarray | None = None  # (n,) the part of b that the priors make
     weight: np.ndarray | None = None  # (n, n) T, where noise of measured ends is in M: b is T b of the data then
 
 
@@ -65,6 +66,7 @@ def scaled_system(system: CorrelationSystem, parameters: ParameterSet, reference
     if system.end_noise is not None:
         M, weight = without_end_noise(M, slopes[:, None] * system.end_noise * slopes[None, :])
         b, noise = weight @ b, weight @ noise @ weight.T
+    of_data = b.copy()
     for i, name in enumerate(system.names):
         p = parameters[name]
         if p.prior_std:
@@ -81,7 +83,7 @@ def scaled_system(system: CorrelationSystem, parameters: ParameterSet, reference
         if isinstance(prior, SmoothnessPrior):
             smooth = np.zeros_like(M) if smooth is None else smooth
             smooth[np.ix_(at, at)] += own
-    return Scaled(system.names, M, b, noise, slopes, smooth, weight)
+    return Scaled(system.names, M, b, noise, slopes, smooth, b - of_data, weight)
 
 
 def without_end_noise(M: np.ndarray, end_noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -77,11 +77,13 @@ def improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, st
 
 
 def falls(trial: Evaluation, previous: Evaluation, before: Scaled, beyond: Scaled, delta: np.ndarray) -> bool:
-    """Whether the functional falls over the step delta; where b is weighted, that of which it is the slope."""
+    """Whether the functional with the squares of the priors falls over the step delta; where b is weighted, that of
+    which it is the slope."""
     if before.weight is not None:
         return float(delta @ (before.b + beyond.b)) >= 0.0
     n_pixels = previous.system.n_pixels + previous.system.n_lost
-    return functional(trial.system, n_pixels) <= functional(previous.system, n_pixels)
+    by_priors = -float(delta @ (before.pull + beyond.pull))  # quadratic
+    return functional(trial.system, n_pixels) + by_priors <= functional(previous.system, n_pixels)
 
 
 def newton_decrement(scaled: Scaled) -> float:
