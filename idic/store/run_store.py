@@ -76,8 +76,7 @@ class RunStore:
 
     def identity(self) -> str | None:
         """The identity of the experiment of this store; None without a store."""
-        stored = self._root_attributes().get("identity")
-        return None if stored is None else str(stored)  # a damaged description may hold a number
+        return self._root_attributes().get("identity")
 
     # groups ---------------------------------------------------------------------------------------
     @contextmanager

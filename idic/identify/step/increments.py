@@ -12,6 +12,10 @@ after extrapolation of a law of first order, is at most `MAX_ERROR_STD` standard
 need not reach its end for that: near it a Gauss-Newton step tells where it lies (`knows_end`), and finer increments
 begin there. Only the search with the last increments runs to its end.
 
+Where a material softens, a long increment may find no equilibrium and is halved. The functional jumps where that
+begins, by the error of the time integration, and a search before such a jump ends nowhere. Finer increments begin there
+(`meets_a_jump`).
+
 Laws with a memory but without time are often exact enough with one increment per frame. At the end of their first
 search one increment for two frames is simulated for comparison, beginning at the known solution and without derivatives
 (`idic.fe.half_rate`). The Gauss-Newton step from there is the estimated error of one increment per frame. Where it is
@@ -31,6 +35,7 @@ from idic.identify.step.acceptance import scaled_at
 from idic.identify.step.proposal import Step
 from idic.identify.step.stages import stage_parameters
 from idic.identify.step.state import (
+    AS_GIVEN,
     AT_LIMIT,
     COMPARED,
     ENOUGH,
@@ -58,7 +63,8 @@ MAX_INCREMENTS = 64  # per frame, of the finer simulation
 MAX_INCREMENTS_OF_TEST = 5000  # of the finer simulation, all frames; the first halving is always tried
 MIN_EVALUATIONS = 4  # left for a search with finer increments, that it converges
 ENDS = ("converged", "at_bound", "stalled")  # of a search whose end is worth a finer one
-TOO_COARSE = "too_coarse"  # end of a search with one increment per frame that does not find its end soon
+TOO_COARSE = "too_coarse"  # end of a search whose increments are so long that it does not find its end soon
+MOST_COARSE = 8  # increments per frame, from which on only the estimated error asks for more
 MAX_COARSE_STEPS, MAX_COARSE_REJECTIONS = 8, 2  # accepted steps, and rejected ones in a row, of that search
 KNOWN = "known"  # end of a search that is known before it is reached
 # distance from its end after a Gauss-Newton step, over the step and its largest scaled component (at most 6 in J2
@@ -102,6 +108,8 @@ def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage
     here = state.accepted.values if known is None else known
     if status not in (*ENDS, TOO_COARSE, KNOWN):
         return replace(state, increments=replace(choice, status=OPEN))
+    if status == TOO_COARSE:
+        return _to_finer(state, 2 * (choice.per_frame or 1), None, None)
     coarser = choice.coarser
     if coarser is not None:
         choice = replace(choice, coarser=None, change={name: here[name] - coarser[name] for name in here})
@@ -116,10 +124,16 @@ def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage
     if choice == IncrementChoice() and not rate_dependent_laws(experiment):
         half_rate = n_intervals(experiment) >= MIN_HALF_RATE_INTERVALS
         return _to_compare(state, HALF_RATE if half_rate else finer)
-    end = None if status == TOO_COARSE else dict(here)
-    return replace(state, increments=IncrementChoice(finer, OPEN, end, choice.change), trust=TrustRegion(),
+    return _to_finer(state, finer, dict(here), choice.change)
+
+
+def _to_finer(state: LoopState, finer: int, end: Mapping[str, float] | None,
+              change: Mapping[str, float] | None) -> LoopState:
+    """The state that goes on with so many increments, from the end of the search so far or from the accepted point."""
+    return replace(state, increments=IncrementChoice(finer, OPEN, end, change), trust=TrustRegion(),
                    schedule=SchedulePosition(state.schedule.stage),
-                   trial=Trial(dict(here), re_evaluation=True, new_increments=True))
+                   trial=Trial(dict(state.accepted.values if end is None else end), re_evaluation=True,
+                               new_increments=True))
 
 
 def _to_compare(state: LoopState, increments: int) -> LoopState:
@@ -147,15 +161,36 @@ def error_of(step: Step) -> float:
     return CURVATURE * step.largest * step.relative
 
 
-def is_too_coarse(state: LoopState, experiment: Experiment) -> bool:
-    """Whether the search with one increment per frame is left for a finer one before its end.
+def meets_a_jump(state: LoopState, experiment: Experiment, trial: Evaluation, accepted: Evaluation) -> bool:
+    """Whether trials may have been rejected since the functional jumps: an increment found no equilibrium and was
+    halved, at the accepted point or at the last trial.
 
-    Its end is wrong by many standard deviations. Where the stress falls as the specimen yields, it may not exist.
+    Laws that depend on time have a rule of their own (`is_too_coarse`).
     """
-    return (chooses_increments(experiment) and bool(rate_dependent_laws(experiment))
-            and state.increments == IncrementChoice()
-            and experiment.options.max_iterations - state.rounds >= MIN_EVALUATIONS
-            and (state.schedule.iterations >= MAX_COARSE_STEPS or state.trust.rejections >= MAX_COARSE_REJECTIONS))
+    per_frame = state.increments.per_frame or 1
+    whole = n_intervals(experiment) * (per_frame + (per_frame // 2 if state.increments.per_frame else 0))
+    return (trial.system is not None and max(trial.increments, accepted.increments) > whole > 0
+            and accepted.increments > 0 and per_frame < MOST_COARSE and not rate_dependent_laws(experiment)
+            and state.trust.rejections >= MAX_COARSE_REJECTIONS)
+
+
+def is_too_coarse(state: LoopState, experiment: Experiment, jump: bool = False) -> bool:
+    """Whether a search is left for one with finer increments before its end.
+
+    Its end with one increment per frame is wrong by many standard deviations where a law depends on time; where the
+    stress falls as the specimen yields, it may not exist.
+
+    jump : whether increments that were halved may be why the last trials were rejected (`meets_a_jump`)
+    """
+    choice, rejections = state.increments, state.trust.rejections
+    if (not chooses_increments(experiment) or choice.status not in (AS_GIVEN, OPEN)
+            or experiment.options.max_iterations - state.rounds < MIN_EVALUATIONS
+            or 2 * (choice.per_frame or 1) > max_increments(experiment)):
+        return False
+    if jump:
+        return True
+    return choice == IncrementChoice() and bool(rate_dependent_laws(experiment)) and (
+        state.schedule.iterations >= MAX_COARSE_STEPS or rejections >= MAX_COARSE_REJECTIONS)
 
 
 def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage, finer: Evaluation,

@@ -14,7 +14,7 @@ from idic.identify.step.ending import (ITERATIONS, beyond_bounds, bounded, faile
                                        out_of_iterations, small_step, stuck)
 from idic.identify.step.estimator import next_estimator
 from idic.identify.step.increments import (KNOWN, TOO_COARSE, error_of, is_too_coarse, knows_end,
-                                           with_increments_judged)
+                                           meets_a_jump, with_increments_judged)
 from idic.identify.step.non_smooth import directional_derivative
 from idic.identify.step.parallel_steps import parallel_steps
 from idic.identify.step.proposal import STEP_CLIP, Step, propose
@@ -54,10 +54,11 @@ MIN_SCALED_STEP = 1e-7  # shorter steps are rounding, however small the standard
 
 
 def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage], point: Evaluation, image_noise: float,
-              non_smooth: Scaled | None = None, to_the_end: bool = False) -> LoopState:
+              non_smooth: Scaled | None = None, to_the_end: bool = False, jump: bool = False) -> LoopState:
     """The state with the next trial from the accepted point; a small step ends the stage or the loop.
 
     non_smooth : the system of the point with the directional derivative, where it is not smooth
+    jump : whether increments that were halved may be why the last trials were rejected
     to_the_end : whether the step is made where the end of the search is known (`idic.identify.step.increments`)
     """
     options, stage = experiment.options, stages[state.schedule.stage]
@@ -80,7 +81,7 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
         end = (bounded(beyond) if beyond else Ending("converged", done) if done
                else out_of_iterations(state.schedule.iterations, "[stage]", step, options))
         return _leave_stage(state, experiment, stages, point, image_noise, end)
-    if state.schedule.stage + 1 == len(stages) and is_too_coarse(state, experiment):
+    if state.schedule.stage + 1 == len(stages) and is_too_coarse(state, experiment, jump):
         return _leave_stage(state, experiment, stages, point, image_noise, Ending(TOO_COARSE, ""))
     if (change is None and non_smooth is None and not to_the_end and state.schedule.stage + 1 == len(stages)
             and knows_end(step, state, experiment)):
@@ -143,7 +144,8 @@ def after_rejection(state: LoopState, experiment: Experiment, stages: Sequence[S
     non_smooth = _non_smooth_system(state, trial, accepted, experiment, stages[state.schedule.stage], image_noise)
     if non_smooth is not None:  # the step length changes with the derivative
         state = replace(state, trust=TrustRegion(rejections=state.trust.rejections))
-    return next_step(state, experiment, stages, accepted, image_noise, non_smooth)
+    jump = meets_a_jump(state, experiment, trial, accepted)
+    return next_step(state, experiment, stages, accepted, image_noise, non_smooth, jump=jump)
 
 
 def _non_smooth_system(state: LoopState, trial: Evaluation, accepted: Evaluation, experiment: Experiment, stage: Stage,
