@@ -23,7 +23,7 @@ from idic_flows.study import StudyConsole
 
 def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Sequence[str] | None = None,
                     workers: int | None = None, scheduler: str | None = None, resume: bool = False,
-                    console: StudyConsole | None = None) -> Path:
+                    console: StudyConsole | None = None, photographs: str | Path | None = None) -> Path:
     """Run the unanswered trials and write ``OUT/trial.html``; returns its path.
 
     Parameters
@@ -31,13 +31,15 @@ def run_blind_trial(out: str | Path, size: str = "full", seed: int = 1, only: Se
     size, seed : of the campaign, see `idic.validation.trial.plan.Campaign`
     only : groups, or beginnings of keys such as ``singles/plasticity``
     resume : continue an earlier trial in the folder
+    photographs : folder of real surfaces, for the size "pictures"
 
     Raises
     ------
     InputError
         A folder in use, another campaign in it, an unknown group; nothing is written.
     """
-    console, campaign, folder = console or StudyConsole(), Campaign(size, seed), Folder(Path(out))
+    console, folder = console or StudyConsole(), Folder(Path(out))
+    campaign = Campaign(size, seed, photographs=str(Path(photographs).absolute()) if photographs else "")
     chosen = campaign.select(only)
     if (folder.out / REGISTER).exists() and not resume:
         raise InputError("this trial exists already", file=folder.out, expected="a new folder, or --resume",

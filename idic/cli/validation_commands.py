@@ -53,6 +53,8 @@ def trial(
     worlds: Annotated[bool, typer.Option("--worlds", help="Drawn specimens, images, programmes and noise; all kinds of "
                                          "effects, from a committed tool only.")] = False,
     known: Annotated[bool, typer.Option("--known", help="With --worlds: only kinds that development may see.")] = False,
+    photographs: Annotated[Path | None, typer.Option(
+        metavar="FOLDER", help="30 trials on real surfaces with real noise, from the recordings in FOLDER.")] = None,
     seed: Seed = 1,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -67,8 +69,9 @@ def trial(
         with _study_console(out, ("sealing truths", "trials", "evaluating answers")) as console:
             from idic_flows.blind_trial import run_blind_trial
 
-            size = ("worlds-known" if known else "worlds") if worlds else "sketch" if sketch else "full"
-            page = run_blind_trial(out, size, seed, only, workers, scheduler, resume, console)
+            size = ("pictures" if photographs else ("worlds-known" if known else "worlds") if worlds
+                    else "sketch" if sketch else "full")
+            page = run_blind_trial(out, size, seed, only, workers, scheduler, resume, console, photographs)
         from idic.validation.trial.pool import records_of, target_table
         from idic.validation.trial.seal import Folder
 

@@ -117,7 +117,8 @@ class CorrelationSystem:
     reference image's noise, of one frame perhaps a `ColumnSum`; frames : one record per frame, in frame order; sums :
     what generalised least squares need of all frames before the system is closed
     (`idic.correlation.shared_noise.closed_system`); generalised : whether this is their system; predicted : (n, n)
-    otherwise the M that they would have, None where it is not known.
+    otherwise the M that they would have, None where it is not known; end_noise : (n, n) the part of M that noise of
+    measured ends makes (`idic.identify.noise.end_noise`), None where it is not known.
     """
 
     names: tuple[str, ...]
@@ -131,6 +132,7 @@ class CorrelationSystem:
     sums: SharedSums | OpenSums | None = None
     generalised: bool = False
     predicted: np.ndarray | None = None
+    end_noise: np.ndarray | None = None
 
     def restrict(self, names: Sequence[str]) -> CorrelationSystem:
         """The same system with only these degrees of freedom (the others locked)."""
@@ -138,7 +140,8 @@ class CorrelationSystem:
         grid = np.ix_(pick, pick)
         return replace(self, names=tuple(names), M=self.M[grid], b=self.b[pick], spread=self.spread[grid],
                        shared=dense(self.shared)[:, pick], sums=None,
-                       predicted=None if self.predicted is None else self.predicted[grid])
+                       predicted=None if self.predicted is None else self.predicted[grid],
+                       end_noise=None if self.end_noise is None else self.end_noise[grid])
 
     @property
     def n_pixels(self) -> int:
@@ -191,13 +194,7 @@ def eliminate(frame: int, names: Sequence[str], equations: FrameEquations, weigh
     n, m = len(names), len(equations.local_gap)
     size = len(equations.rhs)
     image = weights.image * equations.gram
-    columns = np.zeros((len(equations.channels.residual), size))
-    columns[:, :n] = equations.channels.d_global
-    columns[:, n:n + m] = equations.channels.d_local
-    channel = columns.T @ (weights.channels[:, None] * columns)
-    prior = np.zeros((size, size))
-    prior[n:n + m, n:n + m] = equations.local_precision
-    whole = image + channel + prior
+    whole, columns = _whole(equations, weights, n)
     rhs = weights.image * equations.rhs + columns.T @ (weights.channels * equations.channels.residual)
     rhs[n:n + m] += equations.local_precision @ equations.local_gap
 
@@ -232,6 +229,35 @@ def eliminate(frame: int, names: Sequence[str], equations: FrameEquations, weigh
         names=tuple(names), M=project.T @ whole @ project, b=rhs[:n] - slope.T @ rhs[n:], phi=float(phi),
         phi_image=weights.image * rr, spread=project.T @ noise @ project,
         shared=_shared_columns(equations, weights.image, slope), frames=(record,), sums=sums)
+
+
+def _whole(equations: FrameEquations, weights: Weights, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """The matrix of all unknowns of a frame, n shared ones first, and the derivatives of its channels by them"""
+    m, size = len(equations.local_gap), len(equations.rhs)
+    columns = np.zeros((len(equations.channels.residual), size))
+    columns[:, :n] = equations.channels.d_global
+    columns[:, n:n + m] = equations.channels.d_local
+    prior = np.zeros((size, size))
+    prior[n:n + m, n:n + m] = equations.local_precision
+    return weights.image * equations.gram + columns.T @ (weights.channels[:, None] * columns) + prior, columns
+
+
+def local_covariance(equations: FrameEquations, weights: Weights, n: int) -> np.ndarray:
+    """Covariance of the frame-local unknowns of a frame by its noise and that of the reference, weighted by both.
+
+    n : number of shared unknowns; the smoothness of measured edges is no noise
+
+    Returns
+    -------
+    (m + nb, m + nb)
+    """
+    m = len(equations.local_gap)
+    A = _whole(equations, weights, n)[0][n:, n:]
+    noise = A.copy()
+    if equations.scatter is not None:
+        noise[:m, :m] -= equations.local_precision - equations.scatter
+    half = solve_positive(A, noise)
+    return solve_positive(A, half.T)
 
 
 def _shared_columns(equations: FrameEquations, weight: float, slope: np.ndarray) -> np.ndarray | ColumnSum:

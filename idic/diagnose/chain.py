@@ -14,8 +14,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from idic.diagnose.channel_left import ChannelLeft, channels_left
-from idic.diagnose.discretisation import (OpenThickness, open_thickness, renewed_error, with_bricks, with_error,
-                                           with_thickness)
+from idic.diagnose.discretisation.known_error import renewed_error, with_error
+from idic.diagnose.discretisation.open_thickness import OpenThickness, open_thickness
+from idic.diagnose.discretisation.thickness_error import with_bricks, with_thickness
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
 from idic.diagnose.measured_motion import OutOfRegister
@@ -153,7 +154,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     with clock.step("locate_s"):
         mismatch = located(here, before, margin)
         if mismatch is not None and mismatch.is_significant:
-            source, there = with_thickness(source, here, before, grid)
+            source, there = with_thickness(source, here, before, whole, grid)
             if there is not here:
                 here, before = there, residual_evidence(there, light=False)
                 whole, mismatch = fit(before, grid), located(there, before, margin)

@@ -7,9 +7,11 @@ import numpy as np
 from scipy import stats
 
 from idic.diagnose.chain import Diagnosis
+from idic.diagnose.locate.mismatch_words import MOTION, mismatch_words
 from idic.diagnose.locate.place import clusters, element_centres, in_words
-from idic.diagnose.screen.select import Ranked
+from idic.diagnose.screen.select import MAX_FAMILYWISE_P, Ranked
 from idic.diagnose.selection.rival import Rival
+from idic.identify.judgement.significance import p_text
 
 MAX_PLACE_SHARE = 0.5  # of the elements: a larger source is the whole body
 MIN_CLUSTER_SHARE = 0.3  # of the largest cluster's elements: a cluster that is reported on its own
@@ -17,7 +19,7 @@ MAX_PLACES = 3  # that are reported
 
 
 def mismatch_content(diagnosis: Diagnosis) -> dict:
-    """The entry ``mismatch`` of diagnosis.json: side, onset, place; null where nothing was located.
+    """The entry ``mismatch`` of diagnosis.json: side, onset, place; null where nothing could be located.
 
     The side is that of the first selected candidate, if there is one. ``elements`` are those in which a selected law of
     yielding, flow or damage acts in the enriched model; ``pushing_elements`` are the source elements of the residual.
@@ -39,7 +41,47 @@ def mismatch_content(diagnosis: Diagnosis) -> dict:
     content["pushing_elements"] = content["elements"]
     if diagnosis.active is not None:
         content["elements"] = _labels(diagnosis, diagnosis.active.since >= 0)
-    return content | {"place": place_in_words(diagnosis), "figure": figure, "active": _active(diagnosis)}
+    found_by = shown_by(diagnosis)
+    words = mismatch_words(diagnosis.mismatch, selected, found_by and f"{_titles(diagnosis)} by {found_by}",
+                           unexplained(diagnosis), diagnosis.found.experiment.length_unit)
+    return content | {"place": place_in_words(diagnosis), "figure": figure, "active": _active(diagnosis),
+                      "located": None if diagnosis.mismatch is None else diagnosis.mismatch.is_significant,
+                      "shown_by": found_by, "words": list(words)}
+
+
+def shown_by(diagnosis: Diagnosis) -> str | None:
+    """What shows the selected candidates where free motions show no mismatch; None where they do, and without one.
+
+    A pattern is one unknown or a few: it sees less than free motions need.
+    """
+    won = [one.winner for one in diagnosis.rounds if one.winner is not None]
+    if not won or diagnosis.mismatch is None or diagnosis.mismatch.is_significant:
+        return None
+    weakest = max(one.ranked.p_familywise for one in won)
+    if weakest < MAX_FAMILYWISE_P:
+        return f"{'its own pattern' if len(won) == 1 else 'their own patterns'} (family-wise p {p_text(weakest)})"
+    drop = sum(one.heldout for one in won)
+    return f"{'its refit' if len(won) == 1 else 'their refits'} (held-out drop of chi-square {drop:.3g})"
+
+
+def _titles(diagnosis: Diagnosis) -> str:
+    """Selected candidates in standard words, with their verb: "grip slip shows"."""
+    titles = [one.winner.ranked.candidate.title for one in diagnosis.rounds if one.winner is not None]
+    return f"{' and '.join(titles)} {'shows' if len(titles) == 1 else 'show'}"
+
+
+def unexplained(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """What forbids a verdict of causes alone: `MOTION`, columns of channels; () unless it is outside_library.
+
+    Without a candidate, a mismatch on the side of the force is one of readings.
+    """
+    verdict, mismatch = diagnosis.verdict, diagnosis.mismatch
+    left = [one.column for one in diagnosis.channels if one.matters]
+    of_force = mismatch is not None and mismatch.side == "force" and not verdict.selected
+    if of_force and not left:
+        left = [one.column for one in diagnosis.channels if one.is_significant] or [
+            one.column for one in diagnosis.channels]
+    return (*([MOTION] if verdict.in_motions and not of_force else []), *left)
 
 
 def _active(diagnosis: Diagnosis) -> dict | None:

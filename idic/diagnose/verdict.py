@@ -33,7 +33,8 @@ class Verdict:
 
     word : see the module; selected : candidates in the model, in the order of the rounds; indistinguishable : groups of
     candidates; excluded : insignificant candidates with a 95 % bound; cannot_tell : candidates that this test cannot
-    see; next_experiment : the test that separates a group; share : explained share of the explainable residual
+    see; next_experiment : the test that separates a group; share : explained share of the explainable residual;
+    in_motions : whether motion is unexplained
     """
 
     word: str
@@ -45,6 +46,7 @@ class Verdict:
     share: float
     before: Fit
     after: Fit
+    in_motions: bool = False
 
 
 def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, excess: Sequence[ExcessLeft],
@@ -77,7 +79,7 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, exces
     cannot = tuple(dict.fromkeys(r.candidate.name for r in last.ranked
                                  if r.standing == "cannot_tell" and r.candidate.name not in in_model))
     return Verdict(word, selected, sets, excluded, cannot, _next(word, won, first, unloads, in_motions), share, before,
-                   after)
+                   after, in_motions)
 
 
 def _word(won: Sequence[Round], first: Screening, unexplained: bool) -> str:

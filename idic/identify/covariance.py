@@ -16,6 +16,9 @@ from idic.parameters import ParameterSet, SmoothnessPrior
 
 MAX_DETERMINED_STD = 1.0  # scaled, ln(parameter): a factor e; no step goes along a direction of a larger one
 MIN_STATED_SHARE = 0.9  # of the eigenvalue of a direction that the smoothness of free curves alone determines
+# of the M of a direction that noise of measured ends makes: from the first on it counts less than it holds, from the
+# second on as nothing (N is known within a quarter)
+MAX_TRUSTED_END_NOISE, MAX_END_NOISE = 1.0 / 2.0, 2.0 / 3.0
 MAX_UNDETERMINED_SHARE = 0.05  # of a parameter in undetermined directions; above, it has no value, std and bias
 
 
@@ -29,6 +32,8 @@ class Scaled:
     noise: np.ndarray  # (n, n) covariance of b
     slopes: np.ndarray  # (n,) d natural / d scaled
     smooth: np.ndarray | None = None  # (n, n) the part of M that the smoothness of free curves makes
+    pull: np.ndarray | None = None  # (n,) the part of b that the priors make
+    weight: np.ndarray | None = None  # (n, n) T, where noise of measured ends is in M: b is T b of the data then
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,11 @@ def scaled_system(system: CorrelationSystem, parameters: ParameterSet, reference
     M = slopes[:, None] * system.M * slopes[None, :]
     b = slopes * system.b
     noise = slopes[:, None] * (system.spread + image_noise**2 * reference_gram) * slopes[None, :]
+    weight = None
+    if system.end_noise is not None:
+        M, weight = without_end_noise(M, slopes[:, None] * system.end_noise * slopes[None, :])
+        b, noise = weight @ b, weight @ noise @ weight.T
+    of_data = b.copy()
     for i, name in enumerate(system.names):
         p = parameters[name]
         if p.prior_std:
@@ -73,7 +83,24 @@ def scaled_system(system: CorrelationSystem, parameters: ParameterSet, reference
         if isinstance(prior, SmoothnessPrior):
             smooth = np.zeros_like(M) if smooth is None else smooth
             smooth[np.ix_(at, at)] += own
-    return Scaled(system.names, M, b, noise, slopes, smooth)
+    return Scaled(system.names, M, b, noise, slopes, smooth, b - of_data, weight)
+
+
+def without_end_noise(M: np.ndarray, end_noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """T (M - N) and T, the best weight of b (docs/method.md, equations 8.6 and 8.7)  # (n, n), (n, n)
+
+    In the directions v with N v = mu M v, T is 1 - mu, less where mu is large, and nothing where it rules.
+    """
+    size = np.sqrt(np.maximum(np.diagonal(M), 1e-300))
+    values, vectors = np.linalg.eigh(M / size[:, None] / size)
+    seen = values > 1e-12 * max(values.max(initial=0.0), 1e-300)
+    white = vectors[:, seen] / np.sqrt(values[seen]) / size[:, None]  # white^T M white = 1
+    mu, turned = np.linalg.eigh(white.T @ end_noise @ white)
+    mu = np.clip(mu, 0.0, 1.0)
+    counts = (1.0 - mu) * np.clip((MAX_END_NOISE - mu) / (MAX_END_NOISE - MAX_TRUSTED_END_NOISE), 0.0, 1.0)
+    across = white @ turned
+    along = M @ across
+    return (along * (counts * (1.0 - mu))) @ along.T, (along * counts) @ across.T
 
 
 def spectrum(scaled: Scaled) -> Spectrum:

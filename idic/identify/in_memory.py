@@ -28,6 +28,7 @@ from idic.identify.discrepancy.normal_equations import DiscrepancySystem, discre
 from idic.identify.driver import MemoryPoints, next_local, run_loop
 from idic.identify.kept_simulation import Path, PathKeeper, response_of
 from idic.identify.loop import experiment_of, parameters_at, start
+from idic.identify.noise.end_noise import with_end_noise
 from idic.identify.result import build_result
 from idic.identify.systematic.discretisation import is_coarse, with_mesh_error
 from idic.identify.step.state import (
@@ -245,6 +246,7 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
                 if correlated_frames(experiment, [response.frame]):
                     systems.append(frame_system(context, response, local[response.frame]))
             system, gram = closed_system(context, reduce_systems(systems))
+            system = with_end_noise(system, context, forward)
             return (Evaluation(state.evaluations, system, gram, increments=len(taken)), np.array(taken),
                     keeper.path(context.parameters.as_values(), local, setup.moving, taken))
         except NotConverged as found:

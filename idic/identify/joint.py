@@ -242,7 +242,8 @@ def _among(system: CorrelationSystem, free: Sequence[str], place: Sequence[int],
     b[place] = system.b
     return replace(system, names=tuple(free), M=spread(system.M), b=b, spread=spread(system.spread),
                    shared=np.zeros((0, n)), sums=None, frames=tuple(among_channels(record) for record in system.frames),
-                   predicted=None if system.predicted is None else spread(system.predicted))
+                   predicted=None if system.predicted is None else spread(system.predicted),
+                   end_noise=None if system.end_noise is None else spread(system.end_noise))
 
 
 def _sum(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:
@@ -250,7 +251,9 @@ def _sum(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:
     predicted = None
     if any(system.predicted is not None for system in systems):
         predicted = sum(system.M if system.predicted is None else system.predicted for system in systems)
+    known = [system.end_noise for system in systems if system.end_noise is not None]
     return replace(systems[0], M=sum(s.M for s in systems), b=sum(s.b for s in systems),
                    phi=sum(s.phi for s in systems), phi_image=sum(s.phi_image for s in systems),
                    spread=sum(s.spread for s in systems), frames=tuple(r for s in systems for r in s.frames),
-                   generalised=any(s.generalised for s in systems), predicted=predicted)
+                   generalised=any(s.generalised for s in systems), predicted=predicted,
+                   end_noise=sum(known) if known else None)

@@ -142,7 +142,8 @@ def _length_and_gain(tried: LoopState, trial: Evaluation, previous: Evaluation, 
     delta = np.array([there[name].to_scaled() - parameters[name].to_scaled() for name in scaled.names])
     length = step_length(delta, scaled, parameters, experiment.options.step_limit)
     expected = predicted_decrease(delta, scaled)
-    if trial.system is None or trial.system.generalised or previous.system.generalised or expected <= 0.0:
+    judged_by_slope = previous.system.generalised or scaled.weight is not None
+    if trial.system is None or trial.system.generalised or judged_by_slope or expected <= 0.0:
         return length, None
     n_pixels = previous.system.n_pixels + previous.system.n_lost
     gained = functional(previous.system, n_pixels) - functional(trial.system, n_pixels)

@@ -153,6 +153,8 @@ class Analysis:
         self.scaled: Scaled = scaled_system(system, parameters, point.reference_gram, image_noise)
         self.found: Spectrum = spectrum(self.scaled)
         self.of_noise = covariance(self.scaled, self.found)
+        weight = self.scaled.weight
+        answer = self.found.inverse if weight is None else self.found.inverse @ weight  # to a change of b of the data
         self.discrepancy = discrepancy
         self.variances: Variances | None = None
         self.of_model: np.ndarray | None = None
@@ -160,12 +162,12 @@ class Analysis:
             if self.channels and discrepancy.channel_rows is not None:
                 discrepancy = replace(discrepancy, noise=discrepancy.noise + added_spread(
                     discrepancy.channel_rows, compared_readings(point.system), experiment, self.channels))
-            self.variances = estimate(discrepancy, self.found.inverse, self.scaled.slopes, self.scaled.b)
-            self.of_model = self.found.inverse @ self.variances.covariance @ self.found.inverse
+            self.variances = estimate(discrepancy, self.found.inverse, self.scaled.slopes, self.scaled.b, weight)
+            self.of_model = answer @ self.variances.covariance @ answer.T
         known = None if isinstance(discrepancy, str) else discrepancy.mesh_error
         self.mesh_contradicted = known is not None and not self.variances.mesh
         own = None if known is None or self.mesh_contradicted else self.scaled.slopes * known[:len(self.names)]
-        self.mesh_bias = None if own is None else self.found.inverse @ own  # (n,) scaled
+        self.mesh_bias = None if own is None else answer @ own  # (n,) scaled
         self.covariance = self.of_noise if self.of_model is None else self.of_noise + self.of_model
         self.share = undetermined_share(self.found)
 

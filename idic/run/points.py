@@ -16,6 +16,7 @@ from idic.correlation.shared_noise import closed_system, generalised_weights
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.identify.driver import next_local
 from idic.identify.loop import start, trial_states
+from idic.identify.noise.end_noise import with_end_noise
 from idic.identify.sensitivity import PERTURBED, perturbations
 from idic.identify.step.stages import resolve_stages
 from idic.identify.step.state import Evaluation, LoopState, Trial
@@ -90,6 +91,7 @@ class RunPoints:
         shared = correlation_context(context, context.experiment.parameters.with_values(trial.trial.values), weights)
         with open_spool(context.store.run) as spool:
             system, gram = closed_system(shared, sum_system(session, trial, weights, stage, spool))
+        system = with_end_noise(system, shared, context.forward)
         self.timing.image_s += time.perf_counter() - began
         increments = len(read_array(context.store.group(group_name(trial.evaluations, BASE)), "steps"))
         return Evaluation(trial.evaluations, system, gram, increments=increments)

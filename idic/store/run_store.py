@@ -76,7 +76,8 @@ class RunStore:
 
     def identity(self) -> str | None:
         """The identity of the experiment of this store; None without a store."""
-        return self._root_attributes().get("identity")
+        stored = self._root_attributes().get("identity")
+        return None if stored is None else str(stored)  # a damaged description may hold a number
 
     # groups ---------------------------------------------------------------------------------------
     @contextmanager

@@ -15,6 +15,7 @@ LABEL = "system"
 _PER_FRAME = ("frame", "n_pixels", "n_lost", "rr", "channel_residual", "local_step", "local_slope", "brightness",
               "cameras", "channel_columns")
 
+_END_NOISE = "end_noise"
 _FITTED, _KEPT = "frame_n_fitted", "frame_channel_kept"  # missing in a RUN of an earlier version
 
 
@@ -34,6 +35,8 @@ def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
                              ("reference_gram", evaluation.reference_gram),
                              ("phi", np.array([system.phi, system.phi_image]))):
             write_array(folder, name, values)
+        if system.end_noise is not None:
+            write_array(folder, _END_NOISE, system.end_noise)
         for name in _PER_FRAME:
             write_array(folder, f"frame_{name}", np.array([getattr(record, name) for record in system.frames]))
         write_array(folder, _FITTED, np.array([record.n_fitted for record in system.frames]))
@@ -58,5 +61,6 @@ def load_evaluation(store: RunStore, number: int, names: tuple[str, ...]) -> Eva
     system = CorrelationSystem(names, read_array(folder, "M"), read_array(folder, "b"), float(phi[0]), float(phi[1]),
                                read_array(folder, "spread"), np.zeros((0, len(names))), records,
                                generalised=bool(kind.get("generalised", False)),
-                               predicted=read_array(folder, "predicted") if kind.get("predicts", False) else None)
+                               predicted=read_array(folder, "predicted") if kind.get("predicts", False) else None,
+                               end_noise=read_array(folder, _END_NOISE) if (folder / _END_NOISE).exists() else None)
     return Evaluation(number, system, read_array(folder, "reference_gram"), increments=int(kind.get("increments", 0)))

@@ -19,7 +19,6 @@ import numpy as np
 from idic.errors import InputError
 from idic.images.camera import Camera
 from idic.images.inverse_mapping import carry, locate
-from idic.images.pattern import Pattern
 
 STRIP_SAMPLES = 600_000  # samples held at a time: bounds the memory of a 4 Mpx frame to some 50 MB
 BOX_MARGIN = 0.15  # a quad8 edge may bulge out of the box of its nodes
@@ -68,7 +67,15 @@ class Sensor:
 Texture = Callable[[np.ndarray], np.ndarray]
 
 
-def painted(pattern: Pattern, camera: Camera) -> Texture:
+class Painting(Protocol):
+    """Grey values of a surface, such as `idic.images.pattern.Pattern`."""
+
+    def value(self, points_px: np.ndarray) -> np.ndarray:
+        """At points given in px of the unloaded surface.  (n, 2) → (n,)"""
+        ...
+
+
+def painted(pattern: Painting, camera: Camera) -> Texture:
     """The pattern as the camera sees it on the undeformed body.
 
     A material point X (n, 2|3) in mm takes the pattern's value at ``camera.project(X)``.

@@ -57,7 +57,8 @@ def sound(commanded):
 
 def test_concealed_yielding_is_selected_alone(yielding):
     content = yielding[2]
-    assert content["verdict"] == "single" and content["named"] == ["plasticity"]
+    assert content["verdict"] == "single" and content["named"] == ["plasticity"] and content["unexplained"] == []
+    assert content["mismatch"]["located"] and content["mismatch"]["words"][0].startswith("Side of the mismatch of the ")
     assert "plasticity" in content["sentence"].lower()
 
 
@@ -212,7 +213,9 @@ def test_every_key_is_explained_on_the_page_of_the_documentation(yielding, sound
 
 def test_a_sound_model_is_left_in_peace(sound):
     content = sound[2]
-    assert content["verdict"] == "none" and content["named"] == []
+    assert content["verdict"] == "none" and content["named"] == content["unexplained"] == []
+    assert content["mismatch"]["words"][0].startswith("No mismatch beyond noise and the practical margin: ")
+    assert content["mismatch"]["located"] is False and content["mismatch"]["shown_by"] is None
     assert content["model"]["experiment"] is None and content["excluded"]
     (caution,) = content["cautions"]  # between ends that keep their thickness 1.5 mm are not quite in plane stress
     assert content["mismatch"]["p_value"] > 1e-3 and caution.startswith("Plane stress is an assumption")

@@ -105,7 +105,7 @@ def test_a_law_without_an_answer_is_lost_and_the_others_are_not():
 def test_a_model_beside_one_with_a_spot_is_numbered_as_that_one(monkeypatch):
     """The numbering is what a discretisation costs, and once a spot is in the null every alternative needs one."""
     base, plain, made = discretise(plate(variations=SPOT)), discretise(plate()), []
-    monkeypatch.setattr(assembly, "make_pattern", lambda *given: made.append(given))
+    monkeypatch.setattr(assembly, "known_pattern", lambda *given: made.append(given))
     again = like(base, plate())
     assert not made and again.pattern is base.pattern
     np.testing.assert_array_equal(again.groups[0].weights, plain.groups[0].weights)

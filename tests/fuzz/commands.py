@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import signal
+import sys
 import tempfile
+import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
 import typer
 from hypothesis import HealthCheck, Phase, given, settings
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from idic.cli.app import app
@@ -53,7 +56,7 @@ class Answer:
 
 def idic(*arguments) -> Answer:
     """A command line in this process, stopped (exit code 4) where it takes too long."""
-    return _answer(app, [str(word) for word in arguments])
+    return _answer(_all_commands(), [str(word) for word in arguments])
 
 
 def within_outcome(work: Callable[[], int]) -> Answer:
@@ -65,19 +68,38 @@ def within_outcome(work: Callable[[], int]) -> Answer:
         with outcome():
             raise typer.Exit(work())
 
-    return _answer(part, [])
+    return _answer(get_command(part), [])
 
 
-def _answer(program: typer.Typer, arguments: list[str]) -> Answer:
+@cache
+def _all_commands():
+    """The commands as every process builds them once; building them takes as long as `idic check` of a small folder."""
+    return get_command(app)
+
+
+def _answer(program, arguments: list[str]) -> Answer:
     with _time_limit(), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         for kind in (DeprecationWarning, ResourceWarning, PendingDeprecationWarning):  # Python does not show these
             warnings.simplefilter("ignore", kind)
         warnings.filterwarnings("ignore", message="Numcodecs codecs are not in")  # as idic.store.arrays, for users
-        done = CliRunner().invoke(program, arguments)
-    return Answer(
-        done.exit_code, done.stderr, done.stdout, tuple(f"{w.category.__name__}: {w.message}" for w in caught)
-    )
+        code, shown, said = _invoked(program, arguments)
+    return Answer(code, said, shown, tuple(f"{w.category.__name__}: {w.message}" for w in caught))
+
+
+def _invoked(program, arguments: list[str]) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error; an exception that comes through ends like Python: 1, traceback."""
+    with CliRunner().isolation() as (shown, said, _):
+        try:
+            code = program.main(args=arguments, prog_name="idic") or DONE
+        except SystemExit as end:
+            code = end.code or DONE
+        except Exception:  # noqa: BLE001 - whatever comes through is what is looked for
+            code = 1
+            said.write(traceback.format_exc().encode())
+        sys.stdout.flush()
+        sys.stderr.flush()
+        return code, *(stream.getvalue().decode("utf-8", "replace") for stream in (shown, said))
 
 
 @contextmanager
@@ -98,15 +120,33 @@ def _time_limit() -> Iterator[None]:
 def copy_of(folder: Path) -> Iterator[Path]:
     """A copy to spoil, gone afterwards."""
     with tempfile.TemporaryDirectory(prefix="idic-fuzz-") as scratch:
-        yield Path(shutil.copytree(folder, Path(scratch) / "experiment", symlinks=True))
+        copy = Path(scratch) / "experiment"
+        folders, files = _whole(folder)
+        for name in folders:
+            os.mkdir(os.path.join(copy, name))
+        for name, content in files:
+            with open(os.path.join(copy, name), "wb") as file:
+                file.write(content)
+        yield copy
+
+
+@cache
+def _whole(folder: Path) -> tuple[list[str], list[tuple[str, bytes]]]:
+    """Folders, outermost first, and files below a folder that nobody changes: read once, copied thousands of times."""
+    paths = sorted(folder.rglob("*"))
+    assert not any(path.is_symlink() for path in paths)
+    name = lambda path: str(path.relative_to(folder))  # noqa: E731
+    return (["", *(name(path) for path in paths if path.is_dir())],
+            [(name(path), path.read_bytes()) for path in paths if path.is_file()])
 
 
 def contents(folder: Path) -> Mapping[str, tuple]:
     """Every path below a folder with what tells whether it was written."""
     found = {}
-    for path in sorted(folder.rglob("*")):
-        status = path.lstat()
-        found[str(path.relative_to(folder))] = (status.st_mode, status.st_size, status.st_mtime_ns)
+    for base, folders, files in os.walk(folder):
+        for name in (*folders, *files):
+            status = os.lstat(os.path.join(base, name))
+            found[os.path.join(base, name)] = (status.st_mode, status.st_size, status.st_mtime_ns)
     return found
 
 

@@ -109,6 +109,9 @@ def initialised(strip) -> Path:
     assert 'fields = "stages/*.csv"' in text and 'column = "force"' in text
     margin = "[0.6, 0.6]"
     assert f"around_points_mm = {margin}" in text  # half the distance of the points: as wide as the strip
+    assert text.count("\n[[dof]]") == 1 and 'name = "geometry.outline"\nprior = { mean = 0.0, std = 1.2 }' in text
+    first = text.index("# facets end half")
+    text = text[:first] + text[text.index("# [[dof]]", first):]  # the margin is true
     file.write_text(text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 "), encoding="utf-8")
     return strip
 

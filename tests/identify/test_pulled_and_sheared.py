@@ -76,7 +76,7 @@ def filled_in(text: str, cut: Cut) -> str:
     text = text[:text.index("[material.ALL]")] + LAW.format(cut.stated) + text[text.index("[[boundary]]"):]
     text = text.replace("# thickness_mm = 1.0 ", "thickness_mm = 2.0 ").replace("[0.75, 0.75]", "[1.25, 1.25]")
     if not cut.sheared:
-        return text + THICKNESS
+        return text[:text.index("# facets end")] + THICKNESS
     drawn = [[round(float(value), 3) for value in corner] for corner in rail().outline]
     text = text.replace("outline_points_mm = 0.75, element_mm = 4.5", f"outline_mm = {drawn}, element_mm = 2.5")
     grips, channel = text.index("[[boundary]]"), text.index("[[channel]]")

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.diagnose.discretisation import motion_error, with_error
+from idic.diagnose.discretisation.known_error import with_error
+from idic.diagnose.discretisation.mesh_error import motion_error
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.residual_evidence import residual_evidence

@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.diagnose.discretisation import change_matters, counts, open_thickness, thickness_error
+from idic.diagnose.discretisation.open_thickness import open_thickness
+from idic.diagnose.discretisation.thickness_error import thickness_error
+from idic.diagnose.discretisation.weight import change_matters, counts
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.experiment_file.load import load_rendered

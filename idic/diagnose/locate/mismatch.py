@@ -12,7 +12,7 @@ from idic.diagnose.locate.nested_tests import NestedTests, run_nested_tests
 from idic.diagnose.locate.onset import (
     MotionRecord, Onset, course, growing_windows, load_histories, onset, parameter_cusum,
 )
-from idic.diagnose.locate.place import Place, in_words, place_of
+from idic.diagnose.locate.place import Place, place_of
 from idic.diagnose.residual.excess import ExcessTest, pixel_tests, power
 from idic.diagnose.residual.heldout import grid_of
 from idic.diagnose.residual.margin import ASSUMED, Margin
@@ -61,7 +61,6 @@ class Mismatch:
     visible_frame : from then on it is more than noise
     elements : labels of the mesh file; centroid_mm, centroid_std_mm, extent_mm : (dim,) of them
     frames : first and last frame that show it
-    words : one sentence each on side, onset, course and place
     nested_tests, onset, source_map, place, motion, course : the results that they rest on
     tests : of the pixels and the channels: omnibus, whiteness, runs
     constant : identified parameter -> probability of its scores wandering like this if it is constant in time
@@ -78,7 +77,6 @@ class Mismatch:
     centroid_std_mm: tuple[float, ...] | None
     extent_mm: tuple[float, ...] | None
     frames: tuple[int, int] | None
-    words: tuple[str, ...]
     nested_tests: NestedTests
     onset: Onset
     source_map: SourceMap
@@ -120,7 +118,7 @@ class Mismatch:
                  "onset_frame": onset, "onset_ci": _listed(interval),
                  "visible_frame": self.visible_frame if shown else None, "elements": list(self.elements),
                  "centroid_mm": _listed(self.centroid_mm), "centroid_std_mm": _listed(self.centroid_std_mm),
-                 "extent_mm": _listed(self.extent_mm), "frames": _listed(self.frames), "words": list(self.words),
+                 "extent_mm": _listed(self.extent_mm), "frames": _listed(self.frames),
                  "tests": [{"name": t.name, "p_value": t.p_value, "words": t.words} for t in self.tests],
                  "parameters_constant_p": dict(self.constant)}
         if self.has_place(selected):
@@ -169,13 +167,11 @@ def locate(found: Identification, residual: ResidualEvidence, null: NullModel | 
     shown = None if first is None else (max(first, int(evidence.frames[0])), int(evidence.frames[-1]))
     effect = effect_px(residual, first if first is not None else int(evidence.frames[0]))
     follows = fingerprint(begins.amplitude, begins.std, times, load, begins.frame)
-    words = _words(nested_tests, (first, interval, visible), begins.from_start, place, effect, real, follows,
-                   found.experiment.length_unit)
     constant = dict(zip(null.names, parameter_cusum(record)[1].tolist(), strict=True))
     labels = () if place is None else tuple(int(i) for i in found.experiment.mesh.element_labels[place.elements])
     return Mismatch(p_value, nested_tests.side if real else "", effect, first, interval, visible,
                     labels,  # type: ignore[call-arg]
-                    *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), shown, words,
+                    *(_numbers(place, name) for name in ("centroid", "centroid_std", "extent")), shown,
                     nested_tests, begins, source_map, place, motion, follows, constant, pixel_tests(residual))
 
 
@@ -225,21 +221,3 @@ def effect_px(residual: ResidualEvidence, first: int) -> float:
     late = evidence.frames >= first
     excess = (found.gain - found.rank)[late].sum()
     return float(np.sqrt(max(excess, 0.0) / max(power(evidence)[late].sum(), 1e-300)))
-
-
-def _words(nested_tests: NestedTests, begins: tuple, from_start: bool, place: Place | None, effect: float, real: bool,
-           follows: Fingerprint, unit: str) -> tuple[str, ...]:
-    """begins : frame, interval, frame from which it is visible; unit : of lengths"""
-    if not real:
-        return (f"No mismatch beyond noise and the practical margin: {nested_tests.reason}.",)
-    words = [f"Side: {nested_tests.side}; {nested_tests.reason}. Unexplained motion: {effect:.3g} px (rms)."]
-    first, interval, visible = begins
-    if from_start and first is not None:
-        words.append(f"Onset: present from the start, as far as the recording shows; visible from frame {visible} on. "
-                     f"{follows.words}")
-    elif first is not None:
-        words.append(f"Onset: frame {first} (95 %: {interval[0]} to {interval[1]}). {follows.words}")
-    if place is not None:
-        at = in_words(place.centroid, place.centroid_std)
-        words.append(f"Place: {len(place.elements)} source elements, centred at {at} {unit}.")
-    return tuple(words)

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.channel_left import smallest_reading
-from idic.diagnose.discretisation import change_matters, error_column, known_error
+from idic.diagnose.discretisation.known_error import known_error
+from idic.diagnose.discretisation.weight import change_matters, error_column
 from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.refit import Refit, identification_at, refit_residual
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.initial.open_edges import open_edges
+from idic.experiment_file.initial.open_edges import open_edges, open_rectangle
 from idic.images.quality.field_noise import MIN_POINTS, MIN_STAGES
 from idic.readers.fields.chosen_stages import StageRule, mean_strain, strain_path
 from idic.readers.fields.outline import outline_of
@@ -188,8 +188,8 @@ def _mesh(points: MeasuredPoints, margin: float, size: float, unit: str) -> list
     outline = outline_of(points.positions, points.pitch, 0.0)
     if not outline.holes and outline.filled > _MIN_FILLED:
         return [f"mesh = {{ around_points_mm = [{margin:.2g}, {margin:.2g}], element_mm = {size:.3g} }}", span,
-                "# margins along x and y, so that the mesh has the true width (a force is compared with its "
-                "cross-section)"]
+                "# margins along x and y, so that the mesh has the true width (a force is compared with its",
+                "# cross-section), and leave geometry.outline (below) out"]
     holes = f" and {len(outline.holes)} hole{'s' * (len(outline.holes) > 1)}" if outline.holes else ""
     return [f"mesh = {{ outline_points_mm = {margin:.2g}, element_mm = {3.0 * points.pitch:.3g} }}",
             f"# an outline of {len(outline.outline)} corners{holes}, found from the points; the picture of idic check "
@@ -199,9 +199,11 @@ def _mesh(points: MeasuredPoints, margin: float, size: float, unit: str) -> list
 
 
 def _open_edges(points: MeasuredPoints, ends: Sequence[str]) -> str:
-    """The free edges that an outline of points does not show; empty for a rectangle."""
+    """The free edges, which points do not show: of an outline one by one, of a rectangle together."""
     found = outline_of(points.positions, points.pitch, float(f"{0.5 * points.pitch:.2g}"))  # as in `_mesh`
-    return open_edges(found, points.pitch, ends) if found.holes or found.filled <= _MIN_FILLED else ""
+    if found.holes or found.filled <= _MIN_FILLED:
+        return open_edges(found, points.pitch, ends)
+    return open_rectangle(points.pitch)
 
 
 def _stages(series: FieldSeries, points: MeasuredPoints) -> list[str]:

@@ -1,4 +1,4 @@
-"""`idic init`: the free edges of an outline of points as degrees of freedom, as the points do not reach them."""
+"""`idic init`: the free edges around points as degrees of freedom, as the points do not reach them."""
 
 from __future__ import annotations
 
@@ -22,3 +22,11 @@ def open_edges(found: PointOutline, pitch: float, ends: Sequence[str]) -> str:
         lines += ["[[dof]]", f'name = "{OUTLINE}.{name}"',
                   f"prior = {{ mean = 0.0, std = {EDGE_STD_SHARE * pitch:.2g} }}"]
     return "\n".join([*lines, ""])
+
+
+def open_rectangle(pitch: float) -> str:
+    """The table [[dof]] of the free edges of a rectangle around the points, all with one distance."""
+    return "\n".join([
+        "# facets end half their width before an edge: how far the free edges lie outside of this mesh is open, too;",
+        "# a plain strip hardly tells it, and ± of E by the force counts it; with the true margins above, leave it out",
+        "[[dof]]", f'name = "{OUTLINE}"', f"prior = {{ mean = 0.0, std = {EDGE_STD_SHARE * pitch:.2g} }}", ""])

@@ -92,9 +92,12 @@ def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera,
 
 def _margin_note(config: ExperimentFile, points: MeasuredPoints) -> str:
     across, along = np.broadcast_to(np.atleast_1d(config.experiment.mesh.around_points_mm), 2)
+    counted = any(entry.name.startswith(OUTLINE) for entry in config.dof)
+    who = (f"{OUTLINE} counts it in their error bars. With the true margins, leave it out" if counted else
+           "no error bar counts it: make it as wide as the specimen")
     return (f"the rectangle around the points with margins of {across:.2g} and {along:.2g} mm along x and y: facets "
             f"end half their width before an edge, and the grid shows it to {0.5 * points.pitch:.2g} mm. Moduli by the "
-            "force are off as the width of the mesh is, and no error bar counts it: make it as wide as the specimen")
+            f"force are off as the width of the mesh is, and {who}")
 
 
 def _edge_notes(config: ExperimentFile, found: PointOutline, pitch: float) -> list[str]:

@@ -12,7 +12,8 @@ from idic.fe.assembly import expansion, in_parts, kernels, kernels_solid, lockin
 from idic.fe.assembly.linear import KeptResponse, LinearResponse, kept_response
 from idic.fe.assembly.variation import factor_of
 from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
-from idic.fe.solver.linear import Pattern, make_pattern
+from idic.fe.solver.known_pattern import known_pattern
+from idic.fe.solver.linear import Pattern
 from idic.fe.mesh import element
 from idic.fe.model import Model, Section, uses_mean_dilatation
 from idic.materials.core import points
@@ -100,7 +101,7 @@ def discretise(model: Model, pattern: Pattern | None = None) -> System:
     d = mesh.n_dim
     dofs = [_dofs(connectivity, d) for *_, connectivity in parts]
     if pattern is None:
-        pattern = make_pattern(mesh.nodes, dofs, np.asarray(model.constraints.dofs))
+        pattern = known_pattern(mesh.nodes, dofs, np.asarray(model.constraints.dofs))
     groups = tuple(_group(model, pattern, *part, part_dofs) for part, part_dofs in zip(parts, dofs, strict=True))
     pressures = pressure_faces(model)
     extent = np.ptp(mesh.nodes[np.concatenate([p[-1].ravel() for p in parts])], axis=0)

@@ -84,16 +84,16 @@ class _Nodes:
         old: dict[int, tuple] = {}
         for block in mesh.blocks:
             cell = element.cell(block.cell)
-            weights = _corner_weights(block.cell, cell.reference_nodes)
+            corners = _corners(_corner_weights(block.cell, cell.reference_nodes))
             for nodes in block.connectivity.tolist():
-                old.update(zip(nodes, (_key(nodes, own) for own in weights), strict=True))
+                old.update(zip(nodes, (_key(nodes, own) for own in corners), strict=True))
         for node in range(mesh.n_nodes):
             self._new(old.get(node, ((node, -1),)), np.array([node]), np.ones(1))
 
     def add(self, block: Block, points: np.ndarray) -> np.ndarray:
         """Nodes of the children of a block  # (n_elements * n_children, n_nodes)"""
         flat = points.reshape(-1, points.shape[-1])
-        corners, values = _corner_weights(block.cell, flat), element.shape(block.cell, flat)
+        corners, values = _corners(_corner_weights(block.cell, flat)), element.shape(block.cell, flat)
         found = np.empty((block.n_elements, len(flat)), dtype=np.int64)
         for e, nodes in enumerate(block.connectivity.tolist()):
             for i in range(len(flat)):
@@ -128,8 +128,13 @@ class _Nodes:
         return made
 
 
-def _key(nodes: list[int], weights: np.ndarray) -> tuple:
-    return tuple(sorted((nodes[i], int(w)) for i, w in enumerate(weights) if w))
+def _key(nodes: list[int], corners: list[tuple[int, int]]) -> tuple:
+    return tuple(sorted([(nodes[i], weight) for i, weight in corners]))
+
+
+def _corners(weights: np.ndarray) -> list[list[tuple[int, int]]]:
+    """The corners that count at every point, with their weights; weights : (n, n_corners) int"""
+    return [[(i, int(weight)) for i, weight in enumerate(own) if weight] for own in weights]
 
 
 def _corner_weights(cell: str, points: np.ndarray) -> np.ndarray:

@@ -53,7 +53,8 @@ class Variances:
         return self.likelihood_ratio > MIN_LIKELIHOOD_RATIO
 
 
-def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray, b: np.ndarray) -> Variances:
+def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray, b: np.ndarray,
+             weight: np.ndarray | None = None) -> Variances:
     """Estimate the variances.
 
     Parameters
@@ -61,12 +62,15 @@ def estimate(system: DiscrepancySystem, inverse: np.ndarray, slopes: np.ndarray,
     inverse : (n, n) P, in scaled unknowns, priors included
     slopes : (n,) d natural / d scaled
     b : (n,) right-hand side of the parameters, scaled, priors included
+    weight : (n, n) of the data in b (`Scaled.weight`), None: as they are
     """
     n = system.n
     A = system.M[n:, :n] * slopes
     taken = A @ inverse
-    project = np.hstack([-taken * slopes, np.eye(len(A))])  # of noise in internal units
     z = system.b[n:] - taken @ b
+    if weight is not None:
+        taken = taken @ weight
+    project = np.hstack([-taken * slopes, np.eye(len(A))])  # of noise in internal units
     noise = project @ system.noise @ project.T
     G = system.M[n:, n:] - taken @ A.T
     white = _whitening(noise)

@@ -41,7 +41,7 @@ def estimated_channel_noise(experiment: Experiment, parameters: ParameterSet,
     system = point.system
     if experiment.options.weighting != "noise" or not _knows_channels(system):
         return {}
-    scaled = scaled_system(system, parameters, np.zeros_like(system.M), 0.0)
+    scaled = scaled_system(replace(system, end_noise=None), parameters, np.zeros_like(system.M), 0.0)
     found = {}
     for number, channel in enumerate(experiment.channels):
         std = weighted_std(experiment, number)

@@ -62,9 +62,11 @@ def improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, st
     before = scaled_at(previous, here, stage, image_noise)
     if returns_to_an_earlier_point(state, before, there, here, experiment.options.tolerance):
         return False
-    if not generalised and functional(trial.system, n_pixels) <= functional(previous.system, n_pixels):
+    beyond = scaled_at(trial, there, stage, image_noise)
+    if not generalised and falls(trial, previous, before, beyond, _values(there, before.names)
+                                 - _values(here, before.names)):
         return True
-    after, old = newton_decrement(scaled_at(trial, there, stage, image_noise)), newton_decrement(before)
+    after, old = newton_decrement(beyond), newton_decrement(before)
     if not generalised:
         return after < MAX_DECREMENT_RATIO * old
     if state.trust.damping == 0.0 and after < MAX_DECREMENT_NEAR_ROOT:
@@ -72,6 +74,16 @@ def improves(trial: Evaluation, previous: Evaluation, experiment: Experiment, st
     delta = _values(there, before.names) - _values(here, before.names)
     left = before.b - before.M @ delta
     return after < old - MAX_DECREMENT_RATIO * (old - left @ spectrum(before).inverse @ left)
+
+
+def falls(trial: Evaluation, previous: Evaluation, before: Scaled, beyond: Scaled, delta: np.ndarray) -> bool:
+    """Whether the functional with the squares of the priors falls over the step delta; where b is weighted, that of
+    which it is the slope."""
+    if before.weight is not None:
+        return float(delta @ (before.b + beyond.b)) >= 0.0
+    n_pixels = previous.system.n_pixels + previous.system.n_lost
+    by_priors = -float(delta @ (before.pull + beyond.pull))  # quadratic
+    return functional(trial.system, n_pixels) + by_priors <= functional(previous.system, n_pixels)
 
 
 def newton_decrement(scaled: Scaled) -> float:

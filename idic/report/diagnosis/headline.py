@@ -25,19 +25,31 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
         return "This test says nothing about missing physics."
     if word == "outside_library" and not (content["named"] and (share or 0.0) > MOSTLY):
         where = when_and_where(content)
-        return (f"No candidate explains the residual, probably from {side_in_words(content)}"
+        return (f"No candidate explains the residual{_of_what(content)}, probably from {side_in_words(content)}"
                 f"{f' ({where})' if where else ''}: do not trust the parameters.")
     causes = _joined(_causes(content, titles, sizes=word != "outside_library"))
     formal = [title for title, one in _with_rounds(content, titles) if _is_formulation(content, one)]
     where = when_and_where(content)
     said = f"{causes[:1].upper()}{causes[1:]}{f', {where},' if where else ''} "
     if word == "outside_library":
-        return (f"{said}explain{_s(content)} most of it ({_per_cent(share)}), but not all: do not trust the parameters "
-                f"yet.")
+        return (f"{said}explain{_s(content)} most of it ({_per_cent(share)}), but not all{_of_what(content)}: do not "
+                f"trust the parameters yet.")
     moved = _moves(content)
     effect = f"; without {'it' if len(content['named']) == 1 else 'them'} {', '.join(moved)}" if moved else ""
     beside = f"; {_joined(formal)} {'belongs' if len(formal) == 1 else 'belong'} to the description" if formal else ""
-    return f"{said}explain{_s(content)} {_per_cent(share)} of the residual{effect}{beside}."
+    return f"{said}explain{_s(content)} {_per_cent(share)} of the residual{_faint(content)}{effect}{beside}."
+
+
+def _of_what(content: Mapping) -> str:
+    """What is not explained; "" in diagnoses of earlier versions."""
+    left = content.get("unexplained", ())
+    return f" of {_joined(left)}" if left else ""
+
+
+def _faint(content: Mapping) -> str:
+    """What shows a cause where free motions show no mismatch, "" where they do."""
+    shown_by = content["mismatch"].get("shown_by")
+    return f", which shows by {shown_by}, not by free motions" if shown_by else ""
 
 
 def left_over(content: Mapping) -> str | None:

@@ -73,7 +73,7 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
     facts: list[tuple[str, str, bool | None]] = [("verdict", VERDICTS[content["verdict"]],
                                                   content["verdict"] in ("none", "single", "multiple")),
              ("probability under noise alone", p_text(mismatch["p_value"]), None),
-             ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms", None),
+             ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms{_within_noise(mismatch)}", None),
              ("held-out excess before", number(fit["heldout_excess_before"], std), None)]
     if content.get("probability") is not None:
         facts.insert(1, ("probability that this is the cause" if content["named"] else "probability",
@@ -88,8 +88,13 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
                       after < 0.1 * abs(fit["heldout_excess_before"]) + 5.0 * std))
         if fit["explainable_share_recovered"] is not None:
             share = fit["explainable_share_recovered"]
-            facts.append(("explained share of the residual", f"{100.0 * share:.3g} %", share > 0.7))
+            faint = share > 0.7 and mismatch.get("located") is False  # a share of next to nothing is no good news
+            facts.append(("explained share of the residual", f"{100.0 * share:.3g} %", None if faint else share > 0.7))
     return facts
+
+
+def _within_noise(mismatch: Mapping) -> str:
+    return ", within noise" if mismatch.get("located") is False else ""
 
 
 def _parameters(content: Mapping) -> list[dict]:

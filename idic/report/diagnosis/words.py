@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from idic.diagnose.locate.mismatch_words import MOTION
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY
 from idic.report.words import number, short_names, with_std
 
@@ -33,7 +34,9 @@ def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
         return _blind(content) + _next(content)
     if word == "outside_library":
         return _outside(content, titles)
-    parts = [_selected(content, titles), *_moves(content), *_open(content, titles)]
+    shown_by = content["mismatch"].get("shown_by")
+    faint = [f"free motions show no mismatch beyond noise, only {shown_by} does"] if shown_by else []
+    parts = [_selected(content, titles), *faint, *_moves(content), *_open(content, titles)]
     return _capital(f"{_when_where(content)}{'; '.join(parts)}.") + _next(content)
 
 
@@ -209,17 +212,17 @@ def _outside(content: Mapping, titles: Mapping[str, str]) -> str:
 
 def side_in_words(content: Mapping) -> str:
     """Where an unexplained part probably comes from."""
-    sides = dict.fromkeys(SIDE_WORDS.get(content["mismatch"].get(key)) for key in ("side", "located_side"))
-    return " or ".join(side for side in sides if side) or ("the force" if _in_channels(content) else "the images")
-
-
-def _in_channels(content: Mapping) -> bool:
-    return any(one["matters"] for one in (content.get("left") or {}).get("channels", ()))
+    sides = [SIDE_WORDS.get(content["mismatch"].get(key)) for key in ("side", "located_side")]
+    left = content.get("unexplained", ())
+    if left and MOTION not in left:
+        sides.append(SIDE_WORDS["force"])
+    return " or ".join(side for side in dict.fromkeys(sides) if side) or "the images"
 
 
 def _unexplained(content: Mapping) -> str:
-    """What is unexplained: motion, or the reading of a channel."""
-    return "a reading" if _in_channels(content) and not content["mismatch"].get("located_side") else "motion"
+    """What is unexplained: motion, readings of channels."""
+    return " and ".join(what if what == MOTION else f"a reading of {what}"
+                        for what in content.get("unexplained", ())) or MOTION
 
 
 def when_and_where(content: Mapping) -> str:

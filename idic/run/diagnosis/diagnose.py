@@ -19,7 +19,7 @@ from idic.diagnose.selection.rounds import Stage, silent
 from idic.read_once import files_read_once
 from idic.run.diagnosis.far import judged_by_images, on_measured_motion
 from idic.run.diagnosis.enriched import write_enriched
-from idic.run.diagnosis.files import titles_of, write_diagnosis
+from idic.run.diagnosis.files import diagnosis_content, identified_parameters, titles_of, write_diagnosis
 from idic.run.diagnosis.page import write_page
 from idic.run.diagnosis.refits import RefitStore, run_refits
 from idic.run.diagnosis.source import open_source
@@ -93,11 +93,11 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool 
 
     began : time.perf_counter() at its start; blocks : also judge on blocks of the recording
     """
-    notes = Notes(diagnosis.notes)
+    notes, verdict = Notes(diagnosis.notes), diagnosis_content(diagnosis, identified_parameters(run))
 
     def write(enriched: Path | None = None, judged: Sequence[BlockJudgement] | None = None,
               further: Sequence[str] = ()) -> dict:
-        return write_diagnosis(run, diagnosis, enriched, time.perf_counter() - began,
+        return write_diagnosis(run, verdict, enriched, time.perf_counter() - began,
                                None if judged is None else [block.content() for block in judged], further, notes.told)
 
     write()  # the verdict first: nothing that follows may cost it

@@ -12,7 +12,7 @@ from idic.diagnose.cautions import cautions
 from idic.diagnose.chain import Diagnosis
 from idic.diagnose.courses import content as courses_content
 from idic.diagnose.courses import courses_of
-from idic.diagnose.findings import mismatch_content, refitted_form
+from idic.diagnose.findings import mismatch_content, refitted_form, unexplained
 from idic.diagnose.locate.left_place import left_place
 from idic.diagnose.locate.place import in_words
 from idic.diagnose.residual.heldout import Fit, better_blocks, ratio
@@ -29,37 +29,42 @@ DIAGNOSIS_FILE = "diagnosis.json"
 SCHEMA = "idic.diagnosis/1"
 
 
-def write_diagnosis(run: Path | str, diagnosis: Diagnosis, enriched: Path | None, wall_s: float,
+def write_diagnosis(run: Path | str, verdict: Mapping, enriched: Path | None, wall_s: float,
                     blocks: list[dict] | None = None, further: Sequence[str] = (), notes: Sequence[str] = ()) -> dict:
     """Write ``RUN/diagnosis.json``; returns its content.
 
+    verdict : what does not change any more (`diagnosis_content`)
     blocks : judgement on blocks of the recording (`idic.diagnose.blocks`)
     further : cautions that join those of the diagnosis
     notes : parts beside the verdict that failed
     """
     run = Path(run)
-    content = diagnosis_content(run, diagnosis, enriched, wall_s, _before(run))
-    if blocks is not None:
-        content["fit"]["blocks"] = finite(blocks)
-    content["notes"] = list(notes)
-    content["cautions"] += [*further, *notes]
+    model = verdict["model"] | {"experiment": None if enriched is None else enriched.relative_to(run).as_posix()}
+    judged = verdict["fit"] if blocks is None else verdict["fit"] | {"blocks": finite(blocks)}
+    content = dict(verdict) | {
+        "model": model, "fit": judged, "cost": verdict["cost"] | {"wall_s": wall_s}, "notes": list(notes),
+        "cautions": [*verdict["cautions"], *further, *notes]}
     write_json(run / DIAGNOSIS_FILE, content)
     return json.loads((run / DIAGNOSIS_FILE).read_text(encoding="utf-8"))
 
 
-def diagnosis_content(run: Path, diagnosis: Diagnosis, enriched: Path | None, wall_s: float,
-                      before: Mapping[str, Mapping]) -> dict:
-    """The content of ``RUN/diagnosis.json``; before : value, std, unit of the identified model's free parameters."""
+def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_s: float = 0.0) -> dict:
+    """The content of ``RUN/diagnosis.json`` without what comes after the verdict: the enriched experiment, blocks that
+    were fitted, notes.
+
+    before : value, std, unit of the identified model's free parameters (`identified_parameters`)
+    """
     verdict, left_open = diagnosis.verdict, not_excluded(diagnosis, before)
     near = {entry["name"] for entry in left_open}
     content = {
         "schema": SCHEMA, "verdict": verdict.word, "mismatch": mismatch_content(diagnosis),
-        "candidates": _candidates(diagnosis), "named": list(verdict.selected),
+        "unexplained": list(unexplained(diagnosis)), "candidates": _candidates(diagnosis),
+        "named": list(verdict.selected),
         "indistinguishable": [list(group) for group in verdict.indistinguishable],
         "next_experiment": verdict.next_experiment,
         "model": {"parameters_before": before, "parameters_after": _after(diagnosis),
                   "parameters_of_real_thickness": of_real_thickness(diagnosis, _after(diagnosis) or before),
-                  "experiment": None if enriched is None else enriched.relative_to(run).as_posix()},
+                  "experiment": None},
         "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded if entry["name"] not in near],
         "cannot_tell": list(verdict.cannot_tell), "probability": diagnosis.probability,
         "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px,
@@ -157,7 +162,9 @@ def _expected(ranked: Ranked) -> dict[str, float]:
     return {ranked.label: ranked.amplitude}
 
 
-def _before(run: Path) -> dict:
+def identified_parameters(run: Path | str) -> dict:
+    """Value, std, unit of the free parameters of a RUN; {} without a result.json."""
+    run = Path(run)
     return free_parameters(read_result(run) if (run / RESULT_FILE).exists() else {})
 
 

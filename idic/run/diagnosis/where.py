@@ -9,6 +9,7 @@ import numpy as np
 from idic.correlation.view import SECTION
 from idic.diagnose.chain import Diagnosis
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect
+from idic.diagnose.locate.mismatch_words import place_words
 from idic.diagnose.locate.place import element_centres
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.measured_motion import holds_motion
@@ -43,7 +44,7 @@ def where_record(residual: ResidualEvidence, mismatch: Mismatch, selected: Selec
     words = {"side": f"Share of the drop in chi-square of any smooth motion: {nested_tests.reason}."
                      + (" The selected candidate acts on another side: motion alone cannot attribute such a smooth "
                         "field, the refits can." if elsewhere else ""),
-             "where": " ".join(w for w in mismatch.words if "source elements" in w),
+             "where": place_words(mismatch, experiment.length_unit) or "",
              "when": _when(begin, interval, mismatch.visible_frame), "course": mismatch.course.words}
     shares = {name: nested_tests.share(name) for name in nested_tests.levels if name not in ("force", "brightness")}
     return WhereRecord(

@@ -74,6 +74,15 @@ def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: No
     for picture in all_pictures(sections):
         (run / "figures" / f"{picture.name}.{picture.format}").write_bytes(picture.png)
     stage("tables and ParaView files" if paraview else "tables")
+    write_numbers(run, record, paraview)
+    stage("page")
+    path = run / REPORT_FILE
+    path.write_text(render_page(record, sections), encoding="utf-8")
+    return path
+
+
+def write_numbers(run: Path, record: RunRecord, paraview: bool = False) -> None:
+    """Write ``RUN/tables``, and with `paraview` ``RUN/paraview``: what stands beside page and figures."""
     (run / "tables").mkdir(exist_ok=True)
     for name, text in all_tables(record).items():
         (run / "tables" / name).write_text(text, encoding="utf-8")
@@ -81,10 +90,6 @@ def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: No
         context = open_run(str(run))
         there = context.experiment.at_geometry(accepted_parameters(record.result, context.experiment.parameters))
         write_paraview(context, there, record, run / "paraview")
-    stage("page")
-    path = run / REPORT_FILE
-    path.write_text(render_page(record, sections), encoding="utf-8")
-    return path
 
 
 def _write_joint_report(run: Path, stage: Callable[[str], None], paraview: bool) -> Path:

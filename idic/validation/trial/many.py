@@ -1,6 +1,7 @@
 """The blind trial without a server, on processes of this machine.
 
     python -m idic.validation.trial.many OUT --processes 16 [--only GROUP] [--first N] [--until SECONDS]
+    python -m idic.validation.trial.many OUT --size pictures --photographs FOLDER
 
 The same trials as `idic trial`; one line of JSON per finished trial, then the table of scores and targets. Answered
 trials stay; a later call does the others.
@@ -54,13 +55,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--only", nargs="*", default=[])
     parser.add_argument("--size", default="full")
+    parser.add_argument("--photographs", default="", help="folder of real surfaces, with --size pictures")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, help="so many trials of the campaign, from its beginning")
     parser.add_argument("--until", type=float, default=float("inf"), help="seconds after which no trial starts")
     given = parser.parse_args(arguments)
     use_one_thread()
-    campaign, folder = Campaign(given.size, given.seed), Folder(given.out)
+    folder = Folder(given.out)
     try:
+        campaign = Campaign(given.size, given.seed, photographs=given.photographs)
         numbers = seal(folder, campaign, campaign.select(given.only)[:given.first], tool_state())
         check_solvers(folder, folder.unanswered(numbers.values()))
     except InputError as problem:

@@ -17,9 +17,11 @@ from idic.validation.trial.kinds import BEYOND, LIBRARY, is_unseen, kind_named
 from idic.validation.trial.scenes.effects import EFFECTS, Effect
 from idic.validation.trial.scenes.indistinguishable import STRENGTH_OF, indistinguishable_form
 from idic.validation.trial.scenes.outside import OUTSIDE
-from idic.validation.trial.scenes.recording import Paint
+from idic.validation.trial.scenes.photographs import check_photographs
+from idic.validation.trial.scenes.recording import Paint, on_photograph
 from idic.validation.trial.scenes.scene import NULLS, Geometry, Scene, plain_scene
-from idic.validation.trial.scenes.worlds import as_solid, drawn_world, world_scene
+from idic.validation.trial.scenes.worlds import (as_solid, drawn_world, photograph_of, photographed_world,
+                                                 world_scene)
 from idic.validation.trial.strength import CLEAR, CONCEALED, FAINT, STRENGTHS
 from idic.validation.trial.world_strength import amplitude_in
 from idic.validation.trial.strengths import strengths
@@ -38,7 +40,11 @@ GROUP_NAMES = {"indistinguishable": "twins"}  # of --only, for the stored key
 NUMBER = {"full": {"singles": 3, "clean": 100, "outside": 2, "pairs": 2, "twins": 3},
           "sketch": {"singles": 1, "clean": 4, "outside": 1, "pairs": 1, "twins": 1}}
 WORLDS, KNOWN_WORLDS = "worlds", "worlds-known"  # sizes with drawn worlds: all kinds; known ones alone
+PICTURES = "pictures"  # drawn worlds of known kinds on photographed surfaces, their motion by CalculiX
+SIZES = (*NUMBER, WORLDS, KNOWN_WORLDS, PICTURES)
 WORLD_NUMBER = {"singles": 2, "clean": 120, "outside": 6, "pairs": 4}
+PICTURES_NUMBER = {"clean": 6, "pairs": 3}  # beside one of each known kind: 30 trials
+NOT_BY_CALCULIX = ("nonlinear_elasticity", "viscoelasticity")
 PAIR_STRENGTH = CLEAR
 STORED_AS = {"counterpart": "twin"}  # keys of sealed truths
 CLEAN_NULLS = ("elastic", "elastic", "plastic", "held", "ramp")
@@ -53,6 +59,7 @@ class Trial:
     effects : (name, strength), none for a clean recording
     counterpart : effect of an indistinguishable pair that this record cannot tell from the true one
     in_world : specimen, images, programme, noise and mechanics are drawn, too
+    photographs : folder of real surfaces (`idic.validation.trial.scenes.photographs`), "": painted dots
     """
 
     key: str
@@ -60,6 +67,7 @@ class Trial:
     effects: tuple[tuple[str, str], ...] = ()
     counterpart: str = ""
     in_world: bool = False
+    photographs: str = ""
 
     @property
     def group(self) -> str:
@@ -113,20 +121,26 @@ class Truth:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A list of trials and the seed of all their truths."""
+    """A list of trials and the seed of all their truths; photographs : folder of the size "pictures"."""
 
     size: str = "full"
     seed: int = 1
     singles: tuple[str, ...] = SINGLES
+    photographs: str = ""
     trials: tuple[Trial, ...] = field(init=False)
 
     def __post_init__(self):
-        if self.size not in (*NUMBER, WORLDS, KNOWN_WORLDS):
-            raise InputError("no such size of a trial", key="size", expected=", ".join((*NUMBER, WORLDS, KNOWN_WORLDS)),
+        if self.size not in SIZES:
+            raise InputError("no such size of a trial", key="size", expected=", ".join(SIZES),
                              found=self.size, remedy="choose one of these sizes")
-        in_worlds = self.size in (WORLDS, KNOWN_WORLDS)
-        object.__setattr__(self, "trials", _in_worlds(self.seed, self.size == KNOWN_WORLDS) if in_worlds
-                           else _trials(self.size, self.singles))
+        if self.size == PICTURES:
+            check_photographs(self.photographs)
+            trials = _on_photographs(self.seed, self.photographs)
+        elif self.size in (WORLDS, KNOWN_WORLDS):
+            trials = _in_worlds(self.seed, self.size == KNOWN_WORLDS)
+        else:
+            trials = _trials(self.size, self.singles)
+        object.__setattr__(self, "trials", trials)
 
     def select(self, only: Sequence[str] | None) -> tuple[Trial, ...]:
         """The trials of these keys, groups or beginnings of keys (``clean``, ``singles/plasticity``); all without any.
@@ -184,8 +198,25 @@ def _in_worlds(seed: int, known_alone: bool) -> tuple[Trial, ...]:
                     in_world=True) for k in range(n["pairs"]) for one, other in PAIRS]
     if known_alone:
         found = [trial for trial in found if not any(is_unseen(name) for name, _ in trial.effects)]
-    order = np.random.default_rng([seed, 2]).permutation(len(found))
-    return tuple(found[i] for i in order)
+    return _shuffled(found, seed)
+
+
+def _on_photographs(seed: int, folder: str) -> tuple[Trial, ...]:
+    """Concealed effects on real surfaces: known kinds whose motion CalculiX computes, pairs, clean recordings."""
+    kinds = [name for name in sorted(LIBRARY) if not is_unseen(name) and name not in NOT_BY_CALCULIX]
+    found = [Trial(f"singles/{name}-{CONCEALED}-0", LIBRARY[name].null, ((name, CONCEALED),)) for name in kinds]
+    found += [Trial(f"outside/{name}-0", BEYOND[name].null, ((name, CLEAR),))
+              for name in sorted(BEYOND) if not is_unseen(name)]
+    pairs = [pair for pair in PAIRS if not any(is_unseen(name) or name in NOT_BY_CALCULIX for name in pair)]
+    chosen = np.random.default_rng([seed, 3]).permutation(len(pairs))[:PICTURES_NUMBER["pairs"]]
+    found += [Trial(f"pairs/{one}+{other}-0", "elastic", ((one, PAIR_STRENGTH), (other, PAIR_STRENGTH)))
+              for one, other in (pairs[i] for i in sorted(chosen))]
+    found += [Trial(f"clean/{k}", ("elastic", "elastic", "plastic")[k % 3]) for k in range(PICTURES_NUMBER["clean"])]
+    return _shuffled([replace(trial, in_world=True, photographs=folder) for trial in found], seed)
+
+
+def _shuffled(trials: Sequence[Trial], seed: int) -> tuple[Trial, ...]:
+    return tuple(trials[i] for i in np.random.default_rng([seed, 2]).permutation(len(trials)))
 
 
 def effect_named(name: str) -> Effect:
@@ -203,6 +234,8 @@ def draw(trial: Trial, seed: int) -> Truth:
     rng = np.random.default_rng([seed, zlib.crc32(trial.key.encode())])
     null, effects = NULLS[trial.null], [effect_in(trial.group, name) for name, _ in trial.effects]
     world = drawn_world(rng, [name for name, _ in trial.effects], trial.null) if trial.in_world else {}
+    if trial.photographs:
+        world |= photographed_world(rng, trial.photographs)
     stiff, geometry = rng.uniform(0.95, 1.05), {"radius": float(rng.uniform(0.85, 1.15))}
     scaled = {name: float(value * (stiff if name not in ("nu", "kappa") else 1.0))
               for name, value in null.truth.items()}
@@ -210,8 +243,8 @@ def draw(trial: Trial, seed: int) -> Truth:
     for effect, (name, strength) in zip(effects, trial.effects, strict=True):
         sign = rng.choice([-1.0, 1.0]) if effect.signed else 1.0
         measured = STRENGTH_OF.get(name, name) if trial.group == "twins" else name
-        amplitudes.append(float(sign * (amplitude_in(world, trial.null, scaled, effect, strength) if world else
-                                        strengths()[measured][strength]["amplitude"])))
+        amplitudes.append(float(sign * (amplitude_in(world, trial.null, scaled, effect, strength, photograph_of(world))
+                                        if world else strengths()[measured][strength]["amplitude"])))
     scaled_known = scaled | ({"E": null.truth["E"]} if trial.null == "known" else {})
     paint = {"texture": int(rng.integers(2**31)), "noise": int(rng.integers(2**31)),
              "dots_px": float(rng.uniform(1.5, 1.7)), "noise_gv": 2.0}
@@ -222,7 +255,8 @@ def draw(trial: Trial, seed: int) -> Truth:
         solver = "built-in"
     truth = Truth(trial.key, trial.null, trial.effects, trial.counterpart, tuple(amplitudes), geometry, scaled_known,
                   paint, int(rng.integers(2**31)), solver, world)
-    return replace(truth, solver="calculix" if scene_of(truth).solid else solver) if world else truth
+    by_calculix = bool(trial.photographs) or (bool(world) and scene_of(truth).solid)
+    return replace(truth, solver="calculix" if by_calculix else solver) if world else truth
 
 
 def scene_of(truth: Truth, with_effects: bool = True) -> Scene:
@@ -238,6 +272,9 @@ def scene_of(truth: Truth, with_effects: bool = True) -> Scene:
 
 
 def paint_of(truth: Truth) -> Paint:
+    photograph = photograph_of(truth.world)
+    if photograph is not None:
+        return on_photograph(int(truth.paint["texture"]), int(truth.paint["noise"]), photograph)
     return Paint(**truth.paint)
 
 

@@ -107,7 +107,7 @@ def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_abla
     diagnosis = diagnose(source, found, partial(run_refits, SerialRunner(), None), library=library, watch=watch)
     READ_FOLDERS.pop(str(folder), None)
     before = free_parameters(found.result)
-    content = diagnosis_content(folder, diagnosis, None, time.process_time() - began, before)
+    content = diagnosis_content(diagnosis, before, time.process_time() - began)
     content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}
     content["cost"] |= {"identify_cpu_s": round(identified, 2), "cpu_s": round(time.process_time() - began, 2)}
     if with_ablations:

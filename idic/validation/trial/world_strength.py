@@ -18,7 +18,8 @@ import numpy as np
 
 from idic.errors import NotConverged
 from idic.validation.trial.scenes.effects import Effect
-from idic.validation.trial.scenes.recording import Paint
+from idic.validation.trial.scenes.photographs import Photograph
+from idic.validation.trial.scenes.recording import Paint, on_photograph
 from idic.validation.trial.scenes.scene import IMAGE_SHAPE_PX
 from idic.validation.trial.scenes.worlds import world_scene
 from idic.validation.trial.strength import Bench, Seen, calibrated
@@ -28,9 +29,9 @@ MAX_MEASUREMENTS = 4  # of an amplitude: a strength is met within about a third
 
 
 def amplitude_in(world: Mapping[str, Any], null: str, values: Mapping[str, float], effect: Effect,
-                 strength: str) -> float:
-    """The amplitude at which an effect has a strength in a world."""
-    bench = _bench(dumps(dict(world), sort_keys=True), null, dumps(dict(values), sort_keys=True))
+                 strength: str, photograph: Photograph | None = None) -> float:
+    """The amplitude at which an effect has a strength in a world, or there on a photographed surface."""
+    bench = _bench(dumps(dict(world), sort_keys=True), null, dumps(dict(values), sort_keys=True), photograph)
     ratio = world["columns"] / IMAGE_SHAPE_PX[1]
     known = strengths().get(effect.name, {}).get(strength)
     start = FIRST_AMPLITUDE if known is None else known["amplitude"] / max(ratio, 1.0)
@@ -46,12 +47,12 @@ def amplitude_in(world: Mapping[str, Any], null: str, values: Mapping[str, float
 
 
 @lru_cache(maxsize=1)
-def _bench(world: str, null: str, values: str) -> Bench:
+def _bench(world: str, null: str, values: str, photograph: Photograph | None) -> Bench:
     """The identified test without effects, with images of the smallest size, in plane stress."""
     small = loads(world) | {"columns": IMAGE_SHAPE_PX[1]}
     plain = replace(world_scene(small, null, 1.0, loads(values)), finite=False, noise="white")
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
-        return Bench.of(plain, Path(folder), Paint(1, 2))
+        return Bench.of(plain, Path(folder), Paint(1, 2) if photograph is None else on_photograph(1, 2, photograph))
 
 
 def _larger(seen: Seen, effect: Effect, of_grey_values: bool, ratio: float) -> Seen:

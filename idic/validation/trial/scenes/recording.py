@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera
 from idic.images.pattern import dense_speckle
 from idic.images.stack import ArrayStack
+from idic.validation.trial.scenes.photographs import Photograph
 from idic.validation.trial.scenes.scene import FORCE_NOISE, GRIP_NOISE, NULLS, Geometry, Scene, View
 from idic.validation.trial.scenes.solve import Motion
 from idic.virtual_tests.experiment_files import write_loads
@@ -62,12 +64,21 @@ noise_std = {force:.6g}
 
 @dataclass(frozen=True)
 class Paint:
-    """Texture and noise of a test: seeds, dots' size (px), noise of one image (grey values)."""
+    """Texture and noise of a test: seeds, dots' size (px), noise of one image (grey values).
+
+    photograph : of a real surface, in the place of the dots; its noise is real, too
+    """
 
     texture: int
     noise: int
     dots_px: float = 1.6
     noise_gv: float = 2.0
+    photograph: Photograph | None = None
+
+
+def on_photograph(texture: int, noise: int, photograph: Photograph) -> Paint:
+    """A real surface with the noise of its photographs; seeds."""
+    return Paint(texture, noise, noise_gv=photograph.noise_std, photograph=photograph)
 
 
 def camera(view: View) -> Camera:
@@ -103,6 +114,8 @@ def clean_images(scene: Scene, motion: Motion, paint: Paint) -> Iterator[np.ndar
 
 
 def _texture(paint: Paint, first: Camera, view: View) -> Texture:
+    if paint.photograph is not None:
+        return painted(paint.photograph, first)
     extent = max(400.0, 2.0 * max(view.shape))
     speckle = dense_speckle(np.random.default_rng(paint.texture), paint.dots_px, 30.0, 225.0, extent_px=extent)
     return painted(speckle, first)
@@ -120,6 +133,11 @@ def _flicker(image: np.ndarray, frame: int, rng: np.random.Generator) -> np.ndar
 def _photons(image: np.ndarray, frame: int, rng: np.random.Generator) -> np.ndarray:
     """Noise whose variance grows with the grey value, on top of that of the sensor: twice its variance at 255."""
     return image + 2.0 * np.sqrt(np.maximum(image, 0.0) / 255.0) * rng.standard_normal(image.shape)
+
+
+def _photographed(photograph: Photograph, image: np.ndarray, frame: int, rng: np.random.Generator) -> np.ndarray:
+    """Noise of real photographs."""
+    return image + photograph.noise((image.shape[0], image.shape[1]), rng)
 
 
 NOISES = {"white": _white, "flicker": _flicker, "photons": _photons}  # what happens before the sensor's own noise
@@ -151,7 +169,9 @@ def write_public(folder: Path, scene: Scene, motion: Motion, paint: Paint) -> Ar
     """
     rng = np.random.default_rng(paint.noise)
     sensor = Sensor(scene.view.shape, noise_std=paint.noise_gv, background=BACKGROUND_GREY)
-    disturb = NOISES[scene.noise]
+    stated_gv, disturb = sensor.total_noise_std, NOISES[scene.noise]
+    if paint.photograph is not None:
+        sensor, disturb = replace(sensor, noise_std=0.0), partial(_photographed, paint.photograph)
     images = np.array([record(disturb(image, k, rng), sensor, rng)
                        for k, image in enumerate(clean_images(scene, motion, paint))])
     force, grip = logged(scene, motion)
@@ -162,7 +182,7 @@ def write_public(folder: Path, scene: Scene, motion: Motion, paint: Paint) -> Ar
         "force_N": force + noise * rng.standard_normal(len(force)),
         "grip_mm": grip - grip[0] + GRIP_NOISE * rng.standard_normal(len(grip)) * moving})
     write_inp(model_mesh(scene.geometry, scene.view), folder / "mesh.inp", "trial")
-    (folder / "experiment.toml").write_text(toml_text(scene, sensor.total_noise_std, noise), encoding="utf-8")
+    (folder / "experiment.toml").write_text(toml_text(scene, stated_gv, noise), encoding="utf-8")
     np.save(folder / IMAGES, images)
     return ArrayStack(images)
 

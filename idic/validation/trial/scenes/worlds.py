@@ -11,12 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from idic.validation.trial.scenes.photographs import Photograph, drawn_photograph
 from idic.validation.trial.scenes.recording import NOISES
 from idic.validation.trial.scenes.scene import (IMAGE_SHAPE_PX, NULLS, PIXEL_MM, REVERSED, TIMES, UP, Geometry, Scene,
                                                 View, plain_scene)
 from idic.validation.trial.scenes.specimens import SPECIMENS
 
 COLUMNS_PX = ((130, 220, 0.6), (220, 400, 0.3), (400, 700, 0.1))  # from, to, share of the worlds
+PHOTOGRAPHED_COLUMNS_PX = (130, 300)
 FRAMES = (16, 40)
 DURATION_S = 23.0
 THICKNESS_MM = (1.0, 3.0)
@@ -49,6 +51,18 @@ def drawn_world(rng: np.random.Generator, kinds: Sequence[str], null: str) -> di
             "programme": str(rng.choice(sorted(programmes or {"unloading"}))),
             "thickness": float(np.round(rng.uniform(*THICKNESS_MM), 2)), "solid": solid,
             "finite": bool(solid and rng.uniform() < FINITE_SHARE), "noise": str(rng.choice(sorted(NOISES)))}
+
+
+def photographed_world(rng: np.random.Generator, folder: str) -> dict[str, Any]:
+    """What a photographed surface changes of a world: bricks, images no larger than the photographs, real noise."""
+    columns = int(rng.integers(*PHOTOGRAPHED_COLUMNS_PX))
+    return {"photograph": drawn_photograph(rng, folder, columns).content, "solid": True, "noise": "white",
+            "columns": columns}
+
+
+def photograph_of(world: Mapping[str, Any]) -> Photograph | None:
+    """The photographed surface of a world, None: painted dots."""
+    return Photograph(**world["photograph"]) if world.get("photograph") else None
 
 
 def world_geometry(world: Mapping[str, Any], radius: float) -> Geometry:

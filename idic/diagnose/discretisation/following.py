@@ -1,0 +1,39 @@
+"""The parameters follow a known error by one step, as they have taken a part of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.screen.score import null_model
+from idic.identify.in_memory import Identification
+from idic.identify.step.state import AcceptedPoint
+from idic.model.experiment import Experiment
+from idic.model.forward import build_forward
+
+
+def remaining(residual: ResidualEvidence) -> tuple[np.ndarray, np.ndarray, float]:
+    """What the free parameters would still move, their standard deviations, and the chi-square that it brings  # (n,),
+    (n,)"""
+    null = null_model(residual.evidence, residual.null)
+    return (null.remaining, np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300)),
+            float(null.b @ null.remaining))
+
+
+def moved(found: Identification, step: np.ndarray) -> Identification:
+    """At other values of the free parameters, within their bounds; step : (n,), in the order of `remaining`"""
+    values = found.parameters.as_values()
+    for name, change in zip(found.parameters.free, step.tolist(), strict=True):
+        low, high = found.parameters[name].bounds
+        values[name] = float(np.clip(values[name] + change, low, high))
+    return at_values(found, found.experiment, values)
+
+
+def at_values(found: Identification, experiment: Experiment, values: dict[str, float]) -> Identification:
+    """The record of an identification with another experiment and other values; its simulation is not kept."""
+    accepted = found.state.accepted
+    state = replace(found.state, accepted=AcceptedPoint(values) if accepted is None else replace(accepted,
+                                                                                               values=values))
+    return replace(found, experiment=experiment, forward=build_forward(experiment), state=state, path=None)

@@ -1,0 +1,56 @@
+"""The known error of a model: of the identified one, and anew of every model that a cause has joined."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.diagnose.discretisation.following import at_values, moved, remaining
+from idic.diagnose.discretisation.mesh_error import motion_error
+from idic.diagnose.discretisation.thickness_error import in_turns, thickness_error
+from idic.diagnose.discretisation.weight import change_matters, counts
+from idic.diagnose.refit_job import ExperimentSource
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.subspace import Grid
+from idic.identify.in_memory import Identification
+from idic.model.motion_error import MotionError
+
+
+def with_error(source: ExperimentSource,
+               found: Identification) -> tuple[ExperimentSource, Identification, ResidualEvidence]:
+    """The source and the identification with the error of the mesh added, where it matters, as they are elsewhere; and
+    the residual of that identification."""
+    error, residual = motion_error(found), residual_evidence(found, light=False)
+    if error is None or not counts(residual, error):
+        return source, found, residual
+    source, found = _knowing(source, found, error)
+    return source, found, residual_evidence(found, light=False)
+
+
+def known_error(found: Identification, old: MotionError | None) -> MotionError | None:
+    """The error of the mesh of a changed model, with that of plane stress where `old` counts it."""
+    error = motion_error(found)
+    if old is None or old.thickness is None:
+        return error
+    nothing = MotionError(np.zeros_like(old.u), np.zeros_like(old.channels))
+    return (error or nothing).with_thickness(thickness_error(found) or old.thickness)
+
+
+def renewed_error(found: Identification, residual: ResidualEvidence, grid: Grid) -> MotionError | None:
+    """The error of a model at its present values, where it differs from the known one (`change_matters`)."""
+    old = residual.context.experiment.motion_error
+    if old is None:
+        return None
+    new = motion_error(found)
+    if old.thickness is not None:
+        settled = in_turns(found, new, grid)
+        new = None if settled is None else settled[0]
+    return new if new is not None and change_matters(residual, old, new) else None
+
+
+def _knowing(source: ExperimentSource, found: Identification,
+             error: MotionError) -> tuple[ExperimentSource, Identification]:
+    """With an error; the parameters follow by one step, as they have taken a part of it."""
+    there = at_values(found, replace(found.experiment, motion_error=error), found.parameters.as_values())
+    return source.with_motion_error(error), moved(there, remaining(residual_evidence(there, light=False))[0])

@@ -1,0 +1,39 @@
+"""The numbering of a mesh, made once for simulations that follow each other on it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from idic.fe.solver.linear import Pattern, make_pattern
+
+MAX_KEPT_PATTERNS = 4  # given mesh and finer one, body held in two ways
+MAX_KEPT_ENTRIES = 2_000_000  # of a matrix: a larger pattern takes much memory, and little time beside its factors
+
+_kept: dict[bytes, Pattern] = {}
+
+
+def known_pattern(coordinates: np.ndarray, element_dofs: Sequence[np.ndarray], prescribed: np.ndarray) -> Pattern:
+    """`make_pattern`; that of a mesh of moderate size is kept for the next simulation of the same mesh, held alike.
+
+    A diagnosis simulates one mesh some thirty times, and its numbering costs as much as several frames of it.
+    """
+    key = _digest(coordinates, prescribed, *element_dofs)
+    found = _kept.pop(key, None)
+    if found is None:
+        found = make_pattern(coordinates, element_dofs, prescribed)
+    if found.n_stored <= MAX_KEPT_ENTRIES:
+        _kept[key] = found  # the last one used stands last
+        for old in list(_kept)[:-MAX_KEPT_PATTERNS]:
+            _kept.pop(old, None)
+    return found
+
+
+def _digest(*arrays: np.ndarray) -> bytes:
+    content = hashlib.blake2b(digest_size=16)
+    for one in arrays:
+        content.update(repr((one.shape, one.dtype.str)).encode())
+        content.update(np.ascontiguousarray(one).tobytes())
+    return content.digest()
