@@ -1,4 +1,4 @@
-"""A sheet with Hill's yield surface, pulled and then sheared, as a user who knows no form of the surface has it."""
+"""A sheet with Hill's or Hosford's yield surface, pulled and then sheared, as a user who knows no form of it has it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from free_hardening import waisted
+from hosford import NAMES, hosford, hosford_law
 from strip_twin import strip_toml, write_recording, write_rest
 
 from idic.fe.march import march
@@ -40,18 +41,29 @@ substeps = 1
 """
 
 
+# law, names of its parameters in TRUTH, equivalent stress of plane stresses 11, 22, 12 in material axes
+SURFACES = {
+    "hill48": (lambda: compile("j2_hill"), None, lambda s: hill48(s, *(TRUTH[name] for name in ("r0", "r45", "r90")))),
+    "hosford": (hosford_law, NAMES, hosford),
+}
+
+
 @dataclass(frozen=True)
 class Truth:
-    """Motion of the true mesh (n_frames, n_nodes, 2) mm, forces (n_frames, 2) N, stress (m, 3) in material axes where
-    it flows, all frames."""
+    """What really happens.
 
+    surface : key of `SURFACES`; u : motion of the true mesh (n_frames, n_nodes, 2) mm; force : (n_frames, 2) N
+    flowing : stress (m, 3) in material axes where it flows, all frames
+    """
+
+    surface: str
     mesh: object
     u: np.ndarray
     force: np.ndarray
     flowing: np.ndarray
 
 
-def truth_of() -> Truth:
+def truth_of(surface: str = "hill48") -> Truth:
     """What really happens, with one increment per frame, as the user has it."""
     mesh = waisted(*TRUE)
     left, right = mesh.node_sets["LEFT"], mesh.node_sets["RIGHT"]
@@ -59,12 +71,13 @@ def truth_of() -> Truth:
     shape = np.zeros((len(dofs), 2))
     shape[:len(right), 0] = 1.0
     shape[len(right):2 * len(right), 1] = 1.0
-    law = compile("j2_hill")
+    make, names, _ = SURFACES[surface]
+    law = make()
     model = Model(mesh=mesh, kind="plane_stress", thickness=THICKNESS, channels=(Reaction(2 * right),
                                                                                Reaction(2 * right + 1)),
                   sections=(Section("sheet", law, mesh.element_sets["sheet"]),),
                   constraints=Constraints(dofs, shape, np.column_stack([PULL, SHEAR])))
-    values = {"sheet": np.array([TRUTH[name] for name in law.spec.parameter_names])}
+    values = {"sheet": np.array([TRUTH[name] for name in names or law.spec.parameter_names])}
     u, force, flowing, before = [], [], [], None
     for state in march(model, values, np.arange(len(PULL), dtype=float), substeps=1):
         u.append(state.u.copy())
@@ -74,7 +87,7 @@ def truth_of() -> Truth:
         if before is not None:
             flowing.append(in_axes(stress[p > before + 1e-5]))
         before = p
-    return Truth(mesh, np.array(u), np.array(force), np.concatenate(flowing))
+    return Truth(surface, mesh, np.array(u), np.array(force), np.concatenate(flowing))
 
 
 def in_axes(stress: np.ndarray, angle: float = ANGLE) -> np.ndarray:
@@ -90,7 +103,7 @@ def radius_errors(truth: Truth, start_and_weights: np.ndarray, covariance: np.nd
     stress = truth.flowing[::max(1, len(truth.flowing) // 1500)]
     start, weights = start_and_weights[0], start_and_weights[1:]
     q, dq = equivalent(weights, stress)
-    expected = TRUTH["yield_stress"] / hill48(stress, *(TRUTH[name] for name in ("r0", "r45", "r90")))
+    expected = TRUTH["yield_stress"] / SURFACES[truth.surface][2](stress)
     J = np.column_stack([1.0 / q, -start / (q * q)[:, None] * dq])
     own = J @ covariance @ J.T
     return (start / q) / expected - 1.0, np.sqrt(np.diag(own)) / expected, std_of(start / q, own) / expected

@@ -1,8 +1,9 @@
-"""A free yield surface has weights for Hill's, which it was not told, along the stresses of a test, and finds them."""
+"""A free yield surface has weights for Hill's and Hosford's, which it was not told, along the stresses of a test, and
+finds them."""
 
 import numpy as np
 import pytest
-from free_surface import TRUTH, radius_errors, truth_of, write_folder
+from free_surface import SURFACES, radius_errors, truth_of, write_folder
 from scipy.optimize import lsq_linear, nnls
 
 from idic.experiment_file.load import load_experiment
@@ -11,7 +12,7 @@ from idic.identify.driver import log_progress
 from idic.identify.in_memory import evaluate_at, identify
 from idic.materials.composed.terms import surface_weights
 from idic.materials.plasticity.free_locus import POWER
-from idic.materials.plasticity.surface_forms import equivalent, hill48, powers
+from idic.materials.plasticity.surface_forms import equivalent, powers
 from idic.run.in_memory.preparation import prepare
 
 pytestmark = pytest.mark.slow  # simulates the test
@@ -19,12 +20,13 @@ WEIGHTS = [f"sheet.{name}" for name in surface_weights(6)]
 DRAWS = 3  # further draws of image and force noise; each is evaluated by one linearised step
 
 
-def test_weights_for_the_visited_stresses_meet_hills_surface_within_half_a_percent():
+@pytest.mark.parametrize("surface", SURFACES)
+def test_weights_for_the_visited_stresses_meet_the_surface_within_half_a_percent(surface):
     """Of the motion without images: what an identification of the weights can reach (docs/composed-law.md)."""
-    flowing = truth_of().flowing
+    flowing = truth_of(surface).flowing
     visited = flowing / np.linalg.norm(flowing, axis=1)[:, None]
     assert len(visited) > 1000
-    q = hill48(visited, *(TRUTH[name] for name in ("r0", "r45", "r90")))
+    q = SURFACES[surface][2](visited)
     weights = nnls(powers(6, visited[::7]) / q[::7, None] ** POWER, np.ones(len(q[::7])))[0]
     found = equivalent(weights, visited)[0] / q
     assert np.percentile(np.abs(found / np.median(found) - 1.0), 99.0) < 0.005
@@ -42,9 +44,10 @@ def solved(system, parameters, gram, image_noise):
     return values + scaled.slopes * step, scaled.slopes[:, None] * covariance * scaled.slopes
 
 
-def test_the_surface_that_images_give_is_hills_within_a_percent_and_its_band_holds_it(tmp_path):
+@pytest.mark.parametrize("surface", SURFACES)
+def test_the_surface_that_images_give_is_the_true_one_within_a_percent_and_its_band_holds_it(tmp_path, surface):
     """One draw identified, further ones by one linearised step from there, each with images and forces of its own."""
-    truth = truth_of()
+    truth = truth_of(surface)
     experiment = load_experiment(write_folder(tmp_path / "test", truth, 0))
     prepared = prepare(experiment, print)
     found = identify(prepared.start, prepared.local, motion=prepared.motion, searched=prepared.begin is not None,
