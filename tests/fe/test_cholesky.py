@@ -11,7 +11,7 @@ from test_factorisation_cost import brick, dofs_of, plate
 from idic.fe.assembly import in_parts, kernels
 from idic.fe.march import march
 from idic.fe.model import Direction
-from idic.fe.solver import cholesky, linear
+from idic.fe.solver import cholesky, known_pattern, linear
 from idic.fe.solver.threads import solver_threads
 
 from fe_bodies import PARAMETERS, body, held, where
@@ -20,6 +20,7 @@ from fe_bodies import PARAMETERS, body, held, where
 @pytest.fixture(autouse=True)
 def every_factorisation_costs_much(monkeypatch):
     monkeypatch.setattr(linear, "MIN_OPERATIONS_PER_ENTRY", 0)
+    monkeypatch.setattr(known_pattern, "_kept", {})  # a pattern knows how it is factorised
 
 
 def nearly_symmetric(mesh, prescribed=(), skew=0.005, shift=1.0):
@@ -91,6 +92,7 @@ def test_threads_give_the_same_bits(monkeypatch):
         assert np.array_equal(together.solve(rhs), alone.solve(rhs))
     monkeypatch.setattr(in_parts, "MIN_POINTS", 1)
     monkeypatch.setattr(linear, "MAX_HALF_BANDWIDTH_OF_BAND_LU", {3: -1})
+    monkeypatch.setattr(known_pattern, "_kept", {})  # a pattern knows how it is factorised
     one = march(*stretched(), [Direction("yield_stress", material=(0, 2))])
     with solver_threads(2):
         two = list(march(*stretched(), [Direction("yield_stress", material=(0, 2))]))

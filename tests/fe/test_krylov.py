@@ -7,7 +7,7 @@ from test_factorisation_cost import brick
 from test_multifrontal import assembled
 
 from fe_bodies import PARAMETERS, body, held, where
-from idic.fe.solver import krylov, linear
+from idic.fe.solver import known_pattern, krylov, linear
 from idic.fe.march import march
 from idic.fe.model import Direction
 
@@ -29,10 +29,12 @@ def test_a_march_with_kept_factors_ends_at_the_same_equilibria_and_derivatives(m
     motion = [(right, 0, np.linspace(0.0, 0.048, 4))]
     model = body(mesh, "solid", "j2_linear", "finite", held(mesh, [(left, i, 0.0) for i in range(3)] + motion, 4))
     monkeypatch.setattr(linear, "MAX_HALF_BANDWIDTH_OF_BAND_LU", {3: -1})
+    monkeypatch.setattr(known_pattern, "_kept", {})
     times, values = np.arange(4.0), {"BODY": PARAMETERS["j2_linear"]}
     directions = [Direction("yield_stress", material=(0, 2))]
     direct = list(march(model, values, times, directions))
     counted = []
+    monkeypatch.setattr(known_pattern, "_kept", {})  # a pattern knows how it is factorised
     monkeypatch.setattr(linear, "MIN_OPERATIONS_PER_ENTRY", 0)
     monkeypatch.setattr("idic.fe.equilibrium.factorise", lambda *given: counted.append(1) or linear.factorise(*given))
     kept = list(march(model, values, times, directions))
