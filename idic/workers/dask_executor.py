@@ -25,6 +25,7 @@ from idic.workers.task_limits import TaskLimits, task_limits
 SMALLEST_MEMORY = 350_000_000  # bytes of a worker process
 START_ATTEMPTS = 3
 _MAX_SETTLE_SECONDS = 10
+_SECONDS_BETWEEN_LOOKS = 1.0  # for the worker of a task in the background
 _MAX_IMPORT_SECONDS = 60  # on a slow file system; then the jobs are sent without waiting
 
 
@@ -213,12 +214,22 @@ class DaskRunner:
         worker = next(iter(self._client.nthreads()), None)
         future = self._client.submit(function, job, key=f"{name}-{uuid.uuid4().hex[:8]}", pure=False,
                                      workers=worker and [worker], allow_other_workers=worker is not None)
-        return lambda: _over(future)
+        return lambda: _wait(self._client, future, worker)
 
 
-def _over(future) -> None:
+def _wait(client, future, worker: str | None) -> None:
+    """Until the task is over, or lost with its worker.
+
+    Dask gives a task that asked for a worker to others, but not once all workers were lost: it then waits for that
+    address for ever.
+    """
     with suppress(Exception):
-        future.exception()  # waits
+        while not future.done():
+            with suppress(TimeoutError):
+                future.exception(timeout=_SECONDS_BETWEEN_LOOKS)
+            if worker is not None and worker not in client.nthreads():
+                future.cancel()
+                return
 
 
 # starting and connecting --------------------------------------------------------------------------

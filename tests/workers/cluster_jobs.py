@@ -36,6 +36,12 @@ def die_once(job):
     return value
 
 
+def die_when_asked(marker):
+    """Says its process in the file `marker`, and works until it is killed."""
+    Path(marker).write_text(str(os.getpid()))
+    time.sleep(600.0)
+
+
 def slow_once(job):
     """Slow at its first start: `seconds`, or until it is started again; `job` is (marker file, value[, seconds])."""
     marker, value, *seconds = job

@@ -15,8 +15,8 @@ import numpy as np
 import psutil
 import pytest
 import tifffile
-from cluster_jobs import (die_always, die_once, fail_until, hold_memory, loaded, refuse, slow_first, slow_once, square,
-                          thread_limits)
+from cluster_jobs import (die_always, die_once, die_when_asked, fail_until, hold_memory, loaded, refuse, slow_first,
+                          slow_once, square, thread_limits)
 from experiment_file.small_experiment import load_experiment, write_experiment
 
 from idic.errors import InputError, NotConverged
@@ -188,6 +188,22 @@ def test_a_lost_worker_costs_nothing_but_time(cluster, tmp_path):
 
 
 @posix
+@posix
+def test_work_in_the_background_is_given_up_with_its_worker(tmp_path):
+    """Dask gives such a task to no other worker once all workers were lost."""
+    with open_cluster(1) as runner:
+        marker = tmp_path / "process"
+        over = runner.background(die_when_asked, str(marker), "compile")
+        while not marker.exists() or not marker.read_text():
+            time.sleep(0.05)
+        os.kill(int(marker.read_text()), signal.SIGKILL)
+        waiting = threading.Thread(target=over, daemon=True)
+        waiting.start()
+        waiting.join(60.0)
+        assert not waiting.is_alive()
+        assert runner.map(square, [3], ["square"]) == [9]
+
+
 def test_a_job_that_always_kills_its_worker_is_named(tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(HERE))
