@@ -107,7 +107,7 @@ def _opened(folder: str, mode: str, description: tuple) -> zarr.Array:
     path = Path(folder)
     try:
         array = zarr.open_array(store=folder, mode=mode, zarr_format=3)
-    except (FileNotFoundError, ValueError, KeyError, TypeError) as problem:
+    except (FileNotFoundError, ValueError, KeyError, TypeError, OverflowError) as problem:
         raise _damage(path, found=f"{type(problem).__name__}: {problem}") from problem
     _refuse_foreign(array, path)
     return array.with_config({"write_empty_chunks": True})  # as of `create_array`; open_array leaves it out

@@ -14,7 +14,7 @@ import pytest
 from base_experiments import base_folder
 from commands import assert_fair, campaign, contents, copy_of, idic, within_outcome
 from hypothesis import strategies as st
-from spoil_run import flip, forged, spoilt_runs
+from spoil_run import describe, flip, forged, spoilt_runs
 
 from idic import identify_experiment
 from idic.cli.app import exit_code
@@ -152,6 +152,14 @@ def test_a_report_of_a_damaged_description_says_nothing_but_the_refusal():
     with copy_of(whole_run("grips")) as run:
         flip(run / "run.zarr" / "channels" / "zarr.json", 654)
         assert_fair(idic("report", run), (BAD_INPUT,))
+
+
+def test_a_fill_value_beyond_the_type_of_its_array_is_refused():
+    """Found by the campaign: Zarr overflows."""
+    with copy_of(whole_run("cameras")) as run:
+        described = next(run.glob("run.zarr/evaluations/000/system/frame_frame/zarr.json"))
+        describe(described, ("fill_value", 1e308, True))
+        assert_fair(within_outcome(lambda: _write_numbers(run)), (BAD_INPUT,))
 
 
 @pytest.mark.parametrize("identity", [1e308, -1, True, [], {}, "x" * 3000])
