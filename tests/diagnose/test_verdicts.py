@@ -88,6 +88,15 @@ def test_an_equal_of_a_faint_winner_need_not_pass_alone():
     assert judge([rival("plasticity", MIN_HELDOUT_DROP)], screening()) == (None, ())
 
 
+def test_a_revised_round_compares_rivals_of_both_copies_on_one():
+    """Its null judged one copy; an internal error ended the diagnosis of a recording after all refits."""
+    of_both = replace(rival("creep", 50.0), crossed_judgement=left(7.0))
+    revised = round_of(screening(ranked("creep")), [of_both])
+    assert revised.heldout_fits(of_both) == (revised.null.judgement, of_both.refitted.judgement)
+    null, other = replace(revised, crossed_judgement=left(300.0)).heldout_fits(of_both)
+    assert null.gain.sum() == 2 * T * RANK + 300.0 * T and other.gain.sum() == 2 * T * RANK + 7.0 * T
+
+
 @pytest.mark.parametrize("made", [dict(usable=False), dict(achieved=900.0)], ids=["unusable", "lost on other data"])
 def test_a_rival_that_fails_or_whose_gain_is_gone_on_held_out_data_cannot_win(made):
     heldout = 900.0 if made.get("usable") is False else MIN_HELDOUT_DROP

@@ -126,9 +126,10 @@ class Round:
     plain: Rival | None = None
 
     def heldout_fits(self, rival: Rival) -> tuple[Fit, Fit]:
-        """Of the null and a rival, where they had no part in the fit."""
+        """Of the null and a rival, where they had no part in the fit; on one copy where only one of them judged both:
+        a revised round has a null of its own, and the rivals of before."""
         one, other = self.null.judgement, rival.refitted.judgement
-        if rival.crossed_judgement is None:
+        if self.crossed_judgement is None or rival.crossed_judgement is None:
             return one, other
         return pooled(one, self.crossed_judgement), pooled(other, rival.crossed_judgement)
 
