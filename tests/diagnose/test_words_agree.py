@@ -1,4 +1,4 @@
-"""Headline, sentence and the words of the mismatch say the same: located or not, cause or none, what is left."""
+"""Headline, sentence and words of the mismatch agree on mismatch, causes and unexplained motion or channels."""
 
 import re
 from itertools import product
@@ -46,7 +46,7 @@ def mismatches(tmp_path_factory):
 def content_of(known, cause, rest):
     """The keys of diagnosis.json that the words are made of.
 
-    cause : whether friction was selected; rest : what is left, `NOTHING`, `FORCE`, `MOTION` or both
+    cause : whether friction was selected; rest : the unexplained part, `NOTHING`, `FORCE`, `MOTION` or both
     """
     found, whole, mismatch = known
     rounds = [round_of(screening(ranked("friction")), [rival("friction", 3000.0)] if cause else [])]

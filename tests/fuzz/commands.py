@@ -132,7 +132,7 @@ def copy_of(folder: Path) -> Iterator[Path]:
 
 @cache
 def _whole(folder: Path) -> tuple[list[str], list[tuple[str, bytes]]]:
-    """Folders, outermost first, and files below a folder that nobody changes: read once, copied thousands of times."""
+    """Folders (outermost first) and files of a base folder, read once for thousands of copies."""
     paths = sorted(folder.rglob("*"))
     assert not any(path.is_symlink() for path in paths)
     name = lambda path: str(path.relative_to(folder))  # noqa: E731

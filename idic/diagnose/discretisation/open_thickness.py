@@ -1,4 +1,4 @@
-"""Where the recording does not tell plane stress from bricks: what that leaves open of the parameters."""
+"""Parameters of a model with bricks, where the recording does not tell plane stress from bricks of real thickness."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Real surfaces and real noise: photographs of speckle, and what is left between repeated photographs.
+"""Real surfaces and real noise: photographs of speckle, and the residual between repeated photographs.
 
 The photographs are the user's own (`idic trial --photographs FOLDER`); no file of them is part of idic. A surface is
 the part of a photograph that shows speckle alone. Its grey values between pixels are those of a spline of degree five,
-which the correlator does not use. Noise is cut from what is left between repeated photographs of a surface at rest,
-after light and shift are fitted tile by tile.
+which the correlator does not use. The noise is the residual between repeated photographs of a surface at rest, after
+light and shift are fitted tile by tile.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Photograph:
         return map_coordinates(_spline(self.folder, self.surface), places, order=DEGREE, mode="mirror", prefilter=False)
 
     def noise(self, shape: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
-        """Noise of one image: a window of what is left between two photographs, at a place that is drawn  # (ny, nx)"""
+        """Noise of one image: a window of the residual between two photographs, at a random place  # (ny, nx)"""
         left = _left_over(self.folder, self.surface)
         field = left[rng.integers(len(left))] * rng.choice([-1.0, 1.0])
         first = [int(rng.integers(n)) for n in field.shape]
