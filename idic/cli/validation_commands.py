@@ -63,9 +63,13 @@ def trial(
 ) -> None:
     """Test the diagnosis blind, on virtual tests with sealed truths. CalculiX solves half of the single effects."""
     with outcome(run=out, resume=True):
+        from idic.errors import InputError
         from idic.workers.mirrored_runner import refuse_store
 
         refuse_store(store, "trial")
+        if photographs and (worlds or known or sketch):
+            raise InputError("two kinds of trials", key="--photographs", expected="--photographs alone",
+                             found="it beside --worlds, --known or --sketch", remedy="leave one of them out")
         with _study_console(out, ("sealing truths", "trials", "evaluating answers")) as console:
             from idic_flows.blind_trial import run_blind_trial
 

@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import tifffile
+from typer.testing import CliRunner
 
+from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file.toml_file import read_toml
 from idic.images.pattern import dense_speckle
@@ -84,6 +86,12 @@ def test_thirty_trials_of_known_kinds_whose_motion_calculix_computes(folder):
 def test_a_folder_without_the_photographs_is_refused(tmp_path):
     with pytest.raises(InputError, match="photographs are missing"):
         Campaign(PICTURES, 4, photographs=str(tmp_path))
+
+
+def test_photographs_beside_another_kind_of_trial_are_refused(tmp_path):
+    words = ["--out", str(tmp_path / "t"), "--photographs", str(tmp_path), "--worlds"]
+    answer = CliRunner().invoke(app, ["trial", *words])
+    assert answer.exit_code == 2 and not (tmp_path / "t").exists()
 
 
 @pytest.mark.slow
