@@ -41,7 +41,8 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     register = [] if diagnosis.register is None else [diagnosis.register.words]
     return [*register, *_quick(diagnosis), *outline, *thickness_caution(diagnosis),
             *open_thickness_caution(diagnosis), *other_axis_caution(diagnosis), *search, *camera,
-            *formal_fit(diagnosis.excess_left), *channel_cautions(diagnosis.channels), *_few_elements(diagnosis),
+            *formal_fit(diagnosis.excess_left), *channel_cautions(diagnosis.channels, diagnosis.verdict.in_channels),
+            *_few_elements(diagnosis),
             *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_cut_short(diagnosis.rounds),
             *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
 
@@ -112,11 +113,12 @@ def other_axis_caution(diagnosis: Diagnosis) -> list[str]:
             "error bar counts that. Turn a second specimen by 45 degrees, or lock what is known."]
 
 
-def channel_cautions(channels: Sequence[ChannelLeft]) -> list[str]:
-    """Channels of which too much is left for the verdict of one or several causes."""
+def channel_cautions(channels: Sequence[ChannelLeft], unexplained: Sequence[str] = ()) -> list[str]:
+    """Channels of which too much is left for the verdict of one or several causes; unexplained : columns that the
+    verdict names."""
     return [f"{one.column} is not explained: {100.0 * one.reading_share:.2g} % of its largest reading is left "
             f"({z_text(one.z)} standard deviations, {min(one.share, 1.0):.0%} of the excess before)."
-            for one in channels if one.matters]
+            for one in channels if one.matters or one.column in unexplained]
 
 
 def formal_fit(excesses: Sequence[ExcessLeft]) -> list[str]:

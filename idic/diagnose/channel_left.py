@@ -54,10 +54,14 @@ class ChannelLeft:
         return self.noise_share * float(np.sqrt(max(excess(self.after), 0.0) / max(len(self.after), 1)))
 
     @property
+    def is_left(self) -> bool:
+        """Whether a part is left that is significant and larger than discretisation."""
+        return self.is_significant and self.reading_share > MIN_READING_SHARE
+
+    @property
     def matters(self) -> bool:
-        """Whether a part is left that is significant, a good share of the excess before, and larger than
-        discretisation."""
-        return self.is_significant and self.share > MAX_CHANNEL_EXCESS_LEFT and self.reading_share > MIN_READING_SHARE
+        """Whether that part is a good share of the excess before, too."""
+        return self.is_left and self.share > MAX_CHANNEL_EXCESS_LEFT
 
 
 def smallest_reading(residual: ResidualEvidence) -> float:

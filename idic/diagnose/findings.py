@@ -76,7 +76,7 @@ def unexplained(diagnosis: Diagnosis) -> tuple[str, ...]:
     Without a candidate, a mismatch on the side of the force is one of readings.
     """
     verdict, mismatch = diagnosis.verdict, diagnosis.mismatch
-    left = [one.column for one in diagnosis.channels if one.matters]
+    left = list(verdict.in_channels)
     of_force = mismatch is not None and mismatch.side == "force" and not verdict.selected
     if of_force and not left:
         left = [one.column for one in diagnosis.channels if one.is_significant] or [

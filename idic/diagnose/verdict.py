@@ -34,7 +34,7 @@ class Verdict:
     word : see the module; selected : candidates in the model, in the order of the rounds; indistinguishable : groups of
     candidates; excluded : insignificant candidates with a 95 % bound; cannot_tell : candidates that this test cannot
     see; next_experiment : the test that separates a group; share : explained share of the explainable residual;
-    in_motions : whether motion is unexplained
+    in_motions : whether motion is unexplained; in_channels : columns whose readings are
     """
 
     word: str
@@ -47,6 +47,7 @@ class Verdict:
     before: Fit
     after: Fit
     in_motions: bool = False
+    in_channels: tuple[str, ...] = ()
 
 
 def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, excess: Sequence[ExcessLeft],
@@ -67,9 +68,10 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, exces
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening
     share = share_recovered(before, after, camera_chi2) if won else float("nan")
-    in_channels = any(one.matters for one in channels)
+    in_channels = tuple(one.column for one in channels
+                        if one.matters or (share < MIN_RECOVERED_SHARE and one.is_left))
     in_motions = (real and not won) or (bool(won) and any(_is_unexplained(one, share) for one in excess))
-    word = _word(won, first, in_channels or in_motions)
+    word = _word(won, first, bool(in_channels) or in_motions)
     selected = tuple(r.winner.name for r in won)
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
     in_model = set(selected).union(*(r.equals for r in won)) if won else set()
@@ -79,7 +81,7 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, exces
     cannot = tuple(dict.fromkeys(r.candidate.name for r in last.ranked
                                  if r.standing == "cannot_tell" and r.candidate.name not in in_model))
     return Verdict(word, selected, sets, excluded, cannot, _next(word, won, first, unloads, in_motions), share, before,
-                   after, in_motions)
+                   after, in_motions, in_channels)
 
 
 def _word(won: Sequence[Round], first: Screening, unexplained: bool) -> str:
@@ -112,6 +114,8 @@ def _under_load(screening: Screening) -> list[Ranked]:
 def _is_unexplained(excess: ExcessLeft, share: float) -> bool:
     """Whether the selected candidate is a formal fit: a large share of the residual, or of the motions, is left.
 
+    What noise leaves forbids nothing, however large its share of a faint effect; of a share below
+    `MIN_RECOVERED_SHARE` anything significant does, here and in the channels.
     Motions count apart from the whole share, as a force that many candidates can fit would outweigh them.
     """
     if not excess.after.excess_z > MIN_EXCESS_Z or not np.isfinite(share) or excess.motion_px < excess.camera_px:

@@ -14,6 +14,7 @@ from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.verdict import conclude
 from idic.report.diagnosis.headline import headline, left_over
+from idic.report.diagnosis.words import is_sure
 from idic.report.diagnosis.not_excluded import hidden_shift, probe_words
 
 T = 16
@@ -49,6 +50,25 @@ def test_what_is_left_in_a_channel_forbids_single():
     excess = [ExcessLeft(before, after, POWER)]
     assert conclude([alone], before, after, True, excess, channels=[channel(10.0, 1.0)]).word == "single"
     assert conclude([alone], before, after, True, excess, channels=[channel(10.0, 5.0)]).word == "outside_library"
+
+
+def test_a_share_below_seventy_per_cent_forbids_where_anything_significant_is_left_and_noise_does_not():
+    """3 % of a channel's excess is a flaw of the description beside a cause that explains the rest; beside one that
+    explains less than 70 % it is what the library lacks."""
+    alone = round_of(screening(ranked("force_scale")), [rival("force_scale", 3000.0)])
+    for after, one, word in ((left(0.0), channel(20.0, 1.0), "single"), (left(0.0), channel(20.0, 3.5), "single"),
+                             (left(4.0), channel(20.0, 1.0), "single"), (left(4.0), channel(20.0, 3.5),
+                                                                         "outside_library")):
+        before = left(5.0)
+        found = conclude([alone], before, after, True, [ExcessLeft(before, left(0.0), POWER)], channels=[one])
+        assert found.word == word and (found.share < 0.7) == (after.gain.sum() > left(0.0).gain.sum())
+        assert found.in_channels == (("force_N",) if word == "outside_library" else ())
+    assert channel_cautions([channel(20.0, 3.5)], ["force_N"]) and not channel_cautions([channel(20.0, 3.5)])
+
+
+def test_of_an_excess_within_noise_no_share_is_told():
+    assert ExcessLeft(left(0.05), left(0.9), POWER).share is None
+    assert ExcessLeft(left(300.0), left(30.0), POWER).share == pytest.approx(0.1, rel=0.02)
 
 
 def test_a_channel_that_is_left_is_told_with_its_size():
@@ -131,6 +151,15 @@ def test_finite_strains_beside_a_cause_belong_to_the_description_and_alone_they_
         assert said.endswith("; geometric nonlinearity belongs to the description.")
     alone = headline(CONTENT | {"named": ["geometric_nonlinearity"], "rounds": [finite]}, titles)
     assert alone.startswith("Geometric nonlinearity") and "explains" in alone and "belongs" not in alone
+
+
+def test_good_news_is_a_probable_cause_that_leaves_nothing():
+    sure = CONTENT | {"probability": 0.95, "left_over": None}
+    assert is_sure(sure) and headline(sure, TITLES).startswith("Friction in the load train (")
+    for doubt in ({"probability": 0.72}, {"left_over": "Remaining residual: 0.01 px of motion."}, {"verdict": "set"}):
+        assert not is_sure(sure | doubt)
+    assert headline(sure | {"probability": 0.72}, TITLES).startswith("Probably (72 %) friction in the load train (")
+    assert is_sure({"verdict": "none", "probability": P_NONE}) and is_sure({"verdict": "single"})
 
 
 def test_a_nearest_cause_that_explains_most_is_said_and_doubted():

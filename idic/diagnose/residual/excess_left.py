@@ -38,6 +38,11 @@ class ExcessLeft:
                 and self.motion_px > self.margin_px)
 
     @property
+    def share(self) -> float | None:
+        """Of the excess before; None where that is noise: the share of next to nothing says nothing."""
+        return self.after.excess / self.before.excess if self.before.excess_z > MIN_EXCESS_Z else None
+
+    @property
     def motion_px(self) -> float:
         """Motion (px rms) that free motions still ask for beyond noise."""
         return effect(self.after, self.power)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from idic.report.diagnosis.words import new_values, selected_titles, side_in_words, when_and_where
+from idic.report.diagnosis.words import (MIN_GOOD_PROBABILITY, new_values, selected_titles, side_in_words,
+                                         when_and_where)
 from idic.report.words import short_names, with_std
 
 MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
@@ -30,7 +31,7 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
     causes = _joined(_causes(content, titles, sizes=word != "outside_library"))
     formal = [title for title, one in _with_rounds(content, titles) if _is_formulation(content, one)]
     where = when_and_where(content)
-    said = f"{causes[:1].upper()}{causes[1:]}{f', {where},' if where else ''} "
+    said = _begun(content, f"{causes}{f', {where},' if where else ''} ")
     if word == "outside_library":
         return (f"{said}explain{_s(content)} most of it ({_per_cent(share)}), but not all{_of_what(content)}: do not "
                 f"trust the parameters yet.")
@@ -38,6 +39,14 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
     effect = f"; without {'it' if len(content['named']) == 1 else 'them'} {', '.join(moved)}" if moved else ""
     beside = f"; {_joined(formal)} {'belongs' if len(formal) == 1 else 'belong'} to the description" if formal else ""
     return f"{said}explain{_s(content)} {_per_cent(share)} of the residual{_faint(content)}{effect}{beside}."
+
+
+def _begun(content: Mapping, said: str) -> str:
+    """The beginning of the sentence; "Probably" where the probability is no good news."""
+    probable = content.get("probability")
+    if content["verdict"] != "outside_library" and probable is not None and probable <= MIN_GOOD_PROBABILITY:
+        return f"Probably ({_per_cent(probable)}) {said}"
+    return said[:1].upper() + said[1:]
 
 
 def _of_what(content: Mapping) -> str:

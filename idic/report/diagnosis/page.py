@@ -10,7 +10,8 @@ from idic.identify.judgement.significance import p_text, z_text
 from idic.report.diagnosis import figures
 from idic.report.diagnosis.law import law_curves, window_courses
 from idic.report.diagnosis.record import DiagnosisRecord
-from idic.report.diagnosis.words import heldout_drop, standing_of
+from idic.report.diagnosis.words import (MIN_EVEN_PROBABILITY, MIN_GOOD_PROBABILITY, heldout_drop, is_sure,
+                                         standing_of)
 from idic.report.html import filled_in
 from idic.report.page import Section
 from idic.report.words import number, short_names
@@ -21,9 +22,6 @@ STANDINGS = {"significant": "significant", "small": "significant, below the prac
 VERDICTS = {"none": "no candidate is significant", "single": "one candidate selected",
             "set": "one of several indistinguishable candidates", "multiple": "several candidates selected",
             "outside_library": "unexplained by the library", "blind": "this test cannot decide"}
-
-
-MIN_GOOD_PROBABILITY = 0.9  # that the selected set holds the truth: good news
 
 
 def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
@@ -57,7 +55,7 @@ def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = 
         "diagnosis.html.j2", title=record.title, first=first, rest=[rest.removesuffix(".")] if rest else [],
         detail=detail if detail != first else "", left_over=content.get("left_over"),
         not_excluded=content.get("not_excluded", ()),
-        facts=_facts(content), sure=content["verdict"] in ("none", "single", "multiple"),
+        facts=_facts(content), sure=is_sure(content),
         cautions=content.get("cautions", ()),
         sections=draw_sections(record, Notes()) if sections is None else sections, parameters=_parameters(content),
         candidates=[_candidate(record, entry) for entry in content["candidates"]],
@@ -70,14 +68,13 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
     """Label, value, and whether it is good news, bad news or neither."""
     fit, mismatch = content["fit"], content["mismatch"]
     after, std = fit["heldout_excess_after"], fit["heldout_excess_std"]
-    facts: list[tuple[str, str, bool | None]] = [("verdict", VERDICTS[content["verdict"]],
-                                                  content["verdict"] in ("none", "single", "multiple")),
+    facts: list[tuple[str, str, bool | None]] = [("verdict", VERDICTS[content["verdict"]], _news(content)),
              ("probability under noise alone", p_text(mismatch["p_value"]), None),
              ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms{_within_noise(mismatch)}", None),
              ("held-out excess before", number(fit["heldout_excess_before"], std), None)]
     if content.get("probability") is not None:
         facts.insert(1, ("probability that this is the cause" if content["named"] else "probability",
-                         f"{100.0 * content['probability']:.2g} %", content["probability"] > MIN_GOOD_PROBABILITY))
+                         f"{100.0 * content['probability']:.2g} %", _good_or_bad(content["probability"])))
     if (margin := content.get("margin")) is not None:  # not in diagnoses of earlier versions
         floor = margin["camera_floor_px"]
         source = ("assumed: no frame is at rest" if floor is None else "from images at rest"
@@ -91,6 +88,20 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
             faint = share > 0.7 and mismatch.get("located") is False  # a share of next to nothing is no good news
             facts.append(("explained share of the residual", f"{100.0 * share:.3g} %", None if faint else share > 0.7))
     return facts
+
+
+def _news(content: Mapping) -> bool | None:
+    """Whether the verdict is good news (sure), bad news (unexplained, undecided, hardly probable) or neither."""
+    if is_sure(content):
+        return True
+    probable = content.get("probability")
+    doubted = content["verdict"] in ("outside_library", "blind") or (probable is not None
+                                                                     and probable < MIN_EVEN_PROBABILITY)
+    return False if doubted else None
+
+
+def _good_or_bad(probability: float) -> bool | None:
+    return True if probability > MIN_GOOD_PROBABILITY else False if probability < MIN_EVEN_PROBABILITY else None
 
 
 def _within_noise(mismatch: Mapping) -> str:

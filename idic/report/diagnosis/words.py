@@ -9,6 +9,8 @@ from idic.diagnose.locate.mismatch_words import MOTION
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY
 from idic.report.words import number, short_names, with_std
 
+MIN_GOOD_PROBABILITY = 0.9  # that the selected set holds the truth: good news
+MIN_EVEN_PROBABILITY = 0.5  # below, the truth is more probably elsewhere: bad news
 MIN_VALUE_STD = 2.0  # standard deviations: a value that is nearer to zero is not determined
 MIN_COURSE_UNKNOWNS = 3  # unknowns of one kind, one per frame, from which on they are summed up
 FORMS = {"void": "next to no stiffness: a void, a cut or a crack"}
@@ -38,6 +40,13 @@ def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
     faint = [f"free motions show no mismatch beyond noise, only {shown_by} does"] if shown_by else []
     parts = [_selected(content, titles), *faint, *_moves(content), *_open(content, titles)]
     return _capital(f"{_when_where(content)}{'; '.join(parts)}.") + _next(content)
+
+
+def is_sure(content: Mapping) -> bool:
+    """Whether the verdict is good news: one set of causes, or none, probable enough, and nothing left over."""
+    probable = content.get("probability")  # null in diagnoses of earlier versions
+    return (content["verdict"] in ("none", "single", "multiple") and not content.get("left_over")
+            and (probable is None or probable > MIN_GOOD_PROBABILITY))
 
 
 def strongest(content: Mapping, number: int) -> list[Mapping]:
