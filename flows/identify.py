@@ -19,12 +19,11 @@ from idic_flows.stages import publish_evaluations, publish_residual, publish_sch
 
 from idic.identify.driver import StageHook, run_loop
 from idic.identify.step.state import LoopState
-from idic.run.plain import Console, OpenRun, on_workers, plan_run
+from idic.run.plain import Console, OpenRun, on_workers, plan_run, workplace_for
 from idic.run.runs import check_pause
 from idic.run.session import Timing
 from idic.run.warm_up import compile_image_kernels, compile_stress_kernel
 from idic.workers.runner import TaskRunner
-from idic.workers.workplace import Workplace
 
 
 def run_identification(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,
@@ -41,7 +40,8 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     paths : one experiment (folder or experiment.toml), or several with shared materials
     out : the RUN folder
     resume : resume an interrupted run in `out`
-    workers, scheduler : a LocalCluster of so many processes (default one per core), or an existing Dask scheduler
+    workers, scheduler : a LocalCluster of so many processes (0: everything in this process; default: one per core, or
+        this process where the run is small), or an existing Dask scheduler
     sensitivity : "direct", "perturbed" or "auto"
     overrides : ``--set key=value``
     memory_limit : memory of one worker process, "2GB"
@@ -58,7 +58,7 @@ def run_identification(paths: Sequence[str | Path], out: str | Path, resume: boo
     planned = plan_run(paths, out, dict(overrides or {}), console.stage)
     planned.check(sensitivity)
     check_pause(planned, pause_after)
-    place = Workplace(workers, scheduler, memory_limit, store)
+    place = workplace_for(planned, workers, scheduler, memory_limit, store)
     place.check(out, planned.to_see, console.stage)
     with flow_server() as server:
 

@@ -75,7 +75,8 @@ Experiment = Annotated[Path, typer.Argument(metavar="EXPERIMENT", help="Experime
                                             show_default=False)]
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="Folder written by idic identify.")]
 Workers = Annotated[int | None, typer.Option(
-    min=0, metavar="N", help="Number of worker processes [default: one per core]; 0: this process only.")]
+    min=0, metavar="N", help="Number of worker processes; 0: this process only [default: one per core; "
+                             "none for a small identification].")]
 MemoryLimit = Annotated[str | None, typer.Option(
     metavar="SIZE", help="Memory of each worker process, e.g. 2GB [default: an equal part of the machine's].")]
 Scheduler = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Address of an existing Dask scheduler.")]
@@ -86,7 +87,7 @@ FileStore = Annotated[str | None, typer.Option(
 RefusedStore = Annotated[str | None, typer.Option("--store", envvar="IDIC_STORE", hidden=True)]
 UsePrefect = Annotated[bool, typer.Option(
     "--prefect/--no-prefect",
-    help="--no-prefect: no Prefect server and no flow; a small identification stays in this process.")]
+    help="--no-prefect: no Prefect server and no flow.")]
 SensitivityOption = Annotated[Sensitivity, typer.Option(
     help="direct: derivatives of the equilibrium; perturbed: one simulation per parameter.")]
 Bits = Annotated[int, typer.Option(help="Depth of the images: 8, 12 or 16 bit.")]

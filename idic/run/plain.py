@@ -137,9 +137,7 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
     planned = plan_run(paths, out, dict(overrides or {}), console.stage)
     planned.check(sensitivity)
     check_pause(planned, pause_after)
-    if workers is None and scheduler is None and memory_limit is None and not planned.worth_workers:
-        workers = 0
-    place = Workplace(workers, scheduler, memory_limit, store)
+    place = workplace_for(planned, workers, scheduler, memory_limit, store)
     place.check(out, planned.to_see, console.stage)
 
     def work(runner: TaskRunner) -> dict:
@@ -150,6 +148,15 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
 
     with threadpool_limits(1, user_api="blas"):
         return on_workers(planned, place, out, resume, console, work)
+
+
+def workplace_for(planned: Run, workers: int | None, scheduler: str | None, memory_limit: str | None,
+                  store: str | None) -> Workplace:
+    """Where the tasks of a run are done; without a word of the user a small run stays in this process, as the start
+    of workers takes longer than they save."""
+    if workers is None and scheduler is None and memory_limit is None and not planned.worth_workers:
+        workers = 0
+    return Workplace(workers, scheduler, memory_limit, store)
 
 
 def on_workers(planned: Run, place: Workplace, out: str | Path, resume: bool, console: Console,

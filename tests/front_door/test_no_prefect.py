@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from virtual_tests.small_strip import write_small_strip
 
 from idic.cli.app import app
+from idic.run.plain import plan_run, workplace_for
 from idic.store.layout import DESCRIPTION
 
 pytestmark = pytest.mark.usefixtures("shared_server")
@@ -86,7 +87,7 @@ def test_a_small_diagnosis_loads_no_server_and_no_cluster(plain):
 
 def test_it_gives_the_bits_of_the_flow(strip, plain):
     run, *_ = plain
-    answer = here("identify", strip / "test", "--out", strip / "flow", "--workers", "0", "--no-report")
+    answer = here("identify", strip / "test", "--out", strip / "flow", "--no-report")
     assert answer.exit_code == 0, answer.stderr
     assert "report" not in answer.stdout + answer.stderr and not (strip / "flow" / "report.html").exists()
     without, with_flow = (json.loads((folder / "result.json").read_text()) for folder in (run, strip / "flow"))
@@ -97,6 +98,13 @@ def test_it_gives_the_bits_of_the_flow(strip, plain):
     for name, array in arrays.items():
         if isinstance(array, zarr.Array):
             assert np.array_equal(array[...], other[name][...], equal_nan=array.dtype.kind == "f"), name
+
+
+def test_a_small_identification_has_worker_processes_only_where_the_user_names_them(strip):
+    planned = plan_run([strip / "test"], strip / "nothing", {})
+    assert workplace_for(planned, None, None, None, None).workers == 0  # with Prefect and without
+    assert workplace_for(planned, 2, None, None, None).workers == 2
+    assert workplace_for(planned, None, None, "2GB", None).workers is None  # of each worker: one per core
 
 
 def test_it_refuses_an_earlier_run_and_resumes_it_where_that_is_asked(strip, plain):
