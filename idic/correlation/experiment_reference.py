@@ -66,6 +66,9 @@ def build_reference(experiment: Experiment, camera: AnyCamera) -> Reference:
     options, stack = experiment.options, experiment.stack
     mask = _inside_borders(experiment.mask, stack.shape, options.border_px if view.kind == GREY else 0)
     pixel_map, mask = _kept_pixels(experiment, camera, mask)
+    if options.left_out_px:
+        mask = _outside_circles(mask, stack.shape, options.left_out_px)
+        pixel_map = mapped_pixels(experiment, camera, mask)
     image = stack.frame(experiment.reference)
     if view.kind == GREY:
         images = [stack.frame(k) for k in experiment.averaged] or image
@@ -135,6 +138,18 @@ def _inside_borders(mask: np.ndarray | None, shape: tuple[int, int], border: int
     inner = np.zeros(shape, dtype=bool)
     inner[border:-border, border:-border] = True
     return inner if mask is None else mask & inner
+
+
+def _outside_circles(mask: np.ndarray | None, shape: tuple[int, int],
+                     circles: tuple[tuple[float, float, float], ...]) -> np.ndarray | None:
+    """The ROI less circles (column, row, radius)  # (ny, nx) bool"""
+    kept = np.ones(shape, dtype=bool) if mask is None else mask.copy()
+    for column, row, radius in circles:
+        first, last = np.maximum(np.floor([row - radius, column - radius]).astype(int), 0), np.ceil(
+            [row + radius + 1, column + radius + 1]).astype(int)
+        y, x = np.mgrid[first[0]:min(last[0], shape[0]), first[1]:min(last[1], shape[1])]
+        kept[y, x] &= np.hypot(x - column, y - row) > radius
+    return kept
 
 
 def _without_edges(pixel_map: PixelMap, margin: int) -> np.ndarray:

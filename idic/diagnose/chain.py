@@ -30,6 +30,7 @@ from idic.diagnose.residual.excess_left import ExcessLeft, effect
 from idic.diagnose.residual.heldout import Fit, fit, grid_of
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.spots import LeftOut
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
 from idic.diagnose.screen.candidate import Candidate, candidates
@@ -77,6 +78,7 @@ class Diagnosis:
     other_axis : fit of the last model with another axis, which the recording does not tell from it
     open_thickness : of the last model in plane stress, where bricks would move its parameters
     register : where the images are out of register with the identified model and the measured motion took their place
+    spots : what was left out of the images before
     """
 
     found: Identification
@@ -103,6 +105,7 @@ class Diagnosis:
     open_thickness: OpenThickness | None = None
     other_axis: Refit | None = None
     register: OutOfRegister | None = None
+    spots: LeftOut | None = None
 
     @property
     def selected_effect(self) -> SelectedEffect | None:

@@ -352,7 +352,23 @@ class ExperimentFolder(RecordedFolder):
             raise InputError("defocus does not fit these images", file=self.file, key="options.defocus",
                              expected="none", found=table["defocus"],
                              remedy="leave defocus out: height images have no focus")
+        table["left_out_px"] = self._left_out()
         return Options(**table)
+
+    def _left_out(self) -> tuple[tuple[float, float, float], ...]:
+        """Circles of the reference image that are not correlated: those of one camera that looks at a surface."""
+        circles = tuple((float(x), float(y), float(radius)) for x, y, radius in self.config.options.left_out_px)
+        if circles and (self.config.experiment.fields or self.config.further_cameras):
+            raise InputError("circles that are left out, of several cameras or of measured fields", file=self.file,
+                             key="options.left_out_px", expected="one camera with images",
+                             found=f"{len(circles)} circles",
+                             remedy="paint them black in the mask of their camera, or remove their points")
+        if any(radius <= 0.0 for _, _, radius in circles):
+            raise InputError("a circle without a size", file=self.file, key="options.left_out_px",
+                             expected="[column, row, radius] with a radius above 0",
+                             found=str(next(list(one) for one in circles if one[2] <= 0.0)),
+                             remedy="correct the radius")
+        return circles
 
     def _check_field_options(self, table: Mapping[str, Any]) -> None:
         """Refuse options of images next to measured fields."""

@@ -41,6 +41,7 @@ class OptionsTable(Strict):
     camera_blur_px: Annotated[float, Field(ge=0, le=5)] = 12**-0.5
     border_px: Annotated[int, Field(ge=0, le=50)] | None = None  # 4 with the low-pass of 0.6 px, 0 without one
     edge_margin_px: Annotated[int, Field(ge=0, le=50)] = 3
+    left_out_px: Annotated[list[Annotated[list[float], Field(min_length=3, max_length=3)]], Field(max_length=5000)] = []
     element_order: Literal["auto", "as_given", "quadratic"] = "auto"
     brightness: Literal["none", "frame", "patch", "tilt"] | None = None  # frame; height images none
     patch_px: Positive = 100.0

@@ -339,6 +339,7 @@ class Options:
     camera_blur_px: float = 12**-0.5  # std of the camera's own blur: the area of a pixel, and of the lens what is known
     border_px: int = 0  # left out along the borders of every image, where low-pass and spline mirror it; a file has 4
     edge_margin_px: int = 3  # pixels left out along the edges of the mesh: a step in the image has no sub-pixel value
+    left_out_px: tuple[tuple[float, float, float], ...] = ()  # circles (column, row, radius) of the reference image
     element_order: str = "auto"  # auto (tri3, quad4 are computed as tri6, quad8) | as_given | quadratic
     brightness: str = "frame"  # none | frame | patch
     patch_px: float = 100.0

@@ -33,19 +33,19 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
     where = when_and_where(content)
     said = _begun(content, f"{causes}{f', {where},' if where else ''} ")
     if word == "outside_library":
-        return (f"{said}explain{_s(content)} most of it ({_per_cent(share)}), but not all{_of_what(content)}: do not "
+        return (f"{said}explain{_s(content)} most of it ({per_cent(share)}), but not all{_of_what(content)}: do not "
                 f"trust the parameters yet.")
-    moved = _moves(content)
+    moved = moves(content)
     effect = f"; without {'it' if len(content['named']) == 1 else 'them'} {', '.join(moved)}" if moved else ""
     beside = f"; {_joined(formal)} {'belongs' if len(formal) == 1 else 'belong'} to the description" if formal else ""
-    return f"{said}explain{_s(content)} {_per_cent(share)} of the residual{_faint(content)}{effect}{beside}."
+    return f"{said}explain{_s(content)} {per_cent(share)} of the residual{_faint(content)}{effect}{beside}."
 
 
 def _begun(content: Mapping, said: str) -> str:
     """The beginning of the sentence; "Probably" where the probability is no good news."""
     probable = content.get("probability")
     if content["verdict"] != "outside_library" and probable is not None and probable <= MIN_GOOD_PROBABILITY:
-        return f"Probably ({_per_cent(probable)}) {said}"
+        return f"Probably ({per_cent(probable)}) {said}"
     return said[:1].upper() + said[1:]
 
 
@@ -80,7 +80,7 @@ def left_over(content: Mapping) -> str | None:
 
 
 def _of_before(share: float | None) -> str:
-    return f" ({_per_cent(share)} of the excess before)" if share is not None and share < 1.0 else ""
+    return f" ({per_cent(share)} of the excess before)" if share is not None and share < 1.0 else ""
 
 
 def _nothing(content: Mapping) -> str:
@@ -115,7 +115,7 @@ def _is_formulation(content: Mapping, one: Mapping) -> bool:
     return one["new"] == [] and not one["equals"] and any(other["new"] for other in others)
 
 
-def _moves(content: Mapping) -> list[str]:
+def moves(content: Mapping) -> list[str]:
     """How the missing cause had biased the parameters."""
     before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
     shown, found = short_names(after), []
@@ -131,7 +131,7 @@ def _moves(content: Mapping) -> list[str]:
     return found
 
 
-def _per_cent(share: float | None) -> str:
+def per_cent(share: float | None) -> str:
     if share is None:
         return "all"
     return f"{100.0 * share:.2g} %" if share < 0.995 else "all"

@@ -33,7 +33,8 @@ def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
     named = bool(record.content["named"])
     plan = (
         ("better", "Residual before and after",
-         "The identified model (before) and the enriched model (after)." if named
+         "The identified model (before) and the enriched model (after)." if named and record.excess_after is not None
+         else "The identified model, without the pixels of the spots." if record.content.get("spots")
          else "The identified model; no candidate was selected.",
          (*(drawn(figures.residual_maps, record) or ()), drawn(figures.excess_course, record), *curves)),
         ("where", "Place, onset and side", "", record.further),

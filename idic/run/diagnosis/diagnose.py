@@ -23,6 +23,7 @@ from idic.run.diagnosis.files import diagnosis_content, identified_parameters, t
 from idic.run.diagnosis.page import write_page
 from idic.run.diagnosis.refits import RefitStore, run_refits
 from idic.run.diagnosis.source import open_source
+from idic.run.diagnosis.spotless import without_spots
 from idic.run.diagnosis.where import where_pictures
 from idic.run.judgement.floor import PointJob, measured_floor
 from idic.workers.dask_executor import open_cluster
@@ -55,8 +56,10 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
         floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)  # type: ignore[union-attr]
         far = on_measured_motion(source, found, runner, stage)
         source, found, register = far or (source, found, None)
+        source, found, spots = (source, found, None) if far else without_spots(source, found, stage)
         made = diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage,
                                        seed, library, margin=Margin(floor), quick=quick)
+        made = replace(made, spots=spots)
         return made if register is None else replace(made, register=judged_by_images(made, register, stage))
 
 
@@ -112,7 +115,8 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool 
 def _enriched(diagnosis: Diagnosis) -> Path | None:
     """The experiment with the selected candidates, None without one."""
     if diagnosis.final is None or not diagnosis.final.usable:
-        return None
+        return None if diagnosis.spots is None else write_enriched(
+            diagnosis.source, diagnosis.found.experiment, diagnosis.found.parameters.as_values(), diagnosis.spots.names)
     return write_enriched(diagnosis.source, diagnosis.residual_after.context.experiment, diagnosis.final.values,
                           diagnosis.verdict.selected)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from idic.diagnose.selection.rival import Rival, Round
 from idic.parameters import ParameterSet
 from idic.report.diagnosis.headline import headline, left_over
 from idic.report.diagnosis.not_excluded import not_excluded
+from idic.report.diagnosis.spots import with_spots
 from idic.report.diagnosis.words import sentence
 from idic.store.result_file import RESULT_FILE, finite, read_result, write_json
 
@@ -54,6 +56,10 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
 
     before : value, std, unit of the identified model's free parameters (`identified_parameters`)
     """
+    if (spots := diagnosis.spots) is not None:
+        without = free_parameters(spots.result)
+        content = diagnosis_content(replace(diagnosis, spots=None), without, wall_s)
+        return finite(with_spots(content, spots, before, without, diagnosis.found.experiment.length_unit))
     verdict, left_open = diagnosis.verdict, not_excluded(diagnosis, before)
     near = {entry["name"] for entry in left_open}
     content = {
@@ -70,6 +76,7 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
         "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px,
         "left": _left(diagnosis),
         "courses": _courses(diagnosis),
+        "spots": [],
         "register": None if diagnosis.register is None else diagnosis.register.content(),
         "rounds": [_round(one) for one in diagnosis.rounds], "margin": margin_content(diagnosis.margin),
         "cost": dict(diagnosis.cost) | {"wall_s": wall_s},

@@ -15,20 +15,23 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.measured_motion import holds_motion
 from idic.fe.mesh.element import cell
 from idic.model.experiment import Experiment
+from idic.report.diagnosis.spot_figure import spot_picture
 from idic.report.diagnosis.where import WhereRecord, pictures
 from idic.report.figures.style import Picture
 from idic.report.words import time_label
 
 
 def where_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
-    """Figures of place, onset and side of a diagnosis; () where nothing was located."""
+    """Figures of spots, and of place, onset and side of a diagnosis; () where nothing was located."""
+    spots = diagnosis.spots
+    of_spots = () if spots is None else (spot_picture(diagnosis.found.experiment, spots.spots),)
     if diagnosis.mismatch is None:
-        return ()
+        return of_spots
     record = where_record(diagnosis.residual_before, diagnosis.mismatch, diagnosis.selected_effect)
     active = diagnosis.active
     if active is not None:
         record = replace(record, since_active=active.since, words=record.words | {"active": active.verb})
-    return pictures(record)
+    return (*of_spots, *pictures(record))
 
 
 def where_record(residual: ResidualEvidence, mismatch: Mismatch, selected: SelectedEffect | None = None) -> WhereRecord:

@@ -1,0 +1,64 @@
+"""What a diagnosis says of spots: dust, and paint that was lost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from idic.diagnose.locate.place import in_words
+from idic.diagnose.probability import P_OF_STRENGTH
+from idic.diagnose.residual.spots import DUST, MARGIN_PX, PAINT, LeftOut, Spot
+from idic.report.diagnosis.headline import moves
+
+WORDS = {DUST: "dust on lens or sensor", PAINT: "paint loss"}
+
+
+def with_spots(content: Mapping, left: LeftOut, before: Mapping[str, Mapping], without: Mapping[str, Mapping],
+               unit: str) -> dict:
+    """The content of diagnosis.json with the spots as first causes.
+
+    content : of the diagnosis without their pixels; before, without : parameters of the RUN, and of the model without
+    these pixels; unit : of lengths
+    """
+    model = content["model"] | {"parameters_before": dict(before),
+                                "parameters_after": content["model"]["parameters_after"] or dict(without)}
+    said = _said(left, before, without, unit)
+    word, probable = content["verdict"], content["probability"]
+    alone = word in ("none", "blind") and len(left.names) == 1
+    if word != "outside_library":
+        word = "single" if alone else "multiple"
+        probable = P_OF_STRENGTH[-1] if content["verdict"] in ("none", "blind") else probable
+    beside = f" Without {'its' if len(left.spots) == 1 else 'their'} pixels: {_lower(content['headline'])}"
+    return dict(content) | {
+        "verdict": word, "named": [*left.names, *content["named"]], "model": model, "probability": probable,
+        "indistinguishable": [[spot.kind, *spot.others] for spot in left.spots if spot.others]
+        + content["indistinguishable"],
+        "spots": [_entry(spot, place) for spot, place in zip(left.spots, left.place_mm, strict=True)],
+        "headline": f"{said}{beside}", "sentence": f"{said} {content['sentence']}"}
+
+
+def _lower(sentence: str) -> str:
+    return sentence[:1].lower() + sentence[1:]
+
+
+def _entry(spot: Spot, place: tuple[float, ...]) -> dict:
+    return {"name": spot.kind, "not_excluded": list(spot.others), "column_px": spot.column, "row_px": spot.row,
+            "place_mm": list(place), "diameter_px": 2.0 * spot.radius_px, "first_frame": spot.first,
+            "grey_values": spot.grey, "agreement": spot.agreement}
+
+
+def _said(left: LeftOut, before: Mapping[str, Mapping], without: Mapping[str, Mapping], unit: str) -> str:
+    """All spots in one sentence, and what they did to the parameters."""
+    parts = []
+    for spot, place in zip(left.spots, left.place_mm, strict=True):
+        what = " or ".join(WORDS[kind] for kind in (spot.kind, *spot.others))
+        since = f"from frame {spot.first} on" if spot.first else "from the start"
+        grey = "" if spot.grey != spot.grey else f", {spot.grey:+.0f} grey values"
+        parts.append(f"{what} around {in_words(place)} {unit} (column {spot.column:.0f}, row "
+                     f"{spot.row:.0f}; {2.0 * spot.radius_px:.2g} px wide{grey}) {since}")
+    moved = moves({"model": {"parameters_before": before, "parameters_after": without}})
+    moved += [f"{name.rpartition('.')[2]} had an error bar of {old['std']:.2g} {old['unit']} in the place of "
+              f"{without[name]['std']:.2g}".replace("  ", " ") for name, old in before.items()
+              if old["std"] and name in without and without[name]["std"] and old["std"] > 2.0 * without[name]["std"]]
+    done = f"; with {'it' if len(parts) == 1 else 'them'} {', '.join(moved)}" if moved else ""
+    text = f"{'; '.join(parts)}: left out of all images with {MARGIN_PX:g} px around{done}."
+    return text[:1].upper() + text[1:]

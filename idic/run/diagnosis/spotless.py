@@ -1,0 +1,40 @@
+"""Spots are found before a diagnosis, left out of the images, and the model is identified without them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import LinearNDInterpolator
+
+from idic.diagnose.residual.spots import LeftOut, find_spots
+from idic.identify.in_memory import Identification, identify
+from idic.model.experiment import Experiment
+from idic.run.diagnosis.source import Source
+
+
+def without_spots(source: Source, found: Identification,
+                  stage: Callable[[str], None]) -> tuple[Source, Identification, LeftOut | None]:
+    """The source and the identification without the pixels of spots; as they are, and None, where there is none."""
+    spots = find_spots(found)
+    if not spots:
+        return source, found, None
+    stage(f"fit of the identified model without {len(spots)} spot{'s' if len(spots) > 1 else ''} in the images")
+    known = [list(circle) for circle in found.experiment.options.left_out_px]
+    circles = [[round(x, 2) for x in circle] for spot in spots for circle in spot.left_out]
+    there = source.with_edits({"options.left_out_px": known + circles})
+    experiment = there.load()
+    values = {name: value for name, value in found.parameters.as_values().items() if name in experiment.parameters}
+    again = identify(replace(experiment, parameters=experiment.parameters.with_values(values), stages=()))
+    if again.point is None:
+        return source, found, None
+    places = tuple(_place(experiment, spot.column, spot.row) for spot in spots)
+    return there, again, LeftOut(spots, again.result, places)
+
+
+def _place(experiment: Experiment, column: float, row: float) -> tuple[float, ...]:
+    """Point of the mesh at a pixel of the reference image, mm."""
+    nodes = experiment.mesh.nodes
+    points = LinearNDInterpolator(experiment.camera.project(nodes), nodes)
+    return tuple(float(x) for x in np.atleast_2d(points([column, row]))[0])
