@@ -14,7 +14,7 @@ import numpy as np
 from scipy import ndimage
 
 from idic.correlation.frame_equations import correlated_frames
-from idic.correlation.reference import ReferenceImage
+from idic.correlation.grey import GreyReference
 from idic.diagnose.residual.residual_evidence import context_of
 from idic.correlation.view import GREY, view_of
 from idic.identify.in_memory import Identification
@@ -53,7 +53,7 @@ def lost_pattern(found: Identification) -> LostPattern | None:
     view = view_of(context.experiment, context.camera)
     if view.kind != GREY:
         return None
-    reference: ReferenceImage = context.reference  # type: ignore[assignment]
+    reference: GreyReference = context.reference  # type: ignore[assignment]
     pm, frames, lost, moved, brighter = reference.pixel_map, [], [], [], []
     bar = _bar(reference, experiment.noise.std_gv or 0.0)
     inner = ndimage.binary_erosion(pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0, iterations=EDGE_PX)
@@ -89,7 +89,7 @@ def _motions(found: Identification) -> Iterator[tuple[int, np.ndarray]]:
         yield number + found.experiment.reference, u
 
 
-def _bar(reference: ReferenceImage, noise_gv: float) -> np.ndarray:
+def _bar(reference: GreyReference, noise_gv: float) -> np.ndarray:
     """Mean square of a residual that counts as a lost pattern  # (ny, nx) GV²"""
     pm, f = reference.pixel_map, reference.f.astype(float)
     f = f - f.mean()
