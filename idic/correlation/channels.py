@@ -2,7 +2,8 @@
 
     shown = scale F (1 + curvature F / F_max) + (friction + friction_share |F|) way + offset + drift (t - t_0)
 
-or, in place of the drift, a course that the data give (``drift_knot[FRAME]``, `idic.model.free_course`). F_max is the
+or, in place of drift and friction, courses that the data give (``drift_knot[FRAME]``, ``friction_knot[FRAME]``,
+`idic.model.free_course`). F_max is the
 largest reading, way the direction of the load train (`idic.model.load_train`), t_0 the reference frame or `drift_from`.
 """
 
@@ -32,7 +33,8 @@ def channel_values(experiment: Experiment, parameters: ParameterSet, simulated: 
             values[c] += friction * _way(experiment, frame)
         values[c] += _value(parameters, f"{stem}.offset", 0.0)
         values[c] += _value(parameters, f"{stem}.drift", 0.0) * drifting(experiment, channel, frame)
-        values[c] += sum(_value(parameters, name, 0.0) * hat for name, hat in knots(channel, frame).items())
+        values[c] += sum(_value(parameters, name, 0.0) * change for name, change in knots(experiment, channel,
+                                                                                          frame).items())
     return values
 
 
@@ -74,7 +76,7 @@ def _own_derivatives(experiment: Experiment, channel: Channel, parameters: Param
     way = _way(experiment, frame) if any(f"{stem}.{name}" in parameters for name in FRICTION) else 0.0
     return {f"{stem}.scale": F + curvature * bent, f"{stem}.curvature": scale * bent, f"{stem}.offset": 1.0,
             f"{stem}.drift": drifting(experiment, channel, frame), f"{stem}.friction": way,
-            f"{stem}.friction_share": way * abs(F)} | knots(channel, frame)
+            f"{stem}.friction_share": way * abs(F)} | knots(experiment, channel, frame)
 
 
 def _slope(experiment: Experiment, channel: Channel, parameters: ParameterSet, F: float, frame: int) -> float:
@@ -102,12 +104,17 @@ def _value(parameters: ParameterSet, name: str, default: float) -> float:
     return parameters[name].value if name in parameters else default
 
 
-def knots(channel: Channel, frame: int) -> dict[str, float]:
-    """Change of a reading with the knots of a drift whose course the data give."""
-    if channel.drift_hats is None:
-        return {}
-    return {knot_name(f"channel.{channel.column}.drift", knot): float(hat[frame])
-            for knot, hat in zip(channel.drift_knots, channel.drift_hats, strict=True)}
+def knots(experiment: Experiment, channel: Channel, frame: int) -> dict[str, float]:
+    """Change of a reading with the knots of a drift or friction whose course the data give."""
+    stem, found = f"channel.{channel.column}", {}
+    if channel.drift_hats is not None:
+        found |= {knot_name(f"{stem}.drift", knot): float(hat[frame])
+                  for knot, hat in zip(channel.drift_knots, channel.drift_hats, strict=True)}
+    if channel.friction_hats is not None:
+        way = _way(experiment, frame)
+        found |= {knot_name(f"{stem}.friction", knot): way * float(hat[frame])
+                  for knot, hat in zip(channel.friction_knots, channel.friction_hats, strict=True)}
+    return found
 
 
 def drifting(experiment: Experiment, channel: Channel, frame: int) -> float:

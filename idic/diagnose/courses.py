@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.channels import drifting, knots
+from idic.correlation.channels import FRICTION, drifting
 from idic.images.placed_camera import PlacedCamera
 from idic.model.corrections import corrections_of
-from idic.model.experiment import Experiment
-from idic.model.free_course import without_knot
+from idic.model.experiment import Channel, Experiment
+from idic.model.free_course import knot_name, without_knot
 
 TIMED = ("slip", "rotation", "misalignment")  # corrections that may have a course of their own
 MIN_ONSET_STD = 3.0  # standard deviations: a cause has begun
@@ -55,17 +55,29 @@ def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
     for entry in experiment.prescribed:
         if stem == f"boundary.{entry.nodes}.{entry.component}":
             return next((c.course for c in corrections_of(entry.drive) if c.name == last and c.kind in TIMED), None)
-    frames = range(experiment.n_frames)
     for channel in experiment.channels:
-        if stem == f"channel.{channel.column}" and without_knot(last) == "drift":
-            if last == "drift":
-                return np.array([drifting(experiment, channel, k) for k in frames])
-            return np.array([knots(channel, k).get(name, 0.0) for k in frames])
+        if stem == f"channel.{channel.column}" and without_knot(last) in ("drift", *FRICTION):
+            return _of_channel(experiment, channel, last)
     motion = experiment.camera.motion
     if motion is not None and not isinstance(experiment.camera, PlacedCamera) and stem == experiment.camera_name \
             and last in motion.names and last.startswith("magnification"):
         return motion.courses[motion.names.index(last)]
     return None
+
+
+def _of_channel(experiment: Experiment, channel: Channel, last: str) -> np.ndarray | None:
+    """Drift of a reading, or size of the friction in it, per unit of a degree of freedom (its last word); None of
+    one that the channel does not have."""
+    if last == "drift":
+        return np.array([drifting(experiment, channel, k) for k in range(experiment.n_frames)])
+    if last == "friction":
+        return (np.arange(experiment.n_frames) > experiment.reference).astype(float)
+    if last == "friction_share":
+        return np.abs(channel.values)
+    own = {"drift": (channel.drift_knots, channel.drift_hats),
+           "friction": (channel.friction_knots, channel.friction_hats)}[without_knot(last)]
+    return dict(zip([knot_name(without_knot(last), knot) for knot in own[0]], () if own[1] is None else own[1],
+                    strict=False)).get(last)
 
 
 def courses_of(cause: str, experiment: Experiment, names: Iterable[str], values: Mapping[str, float],
@@ -91,6 +103,8 @@ def courses_of(cause: str, experiment: Experiment, names: Iterable[str], values:
 def _unit(experiment: Experiment, name: str) -> str:
     """Of the amplitude: that of a rate or of a share of the motion times its course."""
     unit = experiment.parameters[name].unit
+    if name.endswith(".friction_share"):
+        return next(one.unit for one in experiment.channels if name.startswith(f"channel.{one.column}."))
     if unit.startswith("rad"):
         return "rad"
     if name.startswith("boundary."):

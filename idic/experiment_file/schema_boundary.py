@@ -271,9 +271,13 @@ class ChannelTable(Strict):
     unit: str | None = None
     drift_from_s: float | None = None
     drift_knots: Annotated[int, Field(ge=1, le=100)] | None = None
+    friction_knots: Annotated[int, Field(ge=1, le=100)] | None = None
 
     @model_validator(mode="after")
     def _one_course(self):
+        if self.friction_knots is not None and self.simulated.reaction is None:
+            raise refuse("friction of a channel that is no force", "friction_knots of a reaction",
+                         "leave friction_knots out", "no reaction")
         if self.drift_knots is not None and self.drift_from_s is not None:
             raise refuse("two courses of one drift", "drift_knots or drift_from_s", "leave one of them out", "both")
         return self

@@ -196,7 +196,8 @@ class Channel:
     "pressure": the pressure on the edge set ``nodes`` (MPa).
     drift_from : s, when its drift begins, None: at the reference frame; drift_knots : frames of the knots of a drift
     whose
-    course the data give, drift_hats : (n_knots, n_frames) their courses; full_scale : largest reading of the test that
+    course the data give, drift_hats : (n_knots, n_frames) their courses; friction_knots, friction_hats : the same of
+    the friction in the load train; full_scale : largest reading of the test that
     these frames are a part of, None: these are all
     """
 
@@ -212,6 +213,8 @@ class Channel:
     minus: str | None = None
     drift_from: float | None = None
     drift_knots: tuple[int, ...] = ()
+    friction_knots: tuple[int, ...] = ()
+    friction_hats: np.ndarray | None = None
     drift_hats: np.ndarray | None = None
     full_scale: float | None = None
 

@@ -16,6 +16,7 @@ from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
+from idic.correlation.channels import FRICTION
 from idic.diagnose.courses import TIMED
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.score import Scores
@@ -46,7 +47,8 @@ def with_free_courses(trials: Sequence[tuple[Candidate, Variant]], document: Map
         if len(new) > 1:
             label = f"{stem}, with an identified time course"
             found[stem] = candidate, Variant(label, edits, new, dict.fromkeys(new, 0.0), dict.fromkeys(new, 0.0),
-                                             direct=variant.direct, exact=variant.exact, free_course=True)
+                                             direct=variant.direct, exact=variant.exact, free_course=True,
+                                             sign=variant.sign if variant.direct else 0)
     return list(found.values())
 
 
@@ -90,6 +92,12 @@ def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: V
                 table.pop("drift_from_s", None)
                 table["drift_knots"] = KNOTS
         return _without(made, name) | {"channel": tables}
+    if name.startswith("channel.") and last in FRICTION:
+        tables = copy.deepcopy(list(made.get("channel", document["channel"])))
+        for table in tables:
+            if stem == f"channel.{table['column']}":
+                table["friction_knots"] = KNOTS
+        return _without(made, name) | {"channel": tables}
     if last in MAGNIFICATIONS:
         key = "camera.0" if isinstance(document.get("camera"), list) else "camera"
         made.pop(f"{key}.magnification_column", None)
@@ -101,7 +109,8 @@ def course_stem(variant: Variant) -> str:
     """The degree of freedom of a variant without its course."""
     name = without_knot(variant.new[0]) if variant.new else ""
     stem, _, last = name.rpartition(".")
-    return f"{stem}.magnification" if last in MAGNIFICATIONS else name
+    kind = "magnification" if last in MAGNIFICATIONS else FRICTION[0] if last in FRICTION else last
+    return f"{stem}.{kind}" if stem else name
 
 
 def _free(corrections: list[dict], kind: str) -> None:

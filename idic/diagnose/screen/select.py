@@ -182,10 +182,17 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
                               by_mesh),
                       material=key[1])  # type: ignore[index]
               for key, members in groups.items()]
-    ranked = [replace(r, start=dict(zip(r.variant.new, scores.together(joint[r.best - columns.n]).tolist(),
-                                        strict=True)))
+    ranked = [admissible(replace(r, start=dict(zip(r.variant.new,
+                                                   scores.together(joint[r.best - columns.n]).tolist(), strict=True))))
               if r.variant.free_course and r.variant.new else r for r in ranked]
     return Screening(tuple(sorted(proposed(ranked), key=lambda r: -r.statistic)), tuple(trials), scores)
+
+
+def admissible(free: Ranked) -> Ranked:
+    """A free course whose knots have, on the whole, the sign of its cause; of another sign it is inadmissible: a
+    friction that pushes."""
+    wrong = free.variant.sign * sum(free.start.values()) < 0.0
+    return replace(free, standing="inadmissible") if wrong and free.standing == "significant" else free
 
 
 def proposed(ranked: Sequence[Ranked]) -> list[Ranked]:

@@ -87,9 +87,11 @@ def _channel(made: Motion, table: ChannelTable, key: str, context: Context) -> C
     noise = None if table.noise_std is None else table.noise_std * factor
     if kind == "displacement":
         values = _from_rest(made, values, table.column, factor, noise or 0.0, key, context)
-    frames, courses = ((), None) if table.drift_knots is None else free_course(table.drift_knots, context)
+    free = [((), None) if number is None else free_course(number, context)
+            for number in (table.drift_knots, table.friction_knots)]
     return Channel(table.column, values, noise, name, simulated.component, simulated.factor, rates, unit, kind,
-                   simulated.minus, drift_from=_drift_from(table, key, context), drift_knots=frames, drift_hats=courses)
+                   simulated.minus, drift_from=_drift_from(table, key, context), drift_knots=free[0][0],
+                   drift_hats=free[0][1], friction_knots=free[1][0], friction_hats=free[1][1])
 
 
 def _drift_from(table: ChannelTable, key: str, context: Context) -> float | None:

@@ -283,6 +283,8 @@ def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None, moves
         made[f"{stem}.curvature"] = Parameter(f"{stem}.curvature", 0.0, "", scale=0.1)
         if moves and channel.kind == "reaction":
             made[f"{stem}.friction"] = Parameter(f"{stem}.friction", 0.0, channel.unit, scale=0.1 * size)
+            made |= {name: Parameter(name, 0.0, channel.unit, True, scale=0.1 * size)
+                     for name in (knot_name(f"{stem}.friction", frame) for frame in channel.friction_knots)}
             made[f"{stem}.friction_share"] = Parameter(f"{stem}.friction_share", 0.0, "", scale=0.1)
     return made
 

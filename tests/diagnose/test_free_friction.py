@@ -1,0 +1,73 @@
+"""Friction whose size changes during the test is screened with a course that the data give; constant friction stays
+constant.
+
+The load cell of the truth shows friction of its own making (`side_twins`); nothing of `idic.correlation.channels` is
+used for it.
+"""
+
+import numpy as np
+import pytest
+from side_twins import FORCE_NOISE, TIMES, TRUTH, Side, refit, write_folder
+
+from idic.diagnose.courses import courses_of
+from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose.screen.candidate import candidates
+from idic.diagnose.screen.free_courses import with_free_courses
+from idic.diagnose.screen.score_columns import score_columns
+from idic.diagnose.screen.select import screen
+from idic.diagnose.screen.situation import situation
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_file import read_toml
+from idic.identify.in_memory import identify
+
+UP = np.where(TIMES < 8.5, 1.0, -1.0) * (TIMES > 0)  # the grip goes up, rests, comes back
+LATE = np.where(TIMES > 3.5, np.minimum((TIMES - 3.0) / 3.0, 1.0), 0.0)  # a seal that begins to rub in frame 4
+RUBS = 6.0  # N
+NAMES = {"friction", "force_drift", "force_offset", "force_scale", "load_cell_curvature", "frame_time_offset"}
+
+
+def rubbing(course):
+    return Side(force=lambda F: F + RUBS * course * UP)
+
+
+@pytest.fixture(scope="module", params=["late", "constant"])
+def scored(request, tmp_path_factory):
+    course = LATE if request.param == "late" else np.ones_like(TIMES)
+    path = write_folder(tmp_path_factory.mktemp(request.param) / "test", rubbing(course))
+    found = identify(load_experiment(path))
+    residual = residual_evidence(found)
+    where = situation(found, residual, read_toml(path))
+    trials = [(c, v) for c in candidates() if c.name in NAMES for v in c.variants(where)]
+
+    def load(edits):
+        return load_experiment(path, edits)
+
+    labels, columns = score_columns(found, residual, trials + with_free_courses(
+        trials, where.document, found.parameters.free, load), load)
+    return request.param, path, course, screen(residual.evidence, residual.null, labels, columns)
+
+
+def test_friction_is_named_first_and_freed_where_it_is_not_constant(scored):
+    kind, _, _, result = scored
+    best = result.ranked[0]
+    assert best.candidate.name == "friction" and best.standing == "significant"
+    if kind == "constant":
+        assert best.variant.new == ("channel.force_N.friction",)
+    else:
+        assert best.variant.free_course or result.free_course_of(best.variant) is not None
+
+
+def test_the_course_of_the_friction_comes_back_with_its_band(scored):
+    kind, path, course, result = scored
+    if kind == "constant":
+        pytest.skip("its course is constant")
+    own = next(r.variant for r in result.ranked if r.candidate.name == "friction")
+    free = own if own.free_course else result.free_course_of(own)
+    found = refit(path, free).result["parameters"]
+    experiment = load_experiment(path, free.edits)
+    (shown,) = courses_of("friction", experiment, free.new, {n: found[n]["value"] for n in free.new},
+                          {n: found[n]["std"] for n in free.new})
+    assert shown.free and shown.unit == "N"
+    assert np.abs(shown.value - RUBS * course)[1:].max() < 3.0 * shown.std.max() + 2.0 * FORCE_NOISE
+    assert abs(shown.onset[1] - 4) <= 2  # knots are two frames apart
+    assert abs(found["BODY.E"]["value"] - TRUTH["E"]) < 3.0 * found["BODY.E"]["std"]
