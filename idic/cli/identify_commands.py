@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,7 +17,11 @@ from idic.cli.app import (AllowExternal, FileStore, MemoryLimit, Overrides, Refu
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome, paused
 
-STAGES = ("reading images", "preparation", "identification", "residual maps and result", "report")
+if TYPE_CHECKING:
+    from idic.run.reporting.second_process import SecondProcess
+
+FIGURES_FOLLOW = "residual maps and result"
+STAGES = ("reading images", "preparation", "identification", FIGURES_FOLLOW, "report")
 
 
 class Method(StrEnum):
@@ -53,9 +57,10 @@ def identify(
     with outcome(run=out, resume=True):
         if method is not None:
             overrides = [*(overrides or ()), f"options.method={method.value.replace('-', '_')}"]
-        result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, prefect, began,
-                           memory_limit, pause_after, store, report)
-        _show_result(result, out, began, report=report)
+        with _drawing_beside() as second:
+            result = _identify(experiments, out, resume, workers, scheduler, sensitivity, overrides, prefect, began,
+                               second if report else None, memory_limit, pause_after, store)
+            _show_result(result, out, began, second if report else None)
         if "paused_after_stage" in result:
             typer.echo(paused(result["paused_after_stage"]), err=True)
         raise typer.Exit(exit_code(result["status"]))
@@ -77,25 +82,27 @@ def demo(
         refuse_store(store, "demo")
         _clear_earlier_demo(out)
         typer.echo(f"writing a virtual tensile test with known parameters to {user_path(out / 'experiment')}")
-        with _server(prefect), _compiling_where_cold():
-            from idic.virtual_tests.examples import write_example
+        with _drawing_beside() as second:
+            with _server(prefect), _compiling_where_cold():
+                from idic.virtual_tests.examples import write_example
 
-            write_example("demo", out / "experiment")
-            result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None, prefect,
-                               began)
-        _show_result(result, run, began, out / "experiment" / "truth.json")
+                write_example("demo", out / "experiment")
+                result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None,
+                                   prefect, began, second)
+            _show_result(result, run, began, second, out / "experiment" / "truth.json")
         raise typer.Exit(exit_code(result["status"]))
 
 
 def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, overrides, prefect: bool,
-              began: float, memory_limit=None, pause_after: int | None = None, store: str | None = None,
-              report: bool = True) -> dict:
+              began: float, second: SecondProcess | None, memory_limit=None, pause_after: int | None = None,
+              store: str | None = None) -> dict:
+    """second : draws figures of the report afterwards; None: there is no report."""
     from rich.console import Console
 
     from idic.cli.progress import progress_view
 
     settings = read_overrides(overrides)
-    console, stages = Console(stderr=True, soft_wrap=True), STAGES if report else STAGES[:-1]
+    console, stages = Console(stderr=True, soft_wrap=True), STAGES if second else STAGES[:-1]
     spent_s = time.monotonic() - began
     with _server(prefect), progress_view(console, out, stages, spent_s) as view:  # it starts while we import
         with _without_collection():
@@ -103,13 +110,18 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
                 from idic_flows.identify import run_identification as run
                 from idic.run.warm_up import import_meanwhile
 
-                if report:
+                if second:
                     import_meanwhile("idic.run.reporting.write")
             else:
                 from idic.run.plain import identify_plainly as run
             from idic.run.plain import Console as Callbacks
 
-        callbacks = Callbacks(view.stage, view.tasks, view.iteration, view.dashboards, view.said)
+        def stage(text: str) -> None:
+            if second and text == FIGURES_FOLLOW:
+                second.start()  # beside the last stage, which leaves a core idle
+            view.stage(text)
+
+        callbacks = Callbacks(stage, view.tasks, view.iteration, view.dashboards, view.said)
         return run(experiments, out, resume=resume, workers=workers, scheduler=scheduler, sensitivity=sensitivity.value,
                    overrides=settings, console=callbacks, memory_limit=memory_limit, pause_after=pause_after,
                    store=store)
@@ -136,7 +148,15 @@ def _server(prefect: bool) -> AbstractContextManager:
     return start_server()
 
 
-def _show_result(result: dict, run: Path, began: float, truth_file: Path | None = None, report: bool = True) -> None:
+def _drawing_beside() -> AbstractContextManager[SecondProcess]:
+    from idic.run.reporting.second_process import drawing_beside
+
+    return drawing_beside()
+
+
+def _show_result(result: dict, run: Path, began: float, second: SecondProcess | None,
+                 truth_file: Path | None = None) -> None:
+    """Print the result; `second` as of `_identify`."""
     import json
 
     from rich.console import Console
@@ -151,13 +171,13 @@ def _show_result(result: dict, run: Path, began: float, truth_file: Path | None 
     for text in remarks(result):
         console.print(text, highlight=False, markup=False)
     console.print(f"results  {user_path(run / 'result.json')}", highlight=False)
-    if not report:
+    if second is None:
         return
     from idic.run.reporting.write import write_report
 
     with progress_view(Console(stderr=True, soft_wrap=True), run, STAGES, time.monotonic() - began) as view:
         view.stage("report")
-        page = write_report(run)
+        page = write_report(run, second=second)
     console.print(f"report   {user_path(page)}", highlight=False)
 
 

@@ -12,7 +12,7 @@ from idic.cli.app import FileStore, MemoryLimit, Run, Scheduler, Workers, app, w
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
-REPORT_STAGES = ("figures", "tables and ParaView files", "page")
+REPORT_STAGES = ("tables and ParaView files", "figures", "page")
 SYSTEMATIC_STAGES = ("discretisation, boundary and camera", "report")
 
 
@@ -23,10 +23,14 @@ def report(run: Run) -> None:
         from rich.console import Console
 
         from idic.cli.progress import progress_view
-        from idic.run.reporting.write import write_report
+        from idic.run.reporting.second_process import drawing_beside
 
-        with progress_view(Console(stderr=True, soft_wrap=True), run, REPORT_STAGES) as view:
-            page = write_report(run, view.stage, paraview=True)
+        with drawing_beside() as second:
+            second.start()  # it imports while this process does
+            from idic.run.reporting.write import write_report
+
+            with progress_view(Console(stderr=True, soft_wrap=True), run, REPORT_STAGES) as view:
+                page = write_report(run, view.stage, paraview=True, second=second)
         typer.echo(f"{user_path(page)} written")
 
 

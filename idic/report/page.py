@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import groupby
+from typing import Any
 
 from idic.model.mode_names import is_mode
 from idic.report import words
@@ -52,57 +55,102 @@ class Section:
     viewer: str = ""
 
 
-def draw_sections(record: RunRecord) -> tuple[Section, ...]:
-    """Every figure of the report in the order of a reader's questions; empty sections are left out."""
-    channels = tuple(charts.channel(record, c) for c in record.channels)
-    extra = () if record.fields is None else tuple(maps.nodal_field(record, n) for n in record.fields.extra)
-    laws = (*(stress_strain(record, curve) for curve in record.curves),
-            *(hardening_curve(record, curve) for curve in record.hardening),
-            *(rubber_energy(record, curve) for curve in record.rubber),
-            *(relaxation_curve(record, curve) for curve in record.relaxation),
-            *(yield_surface(record, surface) for surface in record.surfaces),
-            *(temperature_dependence(tuple(own))
-              for _, own in groupby(record.temperature_factors, lambda one: one.name)))
-    plan = (
-        (
-            "explained",
-            "Does the model explain the test?",
-            "Residuals: measured images and channels minus simulated ones.",
-            (charts.residual_level(record), *channels, point_maps(record), maps.local_chi2(record),
-             maps.residuals(record),
-             free_dic(record), camera_floor(record)),
-        ),
-        ("law", "Which law was identified?", " ".join(open_curves(record)), laws),
-        (
-            "determined",
-            "What does the test determine?",
-            "Sensitivity of the motion to each parameter, and how well the test separates the parameters.",
-            (matrices.correlation(record), maps.sensitivities(record), matrices.spectrum(record)),
-        ),
-        ("moved", "How did the specimen move?", "",
-         (maps.displacements(record), *extra, charts.temperature(record), identified_mesh(record))),
-        *(_camera_plan(name, seen) for name, seen in record.cameras),
-        ("converged", "How did the search converge?", "", (charts.convergence(record),)),
-    )
-    sections = [Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan]
-    sections[1:1] = [_frame_by_frame(record), _fields(record)]
+@dataclass(frozen=True)
+class PlannedSection:
+    """A section whose figures are still to be drawn, in any order and by any process.
+
+    pictures : functions that draw one each, or None where the record has nothing to draw; slides : draws all frames;
+    viewer : makes the numbers of the field viewer
+    """
+
+    anchor: str
+    title: str
+    text: str
+    pictures: tuple[Callable[[], Picture | None], ...] = ()
+    slides: Callable[[], tuple[Slide, ...]] | None = None
+    sliding: str = ""
+    viewer: Callable[[], str] | None = None
+
+
+def in_turn(parts: Sequence[Callable[[], Any]]) -> list:
+    """What all parts of a report draw."""
+    return [draw() for draw in parts]
+
+
+def draw_sections(record: RunRecord, draw_all: Callable[[Sequence[Callable[[], Any]]], list] = in_turn
+                  ) -> tuple[Section, ...]:
+    """Every figure of the report in the order of a reader's questions; empty sections are left out.
+
+    draw_all : called with the functions of `parts`; returns their results in the same order
+    """
+    plan = plan_sections(record)
+    drawn = iter(draw_all(parts(plan)))
+    sections = []
+    for one in plan:
+        pictures = tuple(next(drawn) for _ in one.pictures)
+        sections.append(Section(
+            one.anchor, one.title, one.text, tuple(picture for picture in pictures if picture is not None),
+            next(drawn) if one.slides else (), one.sliding, next(drawn) if one.viewer else ""))
     return tuple(s for s in sections if s.pictures or s.slides or s.viewer or (s.anchor == "law" and s.text))
 
 
-def _fields(record: RunRecord) -> Section:
-    return Section("fields", "Fields",
-                   "Displacement, strain, stress and state. Point at a field for its value. A click sets a "
-                   "point, an extensometer, a line or a circle.", (), viewer=viewer_data(record))
+def parts(plan: Sequence[PlannedSection]) -> list[Callable[[], Any]]:
+    """All functions of a plan, in the order of the page."""
+    return [draw for one in plan for draw in (*one.pictures, one.slides, one.viewer) if draw is not None]
 
 
-def _frame_by_frame(record: RunRecord) -> Section:
+def plan_sections(record: RunRecord) -> tuple[PlannedSection, ...]:
+    """The sections of the report; nothing is drawn yet."""
+    channels = tuple(partial(charts.channel, record, c) for c in record.channels)
+    extra = () if record.fields is None else tuple(partial(maps.nodal_field, record, n) for n in record.fields.extra)
+    laws = (*(partial(stress_strain, record, curve) for curve in record.curves),
+            *(partial(hardening_curve, record, curve) for curve in record.hardening),
+            *(partial(rubber_energy, record, curve) for curve in record.rubber),
+            *(partial(relaxation_curve, record, curve) for curve in record.relaxation),
+            *(partial(yield_surface, record, surface) for surface in record.surfaces),
+            *(partial(temperature_dependence, tuple(own))
+              for _, own in groupby(record.temperature_factors, lambda one: one.name)))
+    return (
+        PlannedSection(
+            "explained", "Does the model explain the test?",
+            "Residuals: measured images and channels minus simulated ones.",
+            (*_of(record, charts.residual_level), *channels,
+             *_of(record, point_maps, maps.local_chi2, maps.residuals, free_dic, camera_floor)),
+        ),
+        _frame_by_frame(record),
+        _fields(record),
+        PlannedSection("law", "Which law was identified?", " ".join(open_curves(record)), laws),
+        PlannedSection(
+            "determined", "What does the test determine?",
+            "Sensitivity of the motion to each parameter, and how well the test separates the parameters.",
+            _of(record, matrices.correlation, maps.sensitivities, matrices.spectrum),
+        ),
+        PlannedSection("moved", "How did the specimen move?", "",
+                       (*_of(record, maps.displacements), *extra, *_of(record, charts.temperature, identified_mesh))),
+        *(_camera_plan(name, seen) for name, seen in record.cameras),
+        PlannedSection("converged", "How did the search converge?", "", _of(record, charts.convergence)),
+    )
+
+
+def _of(record: RunRecord, *figures: Callable[[RunRecord], Picture | None]
+        ) -> tuple[Callable[[], Picture | None], ...]:
+    return tuple(partial(figure, record) for figure in figures)
+
+
+def _fields(record: RunRecord) -> PlannedSection:
+    return PlannedSection("fields", "Fields",
+                          "Displacement, strain, stress and state. Point at a field for its value. A click sets a "
+                          "point, an extensometer, a line or a circle.", viewer=partial(viewer_data, record))
+
+
+def _frame_by_frame(record: RunRecord) -> PlannedSection:
     if is_profile(record):
         text, sliding = ("Does the simulated section rise as the measured one? Does the residual have a structure?",
                          "Measured and simulated height, and the residual")
     else:
         text, sliding = ("Does the mesh stay on the specimen? Does the residual have a structure?",
                          "Image with the simulated mesh, and the residual")
-    return Section("frames", "Frame by frame", text, (), slides(record), sliding)
+    return PlannedSection("frames", "Frame by frame", text, slides=partial(slides, record), sliding=sliding)
 
 
 def all_pictures(sections: tuple[Section, ...]) -> list[Picture]:
@@ -111,15 +159,20 @@ def all_pictures(sections: tuple[Section, ...]) -> list[Picture]:
             for picture in (*section.pictures, *(own for slide in section.slides for own in slide.pictures))]
 
 
-def _camera_plan(name: str, record: RunRecord):
+def _camera_plan(name: str, record: RunRecord) -> PlannedSection:
     """The section of a further camera: its figures under names of their own."""
     chi2 = record.result["residual"]["image_chi2_dof"]
-    pictures = (charts.residual_level(record), maps.local_chi2(record), maps.residuals(record),
-                maps.displacements(record), maps.sensitivities(record))
-    return (f"camera-{name}", f"Camera {name}",
-            f"Its own images, noise ({record.noise_gv:.3g} {record.value_unit}) and residuals"
-            + ("." if chi2 is None else f"; χ² per pixel {chi2:.3f}.") + _texture(record),
-            tuple(p and replace(p, name=f"{p.name}_{name}") for p in pictures))
+    figures = (charts.residual_level, maps.local_chi2, maps.residuals, maps.displacements, maps.sensitivities)
+    return PlannedSection(
+        f"camera-{name}", f"Camera {name}",
+        f"Its own images, noise ({record.noise_gv:.3g} {record.value_unit}) and residuals"
+        + ("." if chi2 is None else f"; χ² per pixel {chi2:.3f}.") + _texture(record),
+        tuple(partial(_named_after, name, figure, record) for figure in figures))
+
+
+def _named_after(camera: str, figure: Callable[[RunRecord], Picture | None], record: RunRecord) -> Picture | None:
+    picture = figure(record)
+    return picture and replace(picture, name=f"{picture.name}_{camera}")
 
 
 def _texture(record: RunRecord) -> str:

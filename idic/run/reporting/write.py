@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from idic.model.temperature import nodal_temperature
 from idic.parameters import ParameterSet
 from idic.report.evidence.matrices import shown_step, without_modes
 from idic.report.figures.profiles import EDGE
-from idic.report.page import all_pictures, draw_sections, render_page
+from idic.report.page import all_pictures, draw_sections, in_turn, render_page
 from idic.report.evidence.hardening import hardening_curves
 from idic.report.evidence.yield_surface import yield_surfaces
 from idic.report.evidence.temperature import temperature_factors
@@ -37,6 +38,7 @@ from idic.run.judgement.shown_frames import shown_frames
 from idic.run.reporting.evidence import evidence, last_accepted
 from idic.run.judgement.residual_maps import residuals_of
 from idic.run.reporting.paraview import write_paraview
+from idic.run.reporting.second_process import SecondProcess
 from idic.run.reporting.series import gauges_of, series_of
 from idic.store.arrays import FrameArrays, read_array
 from idic.store.layout import BASE, group_name
@@ -48,11 +50,13 @@ CHANNEL_NOISE = {"given": "as given in the experiment file"}
 METHODS = {"direct": "direct differentiation of the simulation", "perturbed": "perturbed simulations"}
 
 
-def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: None, paraview: bool = False) -> Path:
+def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: None, paraview: bool = False,
+                 second: SecondProcess | None = None) -> Path:
     """Write ``RUN/report.html``, ``RUN/figures`` and ``RUN/tables``.
 
     stage : called with the name of every step that begins, once the RUN has been read
     paraview : also ``RUN/paraview``, as `idic report` does
+    second : draws some of the figures; the files have the same bytes
 
     Returns
     -------
@@ -66,15 +70,15 @@ def write_report(run: Path | str, stage: Callable[[str], None] = lambda text: No
     """
     run = Path(run)
     if is_joint(run):
-        return _write_joint_report(run, stage, paraview)
+        return _write_joint_report(run, stage, paraview, second)
     record = load_record(run)
+    stage("tables and ParaView files" if paraview else "tables")
+    write_numbers(run, record, paraview)  # before the figures: it meets a damaged frame at once
     stage("figures")
-    sections = draw_sections(record)
+    sections = draw_sections(record, in_turn if second is None else partial(second.draw_all, record))
     (run / "figures").mkdir(exist_ok=True)
     for picture in all_pictures(sections):
         (run / "figures" / f"{picture.name}.{picture.format}").write_bytes(picture.png)
-    stage("tables and ParaView files" if paraview else "tables")
-    write_numbers(run, record, paraview)
     stage("page")
     path = run / REPORT_FILE
     path.write_text(render_page(record, sections), encoding="utf-8")
@@ -92,13 +96,14 @@ def write_numbers(run: Path, record: RunRecord, paraview: bool = False) -> None:
         write_paraview(context, there, record, run / "paraview")
 
 
-def _write_joint_report(run: Path, stage: Callable[[str], None], paraview: bool) -> Path:
+def _write_joint_report(run: Path, stage: Callable[[str], None], paraview: bool,
+                        second: SecondProcess | None) -> Path:
     """The page of several experiments identified together, and the report of each."""
     result = read_result(run)
     for name, folder in folders_of(run).items():
         if (folder / RESULT_FILE).exists():
             stage(f"report of {name}")
-            write_report(folder, paraview=paraview)
+            write_report(folder, paraview=paraview, second=second)
     path = run / REPORT_FILE
     path.write_text(joint_page(result), encoding="utf-8")
     return path
