@@ -15,7 +15,7 @@ from idic.correlation.channels import FRICTION, drifting
 from idic.images.placed_camera import PlacedCamera
 from idic.model.corrections import corrections_of
 from idic.model.experiment import Channel, Experiment
-from idic.model.free_course import knot_name, without_knot
+from idic.model.free_course import jump_frame, knot_name, without_knot
 
 TIMED = ("slip", "rotation", "misalignment")  # corrections that may have a course of their own
 MIN_ONSET_STD = 3.0  # standard deviations: a cause has begun
@@ -26,7 +26,7 @@ class Course:
     """The course of a selected cause.
 
     cause : name of its candidate; name : degree of freedom without its knot; unit : of value; value, std : (n_frames,);
-    free : the data give it, knot by knot
+    free : the data give it, knot by knot; jumps : frame, size and standard deviation of each, of a course of jumps
     """
 
     cause: str
@@ -35,6 +35,7 @@ class Course:
     value: np.ndarray
     std: np.ndarray
     free: bool
+    jumps: tuple[tuple[int, float, float], ...] = ()
 
     @property
     def onset(self) -> tuple[int, int] | None:
@@ -96,7 +97,9 @@ def courses_of(cause: str, experiment: Experiment, names: Iterable[str], values:
     for stem, own in parts.items():
         value = np.sum([values[name] * course for name, course in own], axis=0)
         std = np.sum([stds[name] * np.abs(course) for name, course in own], axis=0)
-        made.append(Course(cause, stem, _unit(experiment, own[0][0]), value, std, "_knot[" in own[0][0]))
+        jumps = tuple((frame, values[name], stds[name]) for name, _ in own if (frame := jump_frame(name)) is not None)
+        made.append(Course(cause, stem, _unit(experiment, own[0][0]), value, std, without_knot(own[0][0]) != own[0][0],
+                           jumps))  # type: ignore[arg-type]
     return made
 
 
@@ -115,4 +118,5 @@ def _unit(experiment: Experiment, name: str) -> str:
 def content(courses: Sequence[Course], times: np.ndarray) -> list[dict]:
     """Entries ``courses`` of diagnosis.json."""
     return [{"name": one.cause, "parameter": one.name, "unit": one.unit, "free": one.free, "onset_frames": one.onset,
+             "jumps": [dict(zip(("frame", "size", "std"), jump, strict=True)) for jump in one.jumps],
              "time_s": times.tolist(), "value": one.value.tolist(), "std": one.std.tolist()} for one in courses]

@@ -59,8 +59,9 @@ class CorrectionTable(Strict):
 
     kind: Literal["slip", "rotation", "compliance", "misalignment", "seating"]
     start_s: float | None = None
-    course: Literal["ramp", "jump", "travel", "free"] | None = None
+    course: Literal["ramp", "jump", "travel", "free", "jumps"] | None = None
     knots: Annotated[int, Field(ge=1, le=100)] | None = None
+    jump_frames: Annotated[list[Annotated[int, Field(ge=1)]], Field(min_length=1, max_length=10_000)] | None = None
     column: str | None = None
     unit: str | None = None
     towards: Component | None = None
@@ -69,7 +70,8 @@ class CorrectionTable(Strict):
     @model_validator(mode="after")
     def _own_keys(self):
         timed, logged = ("slip", "rotation", "misalignment"), ("rotation", "compliance", "misalignment", "seating")
-        own = {"start_s": timed, "course": timed, "knots": timed, "column": logged, "unit": logged,
+        own = {"start_s": timed, "course": timed, "knots": timed, "jump_frames": timed, "column": logged,
+               "unit": logged,
                "towards": ("misalignment",),
                "seated_at": ("seating",)}
         for key in sorted(self.model_fields_set & set(own)):
@@ -79,9 +81,12 @@ class CorrectionTable(Strict):
         if self.course != "free" and self.knots is not None:
             raise refuse("knots of a time course that has none", 'knots next to course = "free"', "leave out knots",
                          f"course = {self.course}")
-        if self.course == "free" and self.start_s is not None:
+        if self.course in ("free", "jumps") and self.start_s is not None:
             raise refuse("a free time course has no start", "knots, which show where it begins", "leave out start_s",
                          "start_s")
+        if (self.course == "jumps") != (self.jump_frames is not None):
+            raise refuse("jumps and their frames belong together", 'course = "jumps" with jump_frames = [6, 12]',
+                         "give both, or neither", f"course = {self.course}, jump_frames = {self.jump_frames}")
         if self.kind == "compliance" and self.column is None:
             raise refuse("machine compliance without a force", 'the measured force, e.g. column = "force_N"',
                          'write { kind = "compliance", column = "force_N" }', "no column")

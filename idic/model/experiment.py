@@ -20,7 +20,7 @@ from idic.images.camera import normal_sign
 from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.images.quality.stabilise import Stabiliser
 from idic.images.stack import Stack
-from idic.model.free_course import knot_name
+from idic.model.free_course import jump_name, knot_name
 from idic.model.gauges import Gauge
 from idic.parameters import ParameterSet
 
@@ -43,7 +43,7 @@ class Correction:
 
     kind : "slip" | "rotation" | "compliance" | "misalignment" | "seating"; reach : largest value of the pattern (mm for
     a rotation); towards : the component that a misalignment moves; knot : frame of its knot, of an identified time
-    course (`idic.model.free_course`).
+    course (`idic.model.free_course`); jumps : whether it is the frame of a jump instead.
     """
 
     kind: str
@@ -52,11 +52,14 @@ class Correction:
     reach: float = 1.0
     towards: str | None = None
     knot: int | None = None
+    jumps: bool = False
 
     @property
     def name(self) -> str:
         """Last word of its degree of freedom."""
-        return self.kind if self.knot is None else knot_name(self.kind, self.knot)
+        if self.knot is None:
+            return self.kind
+        return (jump_name if self.jumps else knot_name)(self.kind, self.knot)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,17 @@ def knot_name(stem: str, frame: int) -> str:
     return f"{stem}_knot[{frame}]"
 
 
+def jump_name(stem: str, frame: int) -> str:
+    """Name of the degree of freedom of a jump from one frame on."""
+    return f"{stem}_jump[{frame}]"
+
+
+def jump_frame(name: str) -> int | None:
+    """The frame of a jump, None of another degree of freedom."""
+    _, found, rest = name.partition("_jump[")
+    return int(rest.removesuffix("]")) if found else None
+
+
 def without_knot(name: str) -> str:
-    """The name of a degree of freedom without its knot."""
-    return name.partition("_knot[")[0]
+    """The name of a degree of freedom without its knot or jump."""
+    return name.partition("_knot[")[0].partition("_jump[")[0]

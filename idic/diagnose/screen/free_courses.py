@@ -25,6 +25,7 @@ from idic.model.experiment import Experiment
 from idic.model.free_course import KNOTS, without_knot
 
 MIN_KNOT_CHI2 = 9.0  # drop of chi-square that a knot must bring
+KNOTTED = {"course": "free", "knots": KNOTS}
 MAGNIFICATIONS = ("magnification_drift", "magnification_load")
 
 
@@ -68,14 +69,15 @@ def with_knots(variant: Variant, names: Collection[str]) -> Variant:
                    null=dict.fromkeys(new, 0.0), probe=dict.fromkeys(new, 0.0))
 
 
-def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: Variant) -> dict[str, Any] | None:
+def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: Variant,
+               course: Mapping[str, Any] = KNOTTED) -> dict[str, Any] | None:
     """Edits of a variant with knots in the place of its course; None where it has none to free.
 
-    document : tables of the model without the candidate
+    document : tables of the model without the candidate; course : of a correction
     """
-    if len(variant.new) != 1:
+    if len({without_knot(name) for name in variant.new}) != 1:
         return None
-    (name,), made = variant.new, {"dof": [dict(entry) for entry in document.get("dof", ())], **edits}
+    name, made = without_knot(variant.new[0]), {"dof": [dict(entry) for entry in document.get("dof", ())], **edits}
     stem, _, last = name.rpartition(".")
     if name.startswith("boundary.") and last in TIMED:
         tables = copy.deepcopy(list(made["boundary"]))
@@ -83,7 +85,7 @@ def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: V
             for component in "xyz":
                 named = stem == f"boundary.{table.get('nodes')}.{component}"
                 if named and isinstance(table.get(f"u{component}"), Mapping):
-                    _free(table[f"u{component}"]["corrections"], last)
+                    _free(table[f"u{component}"]["corrections"], last, course)
         return made | {"boundary": tables}
     if name.startswith("channel.") and last == "drift":
         tables = copy.deepcopy(list(made.get("channel", document["channel"])))
@@ -113,11 +115,11 @@ def course_stem(variant: Variant) -> str:
     return f"{stem}.{kind}" if stem else name
 
 
-def _free(corrections: list[dict], kind: str) -> None:
-    """Knots in the place of the course of the last correction of a kind."""
+def _free(corrections: list[dict], kind: str, course: Mapping[str, Any]) -> None:
+    """Knots or jumps in the place of the course of the last correction of a kind."""
     number = max(i for i, entry in enumerate(corrections) if entry["kind"] == kind)
-    corrections[number] = {key: value for key, value in corrections[number].items() if key in ("kind", "towards")} | {
-        "course": "free", "knots": KNOTS}
+    kept = {key: value for key, value in corrections[number].items() if key in ("kind", "towards")}
+    corrections[number] = kept | dict(course)
 
 
 def _without(edits: Mapping[str, Any], name: str) -> dict[str, Any]:

@@ -34,6 +34,7 @@ from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.block_step import holds, judged_by_step
 from idic.diagnose.selection.both_copies import judged_on_both, undecided
 from idic.diagnose.selection.imitation import with_imitated
+from idic.diagnose.selection.few_jumps import with_few_jumps
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.revision import Workplace, min_further_drop, revised
 from idic.diagnose.selection.rival import Round, judge
@@ -185,8 +186,9 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
     if winner is not None and not setting.quick:
         with clock.step("refits_s"):
             freed = with_own_course(source, null, winner, screening, told, setting.grid, setting.seed)
-        if freed is not None:
-            plain, rivals = winner, tuple(freed if r is winner else r for r in rivals)
+            jumps = with_few_jumps(source, null, freed or winner, told, setting.grid, setting.seed)
+        if (other := jumps or freed) is not None:
+            plain, rivals = winner, tuple(other if r is winner else r for r in rivals)
             winner, equals = judge(rivals, screening)
     if before and winner is not None:
         drop = before[0].null.judgement.chi2 - winner.refitted.judgement.chi2

@@ -39,8 +39,10 @@ def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, pla
     made = []
     for number, table in enumerate(tables):
         own = f"{key}.corrections[{number}]"
-        if table.course == "free":
-            made += _free(table, drive, reach(table.kind, place.mesh, nodes, place.component), context)
+        if table.course in ("free", "jumps"):
+            most = reach(table.kind, place.mesh, nodes, place.component)
+            made += (_jumps(table, drive, most, own, context) if table.course == "jumps"
+                     else _free(table, drive, most, context))
             continue
         if table.kind == "slip":
             course, unit = _slip(table, drive, own, context), context.length_unit
@@ -57,10 +59,27 @@ def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, pla
 
 def _free(table: CorrectionTable, drive: Column | Constant, most: float, context) -> list[Correction]:
     """One correction per knot of a course that the data give; most : largest value of the pattern."""
-    sign = -end_sign(drive) if table.kind == "slip" and isinstance(drive, Column) else 1.0
-    unit = "rad" if table.kind == "rotation" else context.length_unit
+    sign, unit = _sign_and_unit(table, drive, context)
     return [Correction(table.kind, sign * course, unit, most, table.towards, frame)
             for frame, course in zip(*free_course(table.knots or KNOTS, context), strict=True)]
+
+
+def _jumps(table: CorrectionTable, drive: Column | Constant, most: float, key: str, context) -> list[Correction]:
+    """One correction per jump, which is there from its frame on."""
+    sign, unit = _sign_and_unit(table, drive, context)
+    chosen, frames = sorted(set(table.jump_frames or ())), np.arange(context.n_frames)
+    if not context.reference < chosen[0] <= chosen[-1] < context.n_frames:
+        raise InputError("a jump outside the test", file=context.file, key=f"{key}.jump_frames",
+                         expected=f"frames {context.reference + 1} to {context.n_frames - 1}", found=str(chosen),
+                         remedy="correct the frames")
+    return [Correction(table.kind, sign * (frames >= frame), unit, most, table.towards, frame, True)
+            for frame in chosen]
+
+
+def _sign_and_unit(table: CorrectionTable, drive: Column | Constant, context) -> tuple[float, str]:
+    """Of the amplitude of a slip, rotation or misalignment with a course of its own."""
+    sign = -end_sign(drive) if table.kind == "slip" and isinstance(drive, Column) else 1.0
+    return sign, "rad" if table.kind == "rotation" else context.length_unit
 
 
 def free_course(knots: int, context) -> tuple[tuple[int, ...], np.ndarray]:

@@ -227,9 +227,11 @@ def courses(record: DiagnosisRecord) -> Picture | None:
         axes = np.atleast_1d(figure.subplots(len(found), 1, sharex=True, squeeze=False).ravel())
         for axis, one in zip(axes, found, strict=True):
             value, std = np.array(one["value"]), np.array(one["std"])
+            jumps = bool(one.get("jumps"))  # not in diagnoses of earlier versions
             axis.fill_between(record.abscissa, value - 1.96 * std, value + 1.96 * std, color=BLUE, alpha=0.25, lw=0,
-                              label="95 %")
-            axis.plot(record.abscissa, value, "-o", color=BLUE, ms=3, label="amplitude")
+                              label="95 %", step="post" if jumps else None)
+            axis.plot(record.abscissa, value, "-o", color=BLUE, ms=3, label="amplitude",
+                      drawstyle="steps-post" if jumps else "default")
             axis.axhline(0.0, color=GREY, lw=0.8)
             if one["onset_frames"]:
                 first, last = (record.abscissa[k] for k in one["onset_frames"])
@@ -242,4 +244,4 @@ def courses(record: DiagnosisRecord) -> Picture | None:
         return to_picture(figure, "diagnosis_courses", "Time course of a cause other than the material",
                           "Amplitude of the cause in every frame. A candidate acts as a ramp, a jump or in "
                           "proportion; where this leaves a residual, the time course is identified, linear between "
-                          "knots.")
+                          "knots or in a few jumps.")

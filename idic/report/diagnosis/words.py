@@ -132,7 +132,7 @@ def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> st
     stems = dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
     courses = {stem: {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem} for stem in stems}
     courses = {stem: course for stem, course in courses.items() if len(course) >= MIN_COURSE_UNKNOWNS
-               or stem.endswith("_knot")}
+               or stem.endswith(("_knot", "_jump"))}
     said = [f"{shown[n].replace('_', ' ')} "
             + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
             for n, p in added.items() if _stem(n) not in courses and not _is_open(p)]
@@ -157,12 +157,16 @@ def _stem(name: str) -> str:
 
 def _course(stem: str, entries: Mapping[str, Mapping]) -> str:
     """Unknowns of many frames: root mean square and largest value."""
-    what = stem.removesuffix("_at").removesuffix("_knot").replace(".", " ").replace("_", " ")
+    what = stem.removesuffix("_at").removesuffix("_knot").removesuffix("_jump").replace(".", " ").replace("_", " ")
     known = {name: p for name, p in entries.items() if p["std"]}
     if not known:
         return f"{what} not determined"
     largest = max(known, key=lambda name: abs(known[name]["value"]))
     std, unit = min(p["std"] for p in known.values()), known[largest]["unit"]
+    if stem.endswith("_jump"):
+        jumps = [f"{with_std(p['value'], p['std'], unit)} in frame {frame_of(name)}"
+                 for name, p in sorted(known.items(), key=lambda one: int(frame_of(one[0])))]
+        return f"{what} by {' and '.join(jumps) if len(jumps) < 3 else ', '.join(jumps[:-1]) + ' and ' + jumps[-1]}"
     if stem.endswith("_knot"):  # a course that is zero at other knots
         return (f"{what} {with_std(known[largest]['value'], known[largest]['std'], unit)} at most, in frame "
                 f"{frame_of(largest)}")

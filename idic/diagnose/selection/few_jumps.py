@@ -1,0 +1,104 @@
+"""A slip that happens in a few jumps: their frames and sizes.
+
+A ramp or a course that is linear between knots describes several jumps badly, and says neither when they happened nor
+how far. The columns of jumps in all frames are one pattern times courses, so that they cost one response; of them the
+fewest are taken whose every one lowers chi-square by `MIN_JUMP_CHI2`, the best one after the other, each moved
+afterwards to where it explains most beside the others. The copy without a part in that choice decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from idic.diagnose.refit import Refit, identification_at
+from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
+from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.residual.thinning import CHOICE, thinned
+from idic.diagnose.screen.candidate import Variant
+from idic.diagnose.screen.free_courses import free_edits
+from idic.diagnose.screen.score import Scores, null_model, score
+from idic.diagnose.screen.score_columns import score_columns
+from idic.diagnose.selection.own_course import leaves_something
+from idic.diagnose.selection.rival import Rival
+from idic.model.free_course import jump_name, without_knot
+
+MIN_JUMP_CHI2 = 18.0  # that a jump must bring; the best of 100 frames reaches it under noise in 2 of 1000 recordings
+MAX_JUMPS = 5  # more are a course
+
+
+def with_few_jumps(source: ExperimentSource, null: Refit, winner: Rival, refits: Refits, grid: Grid,
+                   seed: int) -> Rival | None:
+    """The winner of a round as a slip in a few jumps; None where it is none, or where jumps explain it no better.
+
+    winner : as it was screened, or with a course between knots
+    """
+    variant = winner.ranked.variant
+    if winner.name != "grip_slip" or winner.copies > 1 or winner.refitted.choice is None:
+        return None
+    if not (variant.free_course or leaves_something(winner.refitted.choice)):
+        return None
+    name = without_knot(variant.new[0])
+    found = identification_at(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
+    residual = residual_evidence(found, light=False)
+    frames = [int(frame) for frame in residual.evidence.frames]
+    own = {**variant.edits}
+    if "dof" in own:  # knots that are locked at zero
+        own["dof"] = [entry for entry in own["dof"] if without_knot(entry["name"]) != name]
+    edits = free_edits(source.document(), own, variant, {"course": "jumps", "jump_frames": frames})
+    if edits is None:
+        return None
+    every = _jumping(winner, edits, [jump_name(name, frame) for frame in frames])
+    _, columns = score_columns(found, residual, [(winner.ranked.candidate, every)],
+                               lambda made: thinned(source.load(made), CHOICE, seed))
+    scores = score(residual.evidence, null_model(residual.evidence, residual.null), columns)
+    chosen = few_jumps(scores)
+    if not chosen:
+        return None
+    sizes = dict(zip([every.new[k] for k in chosen], scores.together(chosen).tolist(), strict=True))
+    edits = free_edits(source.document(), own, variant,
+                       {"course": "jumps", "jump_frames": [frames[k] for k in chosen]})
+    made = replace(_jumping(winner, edits, list(sizes)), probe=sizes)  # type: ignore[arg-type]
+    kept = {key: value for key, value in winner.refitted.values.items() if without_knot(key) != name}
+    (answer,) = refits([RefitJob(winner.name, source, (made.label,), (made.edits,), ({**kept, **sizes},),
+                                 winner.refitted.local, grid, np.inf, seed)])
+    if not answer.usable:
+        return None
+    jumping = replace(winner, ranked=replace(winner.ranked, variant=made, label=made.label), refitted=answer,
+                      achieved=null.choice.chi2 - answer.choice.chi2,
+                      heldout=null.judgement.chi2 - answer.judgement.chi2)
+    return jumping if jumping.evidence > winner.evidence else None
+
+
+def few_jumps(scores: Scores) -> list[int]:
+    """The fewest columns of which each lowers chi-square by `MIN_JUMP_CHI2` beside the others, in their order; at most
+    `MAX_JUMPS`, none where more would be needed."""
+    everyone, chosen = range(len(scores.U)), []
+
+    def gain(members: list[int]) -> float:
+        return scores.gain(sorted(members)) if members else 0.0
+
+    while True:
+        others = [k for k in everyone if k not in chosen and scores.own[k] > 0]
+        best = max(others, key=lambda k: gain([*chosen, k]), default=None)
+        if best is None or gain([*chosen, best]) - gain(chosen) < MIN_JUMP_CHI2:
+            return sorted(chosen)
+        if len(chosen) == MAX_JUMPS:
+            return []
+        chosen.append(best)
+        for place in range(len(chosen)):
+            rest = chosen[:place] + chosen[place + 1:]
+            chosen[place] = max((k for k in everyone if k not in rest and scores.own[k] > 0),
+                                key=lambda k: gain([*rest, k]))
+
+
+def _jumping(winner: Rival, edits: Mapping[str, Any], names: list[str]) -> Variant:
+    """The variant of a winner with jumps."""
+    last = names[0].rpartition(".")[0].removeprefix("boundary.")
+    return replace(winner.ranked.variant, label=f"{last} slips in {len(names)} jump{'s' if len(names) > 1 else ''}",
+                   edits=edits, new=tuple(names), null=dict.fromkeys(names, 0.0), probe=dict.fromkeys(names, 1.0),
+                   sign=0, refit={}, exact=True, direct=False, free_course=True)
