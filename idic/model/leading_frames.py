@@ -65,9 +65,9 @@ def _drive(drive, pick: np.ndarray):
 
 
 def _channel(channel: Channel, pick: np.ndarray) -> Channel:
-    hats = None if channel.drift_hats is None else channel.drift_hats[:, pick]
+    drift, friction = (None if hats is None else hats[:, pick] for hats in (channel.drift_hats, channel.friction_hats))
     return replace(channel, values=channel.values[pick], rates=_cut(channel.rates, pick), full_scale=channel.largest,
-                   drift_hats=hats)
+                   drift_hats=drift, friction_hats=friction)
 
 
 def _temperature(entry: Temperature, pick: np.ndarray) -> Temperature:
