@@ -134,6 +134,21 @@ class Scores:
         return (Scores(self.names[:-1], self.parameters, self.U[:-1], self.gross[:-1, :-1], self.information[:-1, :-1],
                        self.moves[:, :-1]), self.information[:-1, -1])
 
+    def beside(self, n: int, std: float, members: np.ndarray) -> Scores:
+        """The scores of all columns but the last n, which are in every model with amplitudes of 1 +- std.
+
+        members : (K - n,) bool, the columns that are of one kind with those; what they share with others is not counted
+        """
+        first = len(self.U) - n
+        shared = self.information[first:, :first]  # (n, K - n)
+        inverse = np.linalg.inv(self.information[first:, first:] + std**-2.0 * np.eye(n))
+        amplitudes, taken = inverse @ (self.U[first:] + std**-2.0), -inverse @ (shared * members)
+        change = shared.T @ taken
+        change = np.where(members, change, change.T)
+        return Scores(self.names[:first], self.parameters, self.U[:first] - members * (amplitudes @ shared),
+                      self.gross[:first, :first], self.information[:first, :first] + change,
+                      self.moves[:, :first] + self.moves[:, first:] @ taken)
+
     def together(self, members: Sequence[int]) -> np.ndarray:
         """Expected change of the visible columns of a group together, 0 of the others  # (len(members),)"""
         members, found = np.asarray(members), np.zeros(len(members))

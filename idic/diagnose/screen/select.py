@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.diagnose.residual.evidence import Columns, Evidence
+from idic.diagnose.residual.grey_value_effects import BLUR
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.effect_sizes import columns_together, effects, sum_of
@@ -141,7 +142,7 @@ class Screening:
 def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns,
            seed: int = 0, room: float = 0.0, materials: Sequence[str] = (), margin: Margin = ASSUMED,
            further: bool = False, min_channel: float = MIN_CHANNEL_EFFECT_STD,
-           mesh: Columns | None = None) -> Screening:
+           mesh: Columns | None = None, known: tuple[Columns, float] | None = None) -> Screening:
     """Score all columns and rank the candidates.
 
     Parameters
@@ -159,10 +160,12 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
     """
     smallest_px = margin.px if further else margin.smallest_effect_px
     together, null = columns_together(trials), null_model(evidence, parameters)
-    if mesh is None:
-        scores, shared = score(evidence, null, columns), np.zeros(columns.n)
-    else:
-        scores, shared = score(evidence, null, columns, mesh).split()
+    scores = score(evidence, null, columns, *([] if mesh is None else [mesh]), *([] if known is None else [known[0]]))
+    if known is not None:
+        blurs = np.array([trial.variant.pixels is not None and trial.variant.pixels[0] == BLUR for trial in trials])
+        scores = scores.beside(known[0].n, known[1], np.append(blurs, np.zeros(len(scores.U) - known[0].n - len(blurs),
+                                                                               dtype=bool)))
+    scores, shared = (scores, np.zeros(columns.n)) if mesh is None else scores.split()
     joint = [fewest_knots(scores, members) if trials[members[0]].variant.new else members for members in together]
     shared = np.concatenate([shared, [scores.together(members) @ shared[list(members)] for members in joint]])
     scores = scores.with_sums([trials[members[0]].variant.label for members in joint], joint)

@@ -22,6 +22,7 @@ from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.excess_left import effect
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.subpixel_columns import RELATIVE_STD, subpixel_columns
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, COPY_VARIANCE_FACTOR, thinned
 from idic.diagnose.screen.candidate import Candidate
@@ -261,8 +262,10 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
     labels, columns = score_columns(found, residual, trials, load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
     error = source.motion_error
+    blurs = subpixel_columns(residual) if any(variant.pixels is not None for _, variant in trials) else None
     made = screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
                   mesh=None if error is None else error_column(residual, error.of_mesh),
+                  known=None if blurs is None else (blurs, RELATIVE_STD),
                   materials=[material.element_set for material in found.experiment.materials], margin=margin,
                   further=further,
                   min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further
