@@ -1,7 +1,8 @@
 """Defocus: the images become blurred, by a variance that grows with time or load.
 
 g_w = g + w/2 laplace(g): even in the width, hence one-sided in w. Where the pattern moves over the pixels, colour
-filter and compression change the blur of a sharp image, too.
+filter and compression change the blur of a sharp image, too. What the pixels take from a fine pattern is known
+(`idic.diagnose.residual.subpixel_columns`) and does not count.
 """
 
 from __future__ import annotations
