@@ -14,10 +14,12 @@ import numpy as np
 from idic.correlation.channels import FRICTION, drifting
 from idic.images.placed_camera import PlacedCamera
 from idic.model.corrections import corrections_of
-from idic.model.experiment import Channel, Experiment
-from idic.model.free_course import jump_frame, knot_name, without_knot
+from idic.materials.core.law import EXPANSION
+from idic.model.experiment import Channel, Experiment, TemperatureField
+from idic.model.free_course import TEMPERATURE, jump_frame, knot_name, without_knot
 
 TIMED = ("slip", "rotation", "misalignment")  # corrections that may have a course of their own
+SUPPOSED_EXPANSION_PER_K = 1e-5  # 1/K: without a log of the temperature the data give its product with that
 MIN_ONSET_STD = 3.0  # standard deviations: a cause has begun
 
 
@@ -53,6 +55,8 @@ class Course:
 def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
     """Amplitude in every frame per unit of a degree of freedom  # (n_frames,); None where it has no course."""
     stem, _, last = name.rpartition(".")
+    if without_knot(name) == TEMPERATURE or last == EXPANSION.name:
+        return _of_warmth(experiment, name)
     for entry in experiment.prescribed:
         if stem == f"boundary.{entry.nodes}.{entry.component}":
             return next((c.course for c in corrections_of(entry.drive) if c.name == last and c.kind in TIMED), None)
@@ -63,6 +67,19 @@ def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
     if motion is not None and not isinstance(experiment.camera, PlacedCamera) and stem == experiment.camera_name \
             and last in motion.names and last.startswith("magnification"):
         return motion.courses[motion.names.index(last)]
+    return None
+
+
+def _of_warmth(experiment: Experiment, name: str) -> np.ndarray | None:
+    """Change of the temperature, K, per unit of a knot, or of the expansion under a supposed course: the warmth at an
+    expansion of `SUPPOSED_EXPANSION_PER_K`. None where the temperature is logged."""
+    for entry in experiment.temperatures:
+        if entry.hats is not None:
+            return {knot_name(TEMPERATURE, frame): hat for frame, hat in zip(entry.knots, entry.hats, strict=True)
+                    }.get(name)
+        if isinstance(entry.drive, TemperatureField) and entry.drive.source.endswith(".course"):
+            values = entry.drive.values[:, 0]
+            return (values - values[experiment.reference]) / SUPPOSED_EXPANSION_PER_K
     return None
 
 
@@ -106,6 +123,8 @@ def courses_of(cause: str, experiment: Experiment, names: Iterable[str], values:
 def _unit(experiment: Experiment, name: str) -> str:
     """Of the amplitude: that of a rate or of a share of the motion times its course."""
     unit = experiment.parameters[name].unit
+    if name.rpartition(".")[2] == EXPANSION.name:
+        return "K"
     if name.endswith(".friction_share"):
         return next(one.unit for one in experiment.channels if name.startswith(f"channel.{one.column}."))
     if unit.startswith("rad"):

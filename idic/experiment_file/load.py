@@ -33,7 +33,7 @@ from idic.experiment_file.pinhole.placed_lenses import placed_lenses
 from idic.experiment_file.tables.mesh_on_image import arcs_of, mesh_on_image, outline_share
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_element_set, with_sets
 from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_solver, solver_notes
-from idic.experiment_file.tables.temperatures import Body, temperatures
+from idic.experiment_file.tables.temperatures import knots_of_temperature, Body, temperatures
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
 from idic.fe.mesh.mesh import Mesh, check_elements
 from idic.fe.mesh.refine import can_raise_order, is_raised_by_default, raise_order
@@ -135,7 +135,8 @@ class ExperimentFolder(RecordedFolder):
         camera, cameras = self._moving(scale.camera, cameras, lens, frames, context, known_times)
         parameters += dofs.further(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
                                    thickness, known_times, scale.unit, frames.shape, parameters, self.file,
-                                   cameras, geometry.parameters, tuple(motion.loads), lens.freed)
+                                   cameras, geometry.parameters, tuple(motion.loads), lens.freed,
+                                   knots_of_temperature(self.config, context, self.file))
         camera, cameras = with_identified_motions(camera, cameras, self.config.camera, parameters)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
         body = Body(mesh, table.kind, table.surface, scale, frames.shape, tuple(motion.prescribed), times)

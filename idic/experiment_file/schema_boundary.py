@@ -175,11 +175,12 @@ class LoadTable(Strict):
 
 class TemperatureTable(Strict):
     """The temperature of a set of nodes (default: all): a column of the log, one infrared image per frame, or a course
-    over time, ``[[time_s, temperature], ...]``, linear in between and constant outside.
+    over time, ``[[time_s, temperature], ...]``, linear in between and constant outside, or "free": ``knots`` give it.
     """
 
     column: str | None = None
-    course: Annotated[list[Pair], Field(min_length=2)] | None = None
+    course: Literal["free"] | Annotated[list[Pair], Field(min_length=2)] | None = None
+    knots: Annotated[int, Field(ge=1, le=100)] | None = None
     images: Annotated[list[str], BeforeValidator(as_list), Field(min_length=1)] | None = None
     unit: str | None = None
     nodes: str | None = None
@@ -194,11 +195,17 @@ class TemperatureTable(Strict):
     @model_validator(mode="after")
     def _one(self):
         exactly_one(self, ("column", "images", "course"), '{ column = "temperature_C" }')
-        extra = sorted(self.model_fields_set - {"column", "course", "unit", "nodes"})
+        extra = sorted(self.model_fields_set - {"column", "course", "knots", "unit", "nodes"})
         if self.images is None and extra:
             raise refuse(f"{extra[0]} does not belong here", f"{extra[0]} next to images", f"leave out {extra[0]}",
                          extra[0])
-        times = [time for time, _ in self.course or ()]
+        if self.course == "free" and (self.nodes is not None or self.unit is not None):
+            raise refuse("a free course of the temperature of a part", "the temperature of the whole body, in K",
+                         "leave out nodes and unit", f"nodes = {self.nodes}, unit = {self.unit}")
+        if self.knots is not None and self.course != "free":
+            raise refuse("knots of a time course that has none", 'knots next to course = "free"', "leave out knots",
+                         f"course = {self.course}")
+        times = [] if self.course == "free" else [time for time, _ in self.course or ()]
         if any(after <= before for before, after in pairwise(times)):
             raise refuse("the times of the course do not increase", "[[time_s, temperature], ...] in order of time",
                          "sort the pairs, and give every time once", str(times))

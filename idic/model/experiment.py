@@ -164,12 +164,15 @@ class Temperature:
 
     It acts through ``SET.alpha`` (1/K), which every law accepts, and through laws whose parameters depend on it; see
     `idic.model.temperature`, `idic.fe.assembly.expansion` and `idic.materials.core.temperature`. ``above_celsius`` is
-    what the values of the drive are above °C: 273.15 where they are in K.
+    what the values of the drive are above °C: 273.15 where they are in K. knots : frames of the knots of a course that
+    the data give, hats : (n_knots, n_frames) their courses; degrees of freedom ``temperature_knot[FRAME]``, K.
     """
 
     nodes: str | None
     drive: Column | TemperatureField
     above_celsius: float = 0.0
+    knots: tuple[int, ...] = ()
+    hats: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,8 @@ class ForwardModel:
             or name == "geometry.thickness" or name in self.morphs
             or self._variation(name) is not None
             or self._material(name) is not None or self._expansion(name) is not None
-            or (name == "time.offset" and (self._warming() is not None or self._late_readings() is not None)))
+            or (self.temperature is not None and name in self.temperature.knots)
+            or (name == "time.offset" and (self._warming(name) is not None or self._late_readings() is not None)))
 
     @property
     def morphs(self) -> tuple[str, ...]:
@@ -91,9 +92,12 @@ class ForwardModel:
         names = [f"{section.name}.{EXPANSION.name}" for section in self.model.sections]
         return names.index(name) if self.temperature is not None and name in names else None
 
-    def _warming(self) -> np.ndarray | None:
-        """Derivative of the temperature by `time.offset`, K/s  # (n_simulated, n_nodes)"""
-        if self.temperature is None or self.temperature.rates is None:
+    def _warming(self, name: str) -> np.ndarray | None:
+        """Derivative of the temperature by `time.offset` (K/s) or a knot of its course  # (n_simulated, n_nodes)"""
+        if self.temperature is not None and name in self.temperature.knots:
+            hat = self._from_reference(self.temperature.knots[name])
+            return np.repeat(hat[:, None], self.experiment.mesh.n_nodes, axis=1)
+        if name != "time.offset" or self.temperature is None or self.temperature.rates is None:
             return None
         return self._from_reference(self.temperature.rates)
 
@@ -106,7 +110,7 @@ class ForwardModel:
         if name == "geometry.thickness":
             return Direction(name, thickness=True, d_loads=self._load_growth(parameters))
         loads, drives = self.drives.loads, self.drives.derivatives
-        parts = {"d_temperature": self._warming() if name == "time.offset" else None,
+        parts = {"d_temperature": self._warming(name),
                  "d_readings": self._late_readings() if name == "time.offset" else None,
                  "d_histories": self._from_reference(drives[name]) if name in drives else None,
                  "d_loads": self._load_change(name, parameters) if name in loads.names() else None}
@@ -147,7 +151,7 @@ class ForwardModel:
             replace(section, expansion=parameters[name].value)
             if (name := f"{section.name}.{EXPANSION.name}") in parameters else section
             for section in self.model.sections)
-        return {"sections": sections, "temperature": self._from_reference(self.temperature.at(offset)),
+        return {"sections": sections, "temperature": self._from_reference(self.temperature.at(offset, parameters)),
                 "start_temperature": self.temperature.start}
 
     def _per_thickness(self) -> np.ndarray:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+TEMPERATURE = "temperature"  # stem of the knots of a warmth
 KNOTS = 6  # of a course, unless the file says otherwise
 
 

@@ -71,9 +71,10 @@ def _channel(channel: Channel, pick: np.ndarray) -> Channel:
 
 
 def _temperature(entry: Temperature, pick: np.ndarray) -> Temperature:
+    hats = None if entry.hats is None else entry.hats[:, pick]
     if isinstance(entry.drive, Column):
         return replace(entry, drive=_drive(entry.drive, pick))
-    return replace(entry, drive=replace(entry.drive, values=entry.drive.values[pick]))
+    return replace(entry, drive=replace(entry.drive, values=entry.drive.values[pick]), hats=hats)
 
 
 def _images(stack, n: int):

@@ -8,28 +8,36 @@ parameters depend on the temperature take °C.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from idic.errors import InputError
 from idic.fe.conduction import conducted
 from idic.model.experiment import Column, Experiment
+from idic.model.free_course import TEMPERATURE, knot_name
+from idic.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
 class NodalTemperature:
     """values : (n_frames, n_nodes) K, change since the reference frame; rates : its derivative by a time shift of the
     log (``time.offset``), K/s; None where no logged column takes part; start : (n_nodes,) °C at the reference frame,
-    which no shift changes."""
+    which no shift changes; knots : of a course that the data give, by the names of its degrees of freedom, alike at all
+    nodes  # name -> (n_frames,)"""
 
     values: np.ndarray
     rates: np.ndarray | None
     start: np.ndarray
+    knots: Mapping[str, np.ndarray] = field(default_factory=dict)
 
-    def at(self, time_offset: float) -> np.ndarray:
-        """Change of temperature with the log shifted by so many seconds  # (n_frames, n_nodes)"""
-        return self.values if self.rates is None else self.values + time_offset * self.rates
+    def at(self, time_offset: float, parameters: ParameterSet) -> np.ndarray:
+        """Change of temperature with the log shifted by so many seconds, and the knots  # (n_frames, n_nodes)"""
+        values = self.values if self.rates is None else self.values + time_offset * self.rates
+        for name, hat in self.knots.items():
+            values = values + parameters[name].value * hat[:, None]
+        return values
 
 
 def nodal_temperature(experiment: Experiment) -> NodalTemperature | None:
@@ -63,7 +71,10 @@ def nodal_temperature(experiment: Experiment) -> NodalTemperature | None:
     start = conducted(experiment.mesh, (values - above)[reference][None])[0]
     values = conducted(experiment.mesh, values)
     rates = conducted(experiment.mesh, rates) if shifts else None
-    return NodalTemperature(values - values[reference], None if rates is None else rates - rates[reference], start)
+    knots = {knot_name(TEMPERATURE, frame): hat for entry in experiment.temperatures
+             for frame, hat in zip(entry.knots, () if entry.hats is None else entry.hats, strict=True)}
+    return NodalTemperature(values - values[reference], None if rates is None else rates - rates[reference], start,
+                            knots)
 
 
 def _require_shape(values: np.ndarray, shape: tuple[int, int], source: str) -> None:

@@ -14,7 +14,8 @@ import numpy as np
 from idic.diagnose.courses import TIMED
 from idic.diagnose.screen.candidate import Variant
 from idic.model.corrections import corrections_of
-from idic.model.experiment import Correction, Experiment
+from idic.model.experiment import Correction, Experiment, TemperatureField
+from idic.model.free_course import TEMPERATURE, knot_name, without_knot
 
 Pattern = tuple[str, str, str, str | None]  # node set, component, kind, component that a misalignment moves
 
@@ -40,6 +41,8 @@ def timed(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     experiment : with the edits of the variant. One column, the way from null to probe, or one per knot of a free
     course.
     """
+    if (warm := _warmth(experiment, variant)) is not None:
+        return warm
     found = [_correction(experiment, name) for name in variant.new]
     if not found or not variant.exact or any(one is None for one in found):
         return None
@@ -56,6 +59,20 @@ def timed(experiment: Experiment, variant: Variant) -> TimedVariant | None:
     prescribed = list(experiment.prescribed)
     prescribed[number] = replace(entry, drive=replace(entry.drive, corrections=kept))  # type: ignore[type-var]
     return TimedVariant(variant, pattern, names, courses, replace(experiment, prescribed=tuple(prescribed)))
+
+
+def _warmth(experiment: Experiment, variant: Variant) -> TimedVariant | None:
+    """A temperature whose course the data give: the response to 1 K, times the courses of its knots."""
+    if not variant.new or without_knot(variant.new[0]) != TEMPERATURE:
+        return None
+    free = next(entry for entry in experiment.temperatures if entry.hats is not None)
+    of_name = {knot_name(TEMPERATURE, frame): hat for frame, hat in zip(free.knots, free.hats, strict=True)}  # type: ignore
+    warm = np.ones((experiment.n_frames, experiment.mesh.n_nodes))
+    warm[:experiment.reference + 1] = 0.0
+    steady = tuple(replace(entry, drive=TemperatureField(warm), knots=(), hats=None) if entry is free else entry
+                   for entry in experiment.temperatures)
+    return TimedVariant(variant, (TEMPERATURE, "", "warmth", None), variant.new,
+                        np.array([of_name[name] for name in variant.new]).T, replace(experiment, temperatures=steady))
 
 
 def unit_values(one: TimedVariant) -> dict[str, float]:

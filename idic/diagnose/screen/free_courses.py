@@ -17,12 +17,13 @@ from itertools import combinations
 from typing import Any
 
 from idic.correlation.channels import FRICTION
-from idic.diagnose.courses import TIMED
+from idic.diagnose.courses import SUPPOSED_EXPANSION_PER_K, TIMED
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.score import Scores
 from idic.errors import InputError
 from idic.model.experiment import Experiment
-from idic.model.free_course import KNOTS, without_knot
+from idic.materials.core.law import EXPANSION
+from idic.model.free_course import KNOTS, TEMPERATURE, without_knot
 
 MIN_KNOT_CHI2 = 9.0  # drop of chi-square that a knot must bring
 KNOTTED = {"course": "free", "knots": KNOTS}
@@ -100,6 +101,10 @@ def free_edits(document: Mapping[str, Any], edits: Mapping[str, Any], variant: V
             if stem == f"channel.{table['column']}":
                 table["friction_knots"] = KNOTS
         return _without(made, name) | {"channel": tables}
+    if last == EXPANSION.name and (made.get("boundary") or [{}])[-1].get("temperature", {}).get("course"):
+        supposed = {"value": SUPPOSED_EXPANSION_PER_K, "unit": EXPANSION.unit}
+        return made | {f"material.{name}": supposed,
+                       "boundary": [*made["boundary"][:-1], {"temperature": dict(KNOTTED)}]}
     if last in MAGNIFICATIONS:
         key = "camera.0" if isinstance(document.get("camera"), list) else "camera"
         made.pop(f"{key}.magnification_column", None)
@@ -111,6 +116,8 @@ def course_stem(variant: Variant) -> str:
     """The degree of freedom of a variant without its course."""
     name = without_knot(variant.new[0]) if variant.new else ""
     stem, _, last = name.rpartition(".")
+    if last == EXPANSION.name:
+        return TEMPERATURE
     kind = "magnification" if last in MAGNIFICATIONS else FRICTION[0] if last in FRICTION else last
     return f"{stem}.{kind}" if stem else name
 

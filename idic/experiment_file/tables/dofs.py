@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -179,11 +179,11 @@ def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, 
             thickness: float | None, times: np.ndarray | None, length_unit: str, image_shape,
             materials: list[Parameter], file, cameras: tuple[FurtherCamera, ...] = (),
             holes: tuple[Parameter, ...] = (), loads: tuple[Load, ...] = (),
-            calibrated: tuple[str, ...] = ()) -> list[Parameter]:
+            calibrated: tuple[str, ...] = (), knots: Sequence[Parameter] = ()) -> list[Parameter]:
     """The parameters of [[dof]] and those of drives, loads and camera motions.
 
     camera, image_shape : of the main camera; cameras : the further cameras; holes : parameters of `tables.geometry`;
-    calibrated : values of a calibration that are degrees of freedom without a [[dof]].
+    calibrated : values of a calibration that are degrees of freedom without a [[dof]]; knots : of a temperature.
 
     Raises
     ------
@@ -211,6 +211,8 @@ def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, 
     of_channels = _channel_dofs(channels, times, way_of(prescribed) is not None)
     known |= of_channels
     known_by_drive = (*known_by_drive, *(p.name for p in of_channels.values() if p.free))
+    known |= {p.name: p for p in knots}
+    known_by_drive = (*known_by_drive, *(p.name for p in knots))
     known |= _other_dofs(thickness, times, length_unit) | {p.name: p for p in holes}
     made = {name: known[name] for name in known_by_drive}
     made |= {name: replace(known[name], free=True) for name in calibrated}

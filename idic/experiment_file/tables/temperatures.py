@@ -26,7 +26,9 @@ from idic.fe.conduction import conducted, unreached
 from idic.fe.mesh.mesh import Mesh, surface_cells
 from idic.images.camera import Camera
 from idic.materials.core.law import EXPANSION
+from idic.experiment_file.tables.corrections import free_course
 from idic.materials.core.temperature import KELVIN
+from idic.model.free_course import KNOTS, TEMPERATURE, knot_name
 from idic.materials.composed.terms import REFERENCE
 from idic.model.experiment import Column, Constant, Prescribed, Temperature, TemperatureField
 from idic.parameters import Parameter
@@ -34,6 +36,7 @@ from idic.readers.images import open_stack
 from idic.readers.paths import matching_files
 from idic.readers.units import factor_between
 
+WARMTH_K = 100.0  # unit of a knot in the search, which leaves a direction that is worse determined than that
 WHOLE = "ALL"  # the whole mesh, unless it has a set of this name
 
 
@@ -69,7 +72,8 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, folder: P
         nodes = None if nodes == WHOLE and WHOLE not in body.mesh.node_sets else nodes
         read = _column if table.column is not None else _course if table.course is not None else _field
         drive, note = read(table, body, context, folder, key)
-        made.append(Temperature(nodes, drive, KELVIN if _unit(table, context) == "K" else 0.0))
+        knots, hats = free_course(table.knots or KNOTS, context) if table.course == "free" else ((), None)
+        made.append(Temperature(nodes, drive, KELVIN if _unit(table, context) == "K" else 0.0, knots, hats))
         notes.append(f"{key}: {note}")
     _check_expansion(parameters, bool(made), context.file)
     dependent = [p.name for p in parameters if p.name.endswith(f".{REFERENCE.name}")]
@@ -90,6 +94,17 @@ def _unit(table: TemperatureTable, context: Context) -> str | None:
     if table.unit is None and table.column is not None and context.log is not None:
         return context.log.unit(table.column)
     return table.unit
+
+
+def knots_of_temperature(config: ExperimentFile, context: Context, file) -> list[Parameter]:
+    """Degrees of freedom of a temperature whose course the data give; one at most."""
+    free = [table.temperature for table in config.boundary
+            if table.temperature is not None and table.temperature.course == "free"]
+    if len(free) > 1:
+        raise InputError("two free courses of the temperature", file=file, key="[[boundary]] temperature",
+                         expected="one, of the whole body", found=str(len(free)), remedy="leave the others out")
+    frames = free_course(free[0].knots or KNOTS, context)[0] if free else ()
+    return [Parameter(knot_name(TEMPERATURE, frame), 0.0, "K", True, scale=WARMTH_K) for frame in frames]
 
 
 def temperature_images(config: ExperimentFile, folder: Path, file) -> list[Path]:
@@ -133,6 +148,9 @@ def _column(table: TemperatureTable, body: Body, context: Context, folder: Path,
 
 def _course(table: TemperatureTable, body: Body, context: Context, folder: Path,
             key: str) -> tuple[TemperatureField, str]:
+    if table.course == "free":
+        return (TemperatureField(np.zeros((len(body.times), body.mesh.n_nodes)), f"{key}.course"),
+                "its course is identified, alike in the whole body")
     factor = factor_between(table.unit, "K", file=context.file, key=f"{key}.unit") if table.unit else 1.0
     times, given = np.array(table.course).T
     values = factor * np.interp(body.times, times, given)

@@ -1,0 +1,84 @@
+"""Warmth whose course nobody has logged: a specimen that a lamp warms for a while is told with the course that the data
+give, and warmth in proportion to time stays what it is.
+
+The truth expands on a finer mesh, with smaller increments (`material_twins`).
+"""
+
+import material_twins
+import numpy as np
+import pytest
+from material_twins import BODY, TIMES, Truth, write_folder
+
+from idic.diagnose.courses import SUPPOSED_EXPANSION_PER_K, courses_of
+from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose.screen.candidate import candidates
+from idic.diagnose.screen.free_courses import free_edits, with_free_courses
+from idic.diagnose.screen.score_columns import score_columns
+from idic.diagnose.screen.select import screen
+from idic.diagnose.screen.situation import situation
+from idic.errors import InputError
+from idic.experiment_file.load import load_experiment
+from idic.experiment_file.toml_file import read_toml
+from idic.identify.in_memory import identify
+
+BUMP = 5e-4 * np.exp(-((TIMES - 10.0) / 4.0) ** 2)
+WARMTH = {"a while": BUMP - BUMP[0], "evenly": 4e-4 * TIMES / TIMES[-1]}
+NAMES = {"thermal_expansion", "force_drift", "force_offset", "magnification", "grip_slip", "creep"}
+
+
+@pytest.fixture(scope="module", params=list(WARMTH))
+def scored(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("warm") / "test"
+    with pytest.MonkeyPatch.context() as patched:
+        body = Truth("elastic", BODY, "elastic", warmth=WARMTH[request.param])
+        patched.setitem(material_twins.TRUTHS, "warmed", body)
+        path = write_folder(folder, "warmed")
+    found = identify(load_experiment(path))
+    residual = residual_evidence(found)
+    where = situation(found, residual, read_toml(path))
+    trials = [(c, v) for c in candidates() if c.name in NAMES for v in c.variants(where)]
+
+    def load(edits):
+        return load_experiment(path, edits)
+
+    trials += with_free_courses(trials, where.document, found.parameters.free, load)
+    labels, columns = score_columns(found, residual, trials, load)
+    return request.param, path, trials, screen(residual.evidence, residual.null, labels, columns)
+
+
+def test_a_supposed_course_is_freed_and_a_logged_one_is_not(scored):
+    _, path, trials, _ = scored
+    free = next(v for c, v in trials if c.name == "thermal_expansion" and v.free_course)
+    assert all(name.startswith("temperature_knot[") for name in free.new) and free.exact
+    plain = next(v for c, v in trials if c.name == "thermal_expansion" and not v.free_course)
+    logged = {**plain.edits, "boundary": [*plain.edits["boundary"][:-1], {"temperature": {"column": "oven_C"}}]}
+    assert free_edits(read_toml(path), logged, plain) is None
+    for wrong in ({"nodes": "LEFT"}, {"unit": "C"}, {"knots": 0}):
+        with pytest.raises(InputError):
+            load_experiment(path, {"boundary": [*plain.edits["boundary"][:-1],
+                                                {"temperature": {"course": "free"} | wrong}]})
+
+
+def test_warmth_comes_first_and_keeps_a_course_that_suffices(scored):
+    kind, _, _, result = scored
+    best = max(result.ranked, key=lambda r: r.gain)
+    assert best.candidate.name == "thermal_expansion" and best.standing == "significant"
+    assert best.variant.free_course == (kind == "a while")
+
+
+def test_the_course_comes_back_with_its_band(scored):
+    kind, path, _, result = scored
+    if kind == "evenly":
+        return
+    best = max(result.ranked, key=lambda r: r.gain).variant
+    again = identify(load_experiment(path, best.edits)).result["parameters"]
+    experiment = load_experiment(path, best.edits)
+    (shown,) = courses_of("thermal_expansion", experiment, best.new, {n: again[n]["value"] for n in best.new},
+                          {n: again[n]["std"] for n in best.new})
+    assert shown.free and shown.unit == "K"
+    strain, std = SUPPOSED_EXPANSION_PER_K * shown.value, SUPPOSED_EXPANSION_PER_K * shown.std
+    places = [int(name[name.index("[") + 1:-1]) for name in best.new]
+    assert np.abs(strain - WARMTH[kind])[places].max() < 4.0 * std.max()
+    for name in ("E", "nu"):
+        entry = again[f"BODY.{name}"]
+        assert abs(entry["value"] - BODY[name]) < 3.0 * entry["std"]
