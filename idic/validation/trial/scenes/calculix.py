@@ -3,7 +3,8 @@
 CalculiX expands plane elements to solids; 1/100 of the thickness keeps the stress plane. A solid scene has bricks over
 half its real thickness, and finite strains. Otherwise the kinematics are those of
 the built-in law of the same name. Linear elasticity of small strains takes one step per frame; every other law one step
-with the frames as time points.
+with the frames as time points, at least two increments between them. A law with a memory is simulated with twice as
+many, too, and extrapolated (`idic.validation.trial.scenes.solve.has_memory`).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from idic.fe.external.inp_writer import inp_text
 from idic.fe.external.solver_output import Wanted, gathered
 from idic.fe.mesh.mesh import Mesh
 from idic.validation.trial.scenes.scene import Scene
-from idic.validation.trial.scenes.solve import Motion, element_factors, end_dofs, true_mesh
+from idic.validation.trial.scenes.solve import Motion, element_factors, end_dofs, has_memory, true_mesh
 from idic.validation.trial.scenes.specimens import bricks, partners_of
 
 try:
@@ -60,9 +61,17 @@ def solve_with_calculix(scene: Scene) -> Motion:
         If it gave up, or wrote too little.
     """
     program, mesh = calculix(), true_mesh(scene.geometry, scene.slit)
+    if not has_memory(scene):
+        return _solved(program, scene, mesh, MAX_INCREMENT_SHARE)
+    coarser, halved = (_solved(program, scene, mesh, share * MAX_INCREMENT_SHARE) for share in (1.0, 0.5))
+    return coarser.without_time_error(halved)
+
+
+def _solved(program: str, scene: Scene, mesh: Mesh, share: float) -> Motion:
+    """Motion with increments of at most a share of the shortest time between frames."""
     with tempfile.TemporaryDirectory(prefix="scene-") as folder:
         path = Path(folder)
-        (path / f"{JOB}.inp").write_text(deck(scene, mesh), encoding="ascii")
+        (path / f"{JOB}.inp").write_text(deck(scene, mesh, share), encoding="ascii")
         done = subprocess.run([program, "-i", JOB], cwd=path, capture_output=True, text=True, check=False,
                               preexec_fn=None if resource is None else _limited)
         if done.returncode != 0:
@@ -79,8 +88,8 @@ def _limited() -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (MAX_CPU_S, MAX_CPU_S))
 
 
-def deck(scene: Scene, mesh: Mesh) -> str:
-    """The input file."""
+def deck(scene: Scene, mesh: Mesh, share: float = MAX_INCREMENT_SHARE) -> str:
+    """The input file; share : of the shortest time between frames, the longest increment"""
     times = scene.times - scene.times[0]
     factors = element_factors(scene, mesh)
     body = bricks(mesh, 0.5 * scene.thickness) if scene.solid else mesh
@@ -110,7 +119,7 @@ def deck(scene: Scene, mesh: Mesh) -> str:
                  for dof in dofs[place.ravel() == j] for plane in through if plane[dof // 2] >= 0]
     if scene.warmth is not None:
         held += ["*TEMPERATURE, AMPLITUDE=WARM", "ALL, 1."]
-    lines += _linear_steps(times, held) if _linear(scene) else _one_step(scene, times, held)
+    lines += _linear_steps(times, held) if _linear(scene) else _one_step(scene, times, held, share)
     return "\n".join(lines) + "\n"
 
 
@@ -127,8 +136,8 @@ def _linear_steps(times: np.ndarray, held: list[str]) -> list[str]:
     return lines
 
 
-def _one_step(scene: Scene, times: np.ndarray, held: list[str]) -> list[str]:
-    step = MAX_INCREMENT_SHARE * np.diff(times).min()
+def _one_step(scene: Scene, times: np.ndarray, held: list[str], share: float) -> list[str]:
+    step = share * np.diff(times).min()
     return ["*TIME POINTS, NAME=FRAMES", *(f"{t:.9g}," for t in times[1:]),
             "*STEP, INC=10000" + (", NLGEOM" if scene.has_finite_strains else ""),
             "*VISCO, CETOL=1e-4" if scene.law == "creep" else "*STATIC",

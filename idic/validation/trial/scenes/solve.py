@@ -1,7 +1,13 @@
-"""Motion and force of a scene by the built-in solver: finer mesh, other elements and finer steps than the model."""
+"""Motion and force of a scene by the built-in solver: finer mesh, other elements and finer steps than the model.
+
+The stress of a law with a memory depends on the increments of time. Three per frame left 0.0022 px in a plate of metal
+under reversed load, and the diagnosis, whose model is more exact, told them as pressure-dependent yield (15 standard
+deviations). The truth of such a law is extrapolated from two simulations, 4 and 8 increments per frame: 0.00007 px.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,11 +15,13 @@ import numpy as np
 from idic.fe.march import march
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.model import Constraints, Model, Reaction, Section
+from idic.materials import get_law
 from idic.materials.core.compilation import compile as compile_law
 from idic.validation.trial.scenes.scene import Geometry, Scene
 from idic.validation.trial.scenes.specimens import specimen_mesh
 
-SUBSTEPS_PER_FRAME = 3
+SUBSTEPS_PER_FRAME = 3  # of a law without memory
+INCREMENTS_WITH_MEMORY = 4  # per frame, of the coarser of two simulations
 BODY = "BODY"
 ENDS = ("LEFT", "RIGHT")
 DIVISIONS = (5, 6, 4)  # elements per eighth of the hole, from the hole outwards, beside it
@@ -27,6 +35,16 @@ class Motion:
     mesh: Mesh
     u: np.ndarray
     force: np.ndarray
+
+    def without_time_error(self, halved: Motion) -> Motion:
+        """Extrapolated from increments and their halves: an error of first order in time cancels."""
+        return Motion(self.mesh, 2.0 * halved.u - self.u, 2.0 * halved.force - self.force)
+
+
+def has_memory(scene: Scene) -> bool:
+    """Whether the stress of the scene's law depends on its history."""
+    law = get_law(scene.law)
+    return law.n_state > 0 or law.rate_dependent
 
 
 def true_mesh(geometry: Geometry, slit: float = 0.0) -> Mesh:
@@ -97,9 +115,15 @@ def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
     model = Model(mesh=mesh, kind="plane_stress", sections=tuple(sections), thickness=scene.thickness,
                   constraints=Constraints(dofs, basis, histories), channels=(Reaction(pulled),),
                   **({} if warmth is None else {"temperature": warmth}))
-    states = [(s.u.copy(), float(s.channels[0]))
-              for s in march(model, values, scene.times, substeps=SUBSTEPS_PER_FRAME)]
-    return Motion(mesh, np.array([u for u, _ in states]), np.array([f for _, f in states]))
+    if not has_memory(scene):
+        return _marched(model, values, scene, SUBSTEPS_PER_FRAME)
+    coarser, halved = (_marched(model, values, scene, k * INCREMENTS_WITH_MEMORY) for k in (1, 2))
+    return coarser.without_time_error(halved)
+
+
+def _marched(model: Model, values: Mapping[str, np.ndarray], scene: Scene, increments: int) -> Motion:
+    states = [(s.u.copy(), float(s.channels[0])) for s in march(model, values, scene.times, substeps=increments)]
+    return Motion(model.mesh, np.array([u for u, _ in states]), np.array([f for _, f in states]))
 
 
 def _scaled(scene: Scene, factor: float) -> dict[str, float]:
