@@ -12,6 +12,7 @@ import numpy as np
 
 from idic.diagnose.chain import Diagnosis
 from idic.diagnose.channel_left import ChannelLeft
+from idic.diagnose.discretisation.combinations import BRICKS, FINITE_STRAINS
 from idic.diagnose.next_test import reason_against_continuation
 from idic.diagnose.refit import MAX_EVALUATIONS
 from idic.diagnose.residual.excess_left import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft
@@ -40,7 +41,7 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     outline = outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word)
     register = [] if diagnosis.register is None else [diagnosis.register.words]
     return [*register, *_quick(diagnosis), *outline, *thickness_caution(diagnosis),
-            *open_thickness_caution(diagnosis), *other_axis_caution(diagnosis), *search, *camera,
+            *neglected_cautions(diagnosis), *other_axis_caution(diagnosis), *search, *camera,
             *formal_fit(diagnosis.excess_left), *channel_cautions(diagnosis.channels, diagnosis.verdict.in_channels),
             *_few_elements(diagnosis),
             *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_cut_short(diagnosis.rounds),
@@ -77,7 +78,8 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
               for channel, change in zip(experiment.channels, error.thickness.channels.T, strict=True)]
     identified, first = diagnosis.found.parameters, diagnosis.rounds[0]
     known = None if first.source is None else first.source.motion_error
-    values = "; ".join(f"{name} {identified[name].value:.4g}, about {first.null.values[name]:.4g} with bricks"
+    bricks = first.null if diagnosis.corrected is None else diagnosis.corrected
+    values = "; ".join(f"{name} {identified[name].value:.4g}, about {bricks.values[name]:.4g} with bricks"
                        for name in identified.free)
     told = f" ({values})" if known is not None and known.thickness is not None else ""  # counted before any cause
     return [f"The specimen is not in plane stress: the motion of bricks of its thickness ({experiment.thickness:.3g} "
@@ -86,19 +88,26 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
             "Identify again with a mesh of bricks (kind = \"solid\")."]
 
 
-def open_thickness_caution(diagnosis: Diagnosis) -> list[str]:
-    """Where the recording does not tell plane stress from bricks, and the parameters depend on it."""
-    thickness, experiment = diagnosis.open_thickness, diagnosis.found.experiment
-    if thickness is None:
+def neglected_cautions(diagnosis: Diagnosis) -> list[str]:
+    """Where the model neglects bricks of the thickness or finite strains, and the parameters depend on it."""
+    absent, experiment = diagnosis.neglected, diagnosis.found.experiment
+    if absent is None:
         return []
     parameters = experiment.parameters if diagnosis.residual_after is None else (
         diagnosis.residual_after.context.experiment.parameters)
-    moves = [f"{name} by {move / parameters[name].factor:+.2g} {parameters[name].unit}".rstrip()
-             for name, move in thickness.moves.items() if name in parameters]
-    return [f"Plane stress is an assumption: bricks of the specimen's thickness ({experiment.thickness:.3g} mm) with "
-            f"ends that keep theirs would move {', '.join(moves)}. The recording asks for {thickness.share:.0%} ± "
-            f"{thickness.share_std:.0%} of that; no error bar counts it (model.parameters_of_real_thickness does). "
-            "Identify again with a mesh of bricks (kind = \"solid\")."]
+    said = {BRICKS: (f"Plane stress is an assumption: bricks of the specimen's thickness ({experiment.thickness:.3g} "
+                     "mm) with ends that keep theirs", 'a mesh of bricks (kind = "solid")'),
+            FINITE_STRAINS: ("Small strains are an assumption: the same law with finite strains and rotations",
+                             'finite strains (kinematics = "finite")')}
+    found = []
+    for effect, moves in absent.full.items():
+        told = [f"{name} by {move / parameters[name].factor:+.2g} {parameters[name].unit}".rstrip()
+                for name, move in moves.items() if name in parameters]
+        what, remedy = said[effect]
+        found.append(f"{what} would move {', '.join(told)}. By the recording it is so with a probability of "
+                     f"{absent.probability[effect]:.0%}; no error bar counts it (model.parameters_of_real_body does). "
+                     f"Identify again with {remedy}.")
+    return found
 
 
 def other_axis_caution(diagnosis: Diagnosis) -> list[str]:

@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 
 from idic.diagnose.channel_left import ChannelLeft, channels_left
 from idic.diagnose.discretisation.known_error import renewed_error, with_error
-from idic.diagnose.discretisation.open_thickness import OpenThickness, open_thickness
-from idic.diagnose.discretisation.thickness_error import with_bricks, with_thickness
+from idic.diagnose.discretisation.neglected import Neglected, neglected
+from idic.diagnose.discretisation.thickness_error import (neglected_errors, std_factors, with_bricks,
+                                                          with_thickness)
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
 from idic.diagnose.measured_motion import OutOfRegister
@@ -45,6 +46,7 @@ from idic.diagnose.selection.rounds import (Clock, Group, Setting, Stage, Watch,
 from idic.diagnose.verdict import Verdict, conclude
 from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
+from idic.model.motion_error import MotionError
 
 SEED = 20260
 MAX_RENEWALS = 3  # of the known error of the last model: it depends on the parameters, and they on it
@@ -76,7 +78,8 @@ class Diagnosis:
     quick : no rival was refitted, and `final` is the fit to one copy
     blocks : both models on blocks of the recording, after one step from the finished fit to the others
     other_axis : fit of the last model with another axis, which the recording does not tell from it
-    open_thickness : of the last model in plane stress, where bricks would move its parameters
+    neglected : what bricks and finite strains would do to the parameters of the last model, where it has neither
+    corrected : the identified model with bricks, fitted to the recording, where bricks alone joined it
     register : where the images are out of register with the identified model and the measured motion took their place
     spots : what was left out of the images before
     """
@@ -102,7 +105,8 @@ class Diagnosis:
     probability: float | None = None
     quick: bool = False
     blocks: tuple[BlockJudgement, ...] = ()
-    open_thickness: OpenThickness | None = None
+    neglected: Neglected | None = None
+    corrected: Refit | None = None
     other_axis: Refit | None = None
     register: OutOfRegister | None = None
     spots: LeftOut | None = None
@@ -156,11 +160,12 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     stage("side, onset and place of the mismatch")
     with clock.step("locate_s"):
         mismatch = located(here, before, margin)
-        if mismatch is not None and mismatch.is_significant:
-            source, there = with_thickness(source, here, before, whole, grid)
-            if there is not here:
-                here, before = there, residual_evidence(there, light=False)
-                whole, mismatch = fit(before, grid), located(there, before, margin)
+        significant = mismatch is not None and mismatch.is_significant
+        absent = neglected_errors(here) if significant or not quick else {}
+        source, there = with_thickness(source, here, before, whole, grid, absent, significant)
+        if there is not here:
+            here, before, absent = there, residual_evidence(there, light=False), None
+            whole, mismatch = fit(before, grid), located(there, before, margin)
     first = null_refit(source, here, setting)
     rounds, source, null, groups = selected_rounds(source, here, first, before, setting)
     last = _Enriched(source) if null is first else _enriched(source, null, rounds, setting)
@@ -185,24 +190,52 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
                        unloads(found.experiment), _camera_chi2(margin, unit, rounds[0] if alone else None), channels)
     notes = Notes()
     blocks = () if after is None else judged_by_step(before, after, grid)
-    thickness = None if quick else notes.attempt("the error of plane stress", _open_thickness, here, before, source,
-                                                 final, after, clock)
+    corrected, without = None, None
+    if not quick and after is None:
+        corrected = notes.attempt("the fit with bricks", _with_bricks_alone, source, first, setting)
+    if not quick:
+        without = notes.attempt("what the model neglects", _neglected, here, before, absent, source,
+                                final if after is not None else corrected, after, clock)
     of_points = open_share(found.experiment) is not None and verdict.word not in ("none", "blind")
     advice = DRAW_FIRST if of_points else _separating_test(groups, setting, notes)
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, before, after, final, source, whole, effect(whole, unit),
                      grid, clock.seconds, active, tuple(own), margin, tuple(notes.told), channels, excesses[0],
-                     probability(verdict, rounds, excesses[0], channels), quick, blocks, thickness, last.other)
+                     probability(verdict, rounds, excesses[0], channels), quick, blocks, without, corrected,
+                     last.other)
 
 
-def _open_thickness(here: Identification, before: ResidualEvidence, source: ExperimentSource, final: Refit | None,
-                    after: ResidualEvidence | None, clock: Clock) -> OpenThickness | None:
-    """Of the last model; the parameters of one that was enriched are those of its final fit."""
+def _with_bricks_alone(source: ExperimentSource, null: Refit, setting: Setting) -> Refit | None:
+    """The identified model with the error of plane stress, fitted to the recording; None where that is not counted."""
+    if source.motion_error is None or source.motion_error.thickness is None:
+        return None
+    setting.stage("fit of the identified model with bricks of the thickness")
+    with setting.clock.step("final_s"):
+        found = _whole_fit(source, null, setting)
+        return _with_its_std(source, found, refit_residual(source.load(), found)) if found.usable else None
+
+
+def _with_its_std(source: ExperimentSource, found: Refit, residual: ResidualEvidence) -> Refit:
+    """A fit to the recording whose standard deviations know that the error of plane stress follows the law."""
+    factors = std_factors(identification_at(source.load(), found.values, found.local, found.steps), residual)
+    return replace(found, stds={name: None if std is None else std * factors.get(name, 1.0)
+                                for name, std in found.stds.items()})
+
+
+def _neglected(here: Identification, before: ResidualEvidence, errors: Mapping[str, MotionError] | None,
+               source: ExperimentSource, last: Refit | None, after: ResidualEvidence | None,
+               clock: Clock) -> Neglected | None:
+    """Of the last model.
+
+    errors : of `here`, where they are known; last, after : fit of the last model to the recording, where it is another
+    one, and its residual where a cause has joined it
+    """
     with clock.step("mesh_s"):
-        if final is None or after is None:
-            return open_thickness(here, before)
-        return open_thickness(identification_at(source.load(), final.values, final.local, final.steps), after)
+        if last is None:
+            return neglected(before, neglected_errors(here) if errors is None else errors)
+        there = identification_at(source.load(), last.values, last.local, last.steps)
+        return neglected(refit_residual(source.load(), last) if after is None else after, neglected_errors(there))
 
 
 def _separating_test(groups: Sequence[Group], setting: Setting, notes: Notes) -> str | None:
@@ -266,6 +299,7 @@ def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round], se
                                                                setting.seed)
         if other is not None and is_better(other, final):
             other, final, after = final, other, refit_residual(source.load(), other)
+        final = final if setting.quick else _with_its_std(source, final, after)
         if rounds[0].winner.ranked.candidate.kind.active:
             active = activity(identification_at(source.load(), final.values, final.local, final.steps))
     same = other is None or not is_another_answer(other, final)

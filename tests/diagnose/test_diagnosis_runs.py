@@ -217,10 +217,9 @@ def test_a_sound_model_is_left_in_peace(sound):
     assert content["mismatch"]["words"][0].startswith("No mismatch beyond noise and the practical margin: ")
     assert content["mismatch"]["located"] is False and content["mismatch"]["shown_by"] is None
     assert content["model"]["experiment"] is None and content["excluded"]
-    (caution,) = content["cautions"]  # between ends that keep their thickness 1.5 mm are not quite in plane stress
-    assert content["mismatch"]["p_value"] > 1e-3 and caution.startswith("Plane stress is an assumption")
-    before, told = (content["model"][f"parameters_{what}"]["BODY.E"] for what in ("before", "of_real_thickness"))
-    assert before["std"] < told["std"] and abs(told["value"] / before["value"] - 1.0) < 0.05
+    assert content["mismatch"]["p_value"] > 1e-3
+    # the true sheet is one of plane stress and small strains, and its recording refutes the rest
+    assert content["cautions"] == [] and content["model"]["parameters_of_real_body"] == {}
     page = (sound[0] / "diagnosis.html").read_text(encoding="utf-8")
     assert "no candidate was selected" in page and "Change of the parameters" not in page
 

@@ -1,4 +1,4 @@
-"""Bricks of the specimen's real thickness in the place of plane stress: a bent beam."""
+"""Bricks of the specimen's real thickness, and finite strains, in the place of plane stress and small strains."""
 
 import shutil
 from dataclasses import replace
@@ -6,14 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.diagnose.discretisation.open_thickness import open_thickness
-from idic.diagnose.discretisation.thickness_error import thickness_error
+from idic.diagnose.discretisation.combinations import (BRICKS, FINITE_STRAINS, Combination, drop_by,
+                                                       probabilities)
+from idic.diagnose.discretisation.neglected import neglected
+from idic.diagnose.discretisation.thickness_error import neglected_errors, thickness_error
 from idic.diagnose.discretisation.weight import change_matters, counts
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.experiment_file.load import load_rendered
 from idic.identify.systematic.real_thickness import MIDDLE, extruded
 from idic.fe.mesh.mesh import check_elements
+from idic.identify.in_memory import identify
 from idic.model.experiment import Prescribed
 from idic.model.forward import build_forward
 from idic.validation.trial.scenes.calculix import solve_with_calculix
@@ -36,6 +39,12 @@ def at_truth(folder, scene, motion, **other):
     experiment = load_rendered(folder, write_public(folder, scene, motion, Paint(1, 2)))
     values = {f"BODY.{name}": value for name, value in (NULLS["elastic"].truth | other).items()}
     return identification_at(experiment, values, np.zeros((experiment.n_frames, 1)), None)
+
+
+def with_bricks_known(found, error):
+    nothing = type(error)(np.zeros_like(error.u), np.zeros_like(error.channels))
+    experiment = replace(found.experiment, motion_error=nothing.with_thickness(error))
+    return replace(found, experiment=experiment, forward=build_forward(experiment))
 
 
 def test_a_bar_that_may_contract_is_in_plane_stress_whatever_its_thickness(tmp_path):
@@ -83,6 +92,38 @@ def test_the_error_of_plane_stress_is_that_against_bricks_of_another_program(tmp
     assert abs(error.channels[2, 0] - force) < 0.2 * force
 
 
+@needs_calculix
+def test_what_the_parameters_take_up_is_computed_though_no_residual_shows_it(tmp_path):
+    """A strip with a hole, bricks and finite strains by CalculiX; E comes out high by many standard deviations."""
+    scene = scene_of_world(specimen="hole", columns=132, frames=3, thickness=1.5)
+    found = identify(load_rendered(tmp_path, write_public(
+        tmp_path, scene, solve_with_calculix(as_solid(BENDING, scene)), Paint(1, 2))))
+    residual = residual_evidence(found, light=False)
+    entry, true = found.result["parameters"]["BODY.E"], NULLS["elastic"].truth["E"]
+    assert residual.context.experiment.motion_error is None
+    assert entry["value"] - true > 8.0 * entry["std"]
+    errors = neglected_errors(found)
+    told = neglected(residual, errors)
+    assert set(errors) == set(told.full) == {BRICKS, FINITE_STRAINS} and min(told.probability.values()) > 0.5
+    std = np.hypot(entry["std"], told.change_std["BODY.E"])
+    assert abs(entry["value"] + told.change["BODY.E"] - true) < 2.0 * std < 0.5 * (entry["value"] - true)
+    assert set(neglected_errors(with_bricks_known(found, errors[BRICKS]))) == {FINITE_STRAINS}
+
+
+def test_the_recording_of_a_sheet_of_small_strains_refutes_bricks_and_finite_strains():
+    """Rises of chi-square as in such a recording; then those that a body of both leaves."""
+    def tried(*rises):
+        effects = ((), (BRICKS,), (FINITE_STRAINS,), (BRICKS, FINITE_STRAINS))
+        return tuple(Combination(some, rise, np.array([move])) for some, rise, move in zip(
+            effects, rises, (0.0, -20.0, -30.0, -50.0),
+            strict=True))
+
+    sheet, body = tried(0.0, 40.0, 30.0, 60.0), tried(0.0, -10.0, 14.0, -40.0)
+    assert probabilities(sheet)[0] > 0.99 and probabilities(body)[3] > 0.99
+    assert drop_by(sheet, BRICKS) == -40.0 and drop_by(body, BRICKS) == 40.0
+    assert probabilities(tried(0.0, 0.0, 0.0, 0.0)).tolist() == pytest.approx([0.05, 0.05, 0.45, 0.45])
+
+
 @pytest.mark.slow
 def test_an_error_that_the_stiffness_takes_up_is_counted_and_said(tmp_path):
     """A strip whose motion hardly tells bricks from plane stress, and whose force follows E."""
@@ -90,14 +131,12 @@ def test_an_error_that_the_stiffness_takes_up_is_counted_and_said(tmp_path):
     motion = solve(scene)
     found = at_truth(tmp_path / "one", scene, motion)
     residual, error = residual_evidence(found), thickness_error(found)
-    said = open_thickness(found, residual)
-    assert 0.0 <= said.share <= 1.0 and 0.0 < said.share_std <= 0.5
-    assert -0.04 < said.moves["BODY.E"] / 2000.0 < -0.01  # bricks are stiffer by 2 %
+    said = neglected(residual, {BRICKS: error})
+    assert 0.0 < said.probability[BRICKS] < 1.0 and said.change_std["BODY.E"] > 0.0
+    assert -0.04 < said.full[BRICKS]["BODY.E"] / 2000.0 < -0.01  # bricks are stiffer by 2 %
     lateral = thickness_error(at_truth(tmp_path / "two", scene, motion, nu=0.36))
     assert not counts(residual, type(error)(lateral.u - error.u, lateral.channels - error.channels))
     nothing = type(error)(np.zeros_like(error.u), np.zeros_like(error.channels))
     old, new = (nothing.with_thickness(one) for one in (error, lateral))
     assert change_matters(residual, old, new) and not change_matters(residual, old, old)
-    experiment = replace(found.experiment, motion_error=old)
-    knowing = replace(found, experiment=experiment, forward=build_forward(experiment))
-    assert open_thickness(knowing, residual_evidence(knowing)) is None
+    assert BRICKS not in neglected_errors(with_bricks_known(found, error))

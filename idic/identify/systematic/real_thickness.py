@@ -28,8 +28,7 @@ def can_be_thick(experiment: Experiment) -> bool:
              and "geometry.thickness" not in experiment.parameters)
     further = (experiment.loads, experiment.temperatures, experiment.heterogeneities, experiment.morphs)
     return (plain and not any(further) and all(block.cell == "quad8" for block in experiment.mesh.blocks)
-            and all(isinstance(entry.drive, (Constant, Column)) and not entry.drive.corrections
-                    for entry in experiment.prescribed)
+            and all(isinstance(entry.drive, (Constant, Column)) for entry in experiment.prescribed)
             and all(channel.kind == "reaction" for channel in experiment.channels))
 
 

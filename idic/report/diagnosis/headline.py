@@ -21,7 +21,9 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
     """
     word, share = content["verdict"], content["fit"]["explainable_share_recovered"]
     if word == "none":
-        return f"No missing physics is significant: the residual of images and channels is {_nothing(content)}."
+        moved = moves(content, "parameters_of_real_body")
+        body = f"; for a body of real thickness and finite strains {', '.join(moved)}" if moved else ""
+        return f"No missing physics is significant: the residual of images and channels is {_nothing(content)}{body}."
     if word == "blind":
         return "This test says nothing about missing physics."
     if word == "outside_library" and not (content["named"] and (share or 0.0) > MOSTLY):
@@ -115,9 +117,9 @@ def _is_formulation(content: Mapping, one: Mapping) -> bool:
     return one["new"] == [] and not one["equals"] and any(other["new"] for other in others)
 
 
-def moves(content: Mapping) -> list[str]:
-    """How the missing cause had biased the parameters."""
-    before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
+def moves(content: Mapping, of_model: str = "parameters_after") -> list[str]:
+    """How the missing cause, or what the model neglects, had biased the parameters."""
+    before, after = content["model"]["parameters_before"], content["model"].get(of_model, {})
     shown, found = short_names(after), []
     for name, old in before.items():
         new = after.get(name)

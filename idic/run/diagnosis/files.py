@@ -16,6 +16,7 @@ from idic.diagnose.courses import courses_of
 from idic.diagnose.findings import mismatch_content, refitted_form, unexplained
 from idic.diagnose.locate.left_place import left_place
 from idic.diagnose.locate.place import in_words
+from idic.diagnose.refit import Refit
 from idic.diagnose.residual.heldout import Fit, better_blocks, ratio
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX, Margin
 from idic.diagnose.screen.select import Ranked
@@ -69,7 +70,7 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
         "indistinguishable": [list(group) for group in verdict.indistinguishable],
         "next_experiment": verdict.next_experiment,
         "model": {"parameters_before": before, "parameters_after": _after(diagnosis),
-                  "parameters_of_real_thickness": of_real_thickness(diagnosis, _after(diagnosis) or before),
+                  "parameters_of_real_body": of_real_body(diagnosis, _after(diagnosis) or before),
                   "experiment": None},
         "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded if entry["name"] not in near],
         "cannot_tell": list(verdict.cannot_tell), "probability": diagnosis.probability,
@@ -182,33 +183,38 @@ def free_parameters(result: Mapping) -> dict[str, dict]:
 def _after(diagnosis: Diagnosis) -> dict:
     if diagnosis.final is None or not diagnosis.final.usable:
         return {}
-    parameters: ParameterSet = diagnosis.residual_after.context.experiment.parameters
+    return _refitted(diagnosis.final, diagnosis.residual_after.context.experiment.parameters)
+
+
+def _refitted(refit: Refit, parameters: ParameterSet) -> dict[str, dict]:
+    """Value, std, unit of the free parameters of a refit."""
     shown = {}
-    for name, std in diagnosis.final.stds.items():
+    for name, std in refit.stds.items():
         factor = parameters[name].factor
-        shown[name] = {"value": diagnosis.final.values[name] / factor,
-                       "std": None if std is None else std / abs(factor),
+        shown[name] = {"value": refit.values[name] / factor, "std": None if std is None else std / abs(factor),
                        "unit": parameters[name].unit}
     return shown
 
 
-def of_real_thickness(diagnosis: Diagnosis, last: Mapping[str, Mapping]) -> dict[str, dict]:
-    """Value and std that count what plane stress may have done to the parameters of the last model; {} where the
-    recording tells, or it does nothing.
+def of_real_body(diagnosis: Diagnosis, last: Mapping[str, Mapping]) -> dict[str, dict]:
+    """Value and std of a body of real thickness and finite strains, where the last model neglects them and its
+    parameters depend on them; {} elsewhere.
 
     last : their value, std and unit
     """
-    thickness, parameters = diagnosis.open_thickness, diagnosis.found.experiment.parameters
-    if thickness is None:
-        return {}
+    absent, parameters = diagnosis.neglected, diagnosis.found.experiment.parameters
+    if diagnosis.corrected is not None:
+        last = _refitted(diagnosis.corrected, parameters)
+    if absent is None:
+        return dict(last) if diagnosis.corrected is not None else {}
     if diagnosis.residual_after is not None:
         parameters = diagnosis.residual_after.context.experiment.parameters
     made = {}
     for name, entry in last.items():
-        if name in thickness.moves and entry["std"] is not None:
-            move = thickness.moves[name] / parameters[name].factor
-            made[name] = entry | {"value": entry["value"] + thickness.share * move,
-                                  "std": float(np.hypot(entry["std"], thickness.share_std * move))}
+        if name in absent.change and entry["std"] is not None:
+            factor = parameters[name].factor
+            made[name] = entry | {"value": entry["value"] + absent.change[name] / factor,
+                                  "std": float(np.hypot(entry["std"], absent.change_std[name] / factor))}
     return made
 
 
