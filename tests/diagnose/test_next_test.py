@@ -141,7 +141,8 @@ def test_a_test_whose_edges_are_known_from_images_alone_is_not_continued(tmp_pat
     assert reason_against_continuation(experiment) == ("the motion of LEFT along x, LEFT along y is known from images "
                                                        "alone")
     noise = SimpleNamespace(excess=0.0, excess_std=0.1, excess_z=0.0)
-    verdict = SimpleNamespace(word="set", indistinguishable=(("one", "other"),), before=noise, after=noise)
+    verdict = SimpleNamespace(word="set", indistinguishable=(("one", "other"),), before=noise, after=noise,
+                              in_channels=())
     undecided = SimpleNamespace(found=found, active=None, rounds=(), verdict=verdict, excess_left=(), margin=Margin(),
                                 quick=False, channels=(), register=None, neglected=None, corrected=None,
                                 other_axis=None, residual_after=None,
