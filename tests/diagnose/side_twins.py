@@ -8,7 +8,7 @@ for it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from idic.virtual_tests.render import Sensor, clean_image, painted, record
 
 LENGTH, WIDTH, RADIUS, PIXEL, THICKNESS = 10.0, 6.0, 1.0, 0.06, 1.5  # mm
 SHAPE, ORIGIN = (116, 184), (91.7, 57.4)  # px
+HOLE_REACH = 2.6  # mm from the middle, where the mesh of a misplaced hole is that of the plain strip
 TRUTH = {"E": 2000.0, "nu": 0.35}
 NOISE, FORCE_NOISE, GRIP_NOISE = 2.0, 0.5, 2e-4  # GV, N, mm
 TIMES = np.arange(12.0)
@@ -87,12 +88,16 @@ class Side:
     log_late: float = 0.0  # s by which the log lags behind the images
     compliance: float = 0.0  # mm/N of the machine, in the log
     radius: float = RADIUS  # mm, of the hole
+    hole_at: tuple[float, float] = (0.0, 0.0)  # mm, its centre
     toe: Callable | None = None  # way (mm) that the log shows and the specimen does not, of the force (n_frames,)
 
 
 def truth(side: Side):
     """Clean motion and force on the fine mesh  # mesh, (n_frames, n_nodes, 2), (n_frames,)"""
     mesh = strip_with_hole(LENGTH, WIDTH, side.radius, "quad8", 8, 8, 6, name="BODY")
+    if any(side.hole_at):  # the nodes around it move along, less and less outwards
+        share = np.clip((HOLE_REACH - np.hypot(*mesh.nodes.T)) / (HOLE_REACH - side.radius), 0.0, 1.0)
+        mesh = replace(mesh, nodes=mesh.nodes + share[:, None] * side.hole_at)
     factor = np.ones(mesh.n_elements)
     if side.modulus is not None:
         centres = np.array([mesh.nodes[conn[:4]].mean(axis=0) for conn in mesh.blocks[0].connectivity])

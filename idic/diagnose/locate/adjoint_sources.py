@@ -33,7 +33,7 @@ MAX_ELEMENT_P = 0.01  # family-wise, for an element to be named
 DIAGONAL_SHIFT = 1e-5  # of the largest diagonal: pixel sums are single precision, and some nodes see a pixel or two
 MAX_COVARIANCE_DIFFERENCE = 0.05  # of the largest entry: draws of noise need their covariance to a few per cent
 MIN_WINDOW_Z2 = 16.0  # z² of an element that shows in one window: four standard deviations
-MIN_SOURCE_SHARE = 0.5  # of the largest statistic: elements of the source
+MIN_SOURCE_SHARE = 0.35  # of the largest statistic, 0.6 of the largest derivative: elements of the source
 
 
 @dataclass(frozen=True, eq=False)
