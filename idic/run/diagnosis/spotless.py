@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
+from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.spots import LeftOut, find_spots
 from idic.identify.in_memory import Identification, identify
 from idic.model.experiment import Experiment
-from idic.run.diagnosis.source import Source
 
 
-def without_spots(source: Source, found: Identification,
-                  stage: Callable[[str], None]) -> tuple[Source, Identification, LeftOut | None]:
+def without_spots(source: ExperimentSource, found: Identification,
+                  stage: Callable[[str], None]) -> tuple[ExperimentSource, Identification, LeftOut | None]:
     """The source and the identification without the pixels of spots; as they are, and None, where there is none."""
     spots = find_spots(found)
     if not spots:

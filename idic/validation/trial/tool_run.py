@@ -20,6 +20,7 @@ from idic.diagnose.chain import Diagnosis, diagnose
 from idic.diagnose.screen.candidate import Candidate
 from idic.experiment_file.recording import Frames
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
+from idic.diagnose.selection.rounds import silent
 from idic.identify.in_memory import Identification, identify
 from idic.identify.input_noise import measured_noise
 from idic.images.stack import ArrayStack, Stack
@@ -28,6 +29,7 @@ from idic.model.motion_error import MotionError
 from idic.run.diagnosis.files import diagnosis_content, free_parameters
 from idic.run.diagnosis.refits import run_refits
 from idic.run.diagnosis.source import EditedFolder
+from idic.run.diagnosis.spotless import without_spots
 from idic.validation.trial.ablations import ablations, omnibus
 from idic.validation.trial.scenes.recording import IMAGES
 from idic.workers.runner import SerialRunner
@@ -104,7 +106,9 @@ def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_abla
         if with_ablations and not ablated:
             ablated.append(ablations(*seen))
 
-    diagnosis = diagnose(source, found, partial(run_refits, SerialRunner(), None), library=library, watch=watch)
+    there, without, spots = without_spots(source, found, silent)
+    diagnosis = diagnose(there, without, partial(run_refits, SerialRunner(), None), library=library, watch=watch)
+    diagnosis = replace(diagnosis, spots=spots)
     READ_FOLDERS.pop(str(folder), None)
     before = free_parameters(found.result)
     content = diagnosis_content(diagnosis, before, time.process_time() - began)
