@@ -20,8 +20,8 @@ MIN_NEGLECTED_STD = 0.5  # of a parameter by what is neglected: more is said and
 class Neglected:
     """What the neglected effects do to the parameters; all parameters in internal units.
 
-    probability : of each effect, by the recording; full : by how much each free parameter would move with all of an
-    effect, of those that matter; change, change_std : of each free parameter, mean and standard deviation over all
+    probability : of each effect, by the recording; full : by how much free parameters would move with all of an
+    effect, where it matters to them; change, change_std : of each free parameter, mean and standard deviation over all
     combinations of effects
     """
 
@@ -49,8 +49,11 @@ def neglected(residual: ResidualEvidence, errors: Mapping[str, MotionError]) -> 
         return None
     probability = {effect: float(sum(weight for weight, one in zip(weights, tried, strict=True)
                                      if effect in one.effects)) for effect in errors}
-    full = {one.effects[0]: dict(zip(null.names, one.moves.tolist(), strict=True)) for one in tried
-            if len(one.effects) == 1
-            and np.abs(one.moves / noise).max(initial=0.0) * probability[one.effects[0]]**0.5 >= MIN_NEGLECTED_STD}
+    full = {}
+    for (effect,), moves_by in ((one.effects, one.moves) for one in tried if len(one.effects) == 1):
+        matters = np.abs(moves_by) / noise * probability[effect]**0.5 >= MIN_NEGLECTED_STD
+        if matters.any():
+            full[effect] = {name: float(move) for name, move, told in zip(null.names, moves_by, matters, strict=True)
+                            if told}
     return Neglected(probability, full, dict(zip(null.names, mean.tolist(), strict=True)),
                      dict(zip(null.names, std.tolist(), strict=True)))
