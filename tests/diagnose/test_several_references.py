@@ -10,6 +10,7 @@ from idic.diagnose.locate.onset import MotionRecord
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.evidence import Columns, noise_share
 from idic.diagnose.residual.excess import pixel_tests
+from idic.diagnose.residual.grey_value_effects import columns_of_kind
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.noise_draws import recorded_frames
 from idic.diagnose.residual.residual_evidence import residual_evidence
@@ -52,6 +53,19 @@ def test_white_noise_has_unit_variance(residual):
     assert abs(found.excess_z) < SIGMAS
     omnibus = next(test for test in pixel_tests(residual) if test.name == "omnibus")
     assert 1e-5 < omnibus.p_value < 1.0 - 1e-5
+
+
+@pytest.mark.parametrize("kind", ["gain", "offset", "light"])
+def test_light_that_is_alike_all_over_a_frame_tells_nothing(residual, kind):
+    """Every frame has its own gain and offset: the sum of all places is one of them, but for rounding."""
+    evidence = residual.evidence
+    ways = columns_of_kind(evidence.pixel_names, kind, float(residual.context.reference.f.mean()))
+    n = ways.shape[1]
+    columns = Columns(tuple(map(str, range(n))), np.zeros((T, len(evidence.seen), n)),
+                      np.zeros((*residual.channels.shape, n)), np.linspace(0.1, 1.0, T)[:, None, None] * ways)
+    found = score(evidence, null_model(evidence, residual.null), columns)
+    assert abs(found.information.sum()) < 1e-3 * np.trace(found.information)  # images in single precision
+    assert abs(found.U.sum()) < 1e-2 * np.abs(found.U).max()
 
 
 def test_columns_of_grey_values_meet_noise_alone(residual):

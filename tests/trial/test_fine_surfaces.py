@@ -37,5 +37,6 @@ def test_sharp_images_of_a_fine_pattern_show_no_loss_of_focus(tmp_path):
 
 @pytest.mark.slow  # 8 s of CPU time
 def test_a_loss_of_focus_is_named_on_a_fine_pattern(tmp_path):
-    answer, _ = defocus_of(tmp_path, 0.06)
+    answer, entry = defocus_of(tmp_path, 0.06)
     assert answer["named"] == ["defocus"]
+    assert next(iter(entry["expected_change"].values())) == pytest.approx(0.06, rel=0.1)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from idic.diagnose.candidates.illumination import courses
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 
-MIN_BLUR_PX2 = 1.0 / 48.0  # a quarter of the variance of a pixel's area; demosaiced and compressed images: up to 0.019
+MIN_BLUR_PX2 = 1.0 / 60.0  # a fifth of the variance of a pixel's area; demosaiced and compressed images: up to 0.015
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:

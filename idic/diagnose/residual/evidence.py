@@ -197,9 +197,10 @@ class Evidence:
             n, rows = len(part.q), white.channels[t]
             bordered = part.border[n:].T @ rows
             if part.pixel is not None:
-                amplitudes = white.amplitudes(k)[t]
-                bordered = bordered + part.pixel.border.T @ amplitudes
-                pixels[t] = part.pixel.gram @ amplitudes - part.pixel.border @ (part.inner @ bordered)
+                pixel, amplitudes = part.pixel, white.amplitudes(k)[t]
+                pixels[t] = (pixel.gram @ amplitudes - pixel.border @ (part.inner @ bordered)
+                             - pixel.among @ (part.inner @ (pixel.among.T @ amplitudes)))
+                bordered = bordered + pixel.border.T @ amplitudes
             channels[t] = self.channel_weight[:, None] * rows - part.border[n:] @ (part.inner @ bordered)
         return Columns(white.names, white.fields, channels, pixels)
 
@@ -214,7 +215,8 @@ class Evidence:
         heavy = heavy + pixel.gram @ amplitudes
         own = part.inner @ (pixel.border.T @ amplitudes)
         return (fields + pixel.coupling @ amplitudes - part.border[:n] @ own, channels - part.border[n:] @ own,
-                heavy - pixel.border @ (part.inner @ bordered + own))
+                heavy - pixel.border @ (part.inner @ bordered)
+                - pixel.among @ (part.inner @ (pixel.among.T @ amplitudes)))
 
     def weigh(self, part: FrameEvidence, fields: np.ndarray, channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One frame of `weighed`  # (n_seen, K), (n_channels, K)"""

@@ -34,13 +34,14 @@ class PixelPart:
     """What one white frame knows of the pixel columns, weighed by 1/sigma^2.
 
     coupling : (n_seen, k) with motions; gram : (k, k); q : (k,) with the residual; border : (k, m) with the frame's own
-    unknowns.
+    unknowns; among : (k, m) the same in products of these columns with each other, whose weights are square roots.
     """
 
     coupling: np.ndarray
     gram: np.ndarray
     q: np.ndarray
     border: np.ndarray
+    among: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +69,9 @@ def pixel_basis(context: CorrelationContext) -> PixelBasis:
     correlation = None if found is None else np.array(found.correlation)
     recorded = noise if found is None else found.recorded_gv**2
     share = np.array([_noise_left(pm, column, std, correlation) for column in images.T])
+    kinds, power = np.array([kind for kind, _ in names]), (images**2).sum(axis=0)
+    for kind in (GAIN, OFFSET, BLUR):  # alike in all places: the sum of a kind's hats is an unknown of every frame
+        share[kinds == kind] = np.average(share[kinds == kind], weights=power[kinds == kind])
     weight = context.weights.image_noise**2 / (recorded * share)
     bias = np.zeros(len(names))
     bias[-1] = blur_bias(context.experiment.noise, reference) * len(f)
@@ -99,8 +103,9 @@ def pixel_parts(context: CorrelationContext, basis: PixelBasis, maps: Sequence[t
         white = np.where(valid, r.astype(float) - c * shared, 0.0) / np.sqrt(kappa[t])
         q = (basis.images.T @ white - basis.bias * free / np.sqrt(kappa[t])) * inverse * basis.weight
         own = local_columns[t]
-        border = np.hstack([pushed.T @ own, bright]) * inverse * basis.weight[:, None]
-        parts.append(PixelPart(pushed[seen] * inverse * basis.weight, gram, q, border))
+        border = np.hstack([pushed.T @ own, bright]) * inverse
+        parts.append(PixelPart(pushed[seen] * inverse * basis.weight, gram, q, border * basis.weight[:, None],
+                               border * root_weight[:, None]))
     return parts
 
 
@@ -117,11 +122,12 @@ def joined_pixels(bases: Sequence[PixelBasis], parts: Sequence[Sequence[PixelPar
         first = 1 + max((number for _, number in names), default=-1)
         names += [(kind, first + number) for kind, number in basis.names]
     for of_cameras in zip(*parts, strict=True):
-        local = np.vstack([part.border[:, :n_local] for part in of_cameras])
-        own = block_diag(*(part.border[:, n_local:] for part in of_cameras))
+        border, among = (np.hstack([np.vstack([own[:, :n_local] for own in owns]),
+                                    block_diag(*(own[:, n_local:] for own in owns))])
+                         for owns in ([part.border for part in of_cameras], [part.among for part in of_cameras]))
         joined.append(PixelPart(block_diag(*(part.coupling for part in of_cameras)),
                                 block_diag(*(part.gram for part in of_cameras)),
-                                np.concatenate([part.q for part in of_cameras]), np.hstack([local, own])))
+                                np.concatenate([part.q for part in of_cameras]), border, among))
     return tuple(names), joined
 
 
