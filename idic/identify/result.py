@@ -56,6 +56,8 @@ MESH_COUNTED = ("the error by the mesh was estimated by a simulation on a finer 
 MESH_CONTRADICTED = ("a simulation on a finer mesh leaves a residual that the recording does not show: std does not "
                      "count the error by the mesh")
 MESH_NOT_COUNTED = "std does not count the error by the mesh; idic systematic estimates it (discretisation_bias)"
+SMALL_STRAINS = ('small strains are an assumption: the same law with finite strains (kinematics = "finite") would '
+                 "move {}; std does not count it")
 STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
 
 
@@ -119,7 +121,22 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
             entry["mesh_bias"] = float(analysis.direction(p.name) @ analysis.mesh_bias) / p.factor
             entry["discretisation_bias"] = entry["mesh_bias"] + (entry["time_bias"] or 0.0)
         result["parameters"][p.name] = entry
+    if analysis is not None:
+        result["notes"] += strain_notes(analysis, result["parameters"])
     return result
+
+
+def strain_notes(analysis: Analysis, entries: Mapping[str, Mapping]) -> list[str]:
+    """Where a law of small strains moves parameters by more than their standard deviation."""
+    if analysis.strain_bias is None:
+        return []
+    moved = []
+    for name in analysis.names:
+        entry, p = entries[name], analysis.parameters[name]
+        bias = float(analysis.direction(name) @ analysis.strain_bias) / p.factor
+        if entry["std"] is not None and abs(bias) > entry["std"]:
+            moved.append(f"{name} by {-bias:+.2g} {entry['unit']}".rstrip(" -") + f" (std {entry['std']:.2g})")
+    return [SMALL_STRAINS.format(", ".join(moved))] if moved else []
 
 
 def _parameter_entry(p, start: ParameterSet, analysis: Analysis | None) -> dict:
@@ -168,6 +185,8 @@ class Analysis:
         self.mesh_contradicted = known is not None and not self.variances.mesh
         own = None if known is None or self.mesh_contradicted else self.scaled.slopes * known[:len(self.names)]
         self.mesh_bias = None if own is None else answer @ own  # (n,) scaled
+        strains = None if isinstance(discrepancy, str) else discrepancy.strain_error
+        self.strain_bias = None if strains is None else answer @ (self.scaled.slopes * strains[:len(self.names)])
         self.covariance = self.of_noise if self.of_model is None else self.of_noise + self.of_model
         self.share = undetermined_share(self.found)
 

@@ -29,6 +29,8 @@ def save_discrepancy(store: RunStore, number: int, found: DiscrepancySystem | st
                 write_array(folder, name, getattr(found, name))
             if found.mesh_error is not None:
                 write_array(folder, "mesh_column", found.mesh_error)
+            if found.strain_error is not None:
+                write_array(folder, "strain_column", found.strain_error)
             for component in found.components:
                 write_array(folder, f"root_{component.name}", component.root)
 
@@ -41,9 +43,10 @@ def load_discrepancy(store: RunStore, number: int) -> DiscrepancySystem | str:
     kind = zarr.open_group(store=str(folder), mode="r").attrs["ident"]
     if kind["reason"]:
         return str(kind["reason"])
-    mesh_error = read_array(folder, "mesh_column") if (folder / "mesh_column").exists() else None
+    mesh_error, strain_error = (read_array(folder, name) if (folder / name).exists() else None
+                                for name in ("mesh_column", "strain_column"))
     components = tuple(Component(name, read_array(folder, f"root_{name}")) for name in kind["components"])
     M, noise = (upper + np.triu(upper, 1).T for upper in (np.triu(read_array(folder, name)) for name in SYMMETRIC))
     return DiscrepancySystem(tuple(kind["names"]), M, read_array(folder, "b"), noise, components,
                              dict(kind["motion_px"]), read_array(folder, "channel_rows"), mesh_error,
-                             bool(kind.get("may_be_rough", True)))
+                             bool(kind.get("may_be_rough", True)), strain_error)

@@ -27,6 +27,7 @@ from idic.identify.discrepancy.fields import (
     hats_over, root_of,
 )
 from idic.identify.discrepancy.mesh_error import MeshError, is_counted, mesh_error
+from idic.identify.discrepancy.strain_error import strain_error
 from idic.identify.step.state import Evaluation
 from idic.identify.two_step import is_two_step
 from idic.model.experiment import Experiment
@@ -34,6 +35,7 @@ from idic.model.forward import ForwardModel
 from idic.parameters import ParameterSet
 
 MOTION, STRESS, CHANNEL = "motion", "stress", "channel"
+MESH, STRAINS = "mesh", "small strains"  # errors of known size
 MAX_BYTES, COPIES = 1.5e9, 12  # of nodal arrays of all unknowns at a time
 STRESS_FRAMES = 6  # in which the answer to stress errors is computed; linear in between
 
@@ -62,6 +64,7 @@ class DiscrepancySystem:
     (`idic.identify.discrepancy.mesh_error`);
     may_be_rough : whether what is finer than the fields may count as noise does. Not on solids whose mesh error, which
     moves parameters by more than noise of that size would, is not estimated
+    strain_error : (n + q,) the error of b by small strains, None where the laws have no finite form
     """
 
     names: tuple[str, ...]
@@ -73,6 +76,7 @@ class DiscrepancySystem:
     channel_rows: np.ndarray | None = None
     mesh_error: np.ndarray | None = None
     may_be_rough: bool = True
+    strain_error: np.ndarray | None = None
 
     @property
     def n(self) -> int:
@@ -118,7 +122,7 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
     frames = correlated_frames(experiment, range(experiment.n_frames))
     fields = _Fields.of(context, forward, local, u, frames)
     wide = fields.among(context)
-    names = (*context.names, *(f"discrepancy.{i}" for i in range(fields.n_unknowns + fields.n_mesh)))
+    names = (*context.names, *(f"discrepancy.{i}" for i in range(fields.n_unknowns + len(fields.errors))))
     last = [0.0]
 
     def systems() -> Iterator:
@@ -129,12 +133,13 @@ def discrepancy_system(context: CorrelationContext, forward: object, local: np.n
 
     system, gram = closed_system(wide, reduce_systems(systems()))
     noise, rows = system.spread + context.weights.image_noise**2 * gram, [r.channel_columns for r in system.frames]
-    size = len(context.names) + fields.n_unknowns  # the mesh error is a column beyond
+    size = len(context.names) + fields.n_unknowns  # the errors are columns beyond
+    by_error = {name: system.M[:size, size + k] for k, name in enumerate(fields.errors)}
     M, noise = _symmetric(system.M[:size, :size]), _symmetric(noise[:size, :size])
     return DiscrepancySystem(context.names, M, system.b[:size], noise,
                              fields.components, {MOTION: last[0] / experiment.camera.pixel_size},
-                             np.array(rows)[..., :size], system.M[:size, size] if fields.mesh else None,
-                             experiment.n_dim == 2 or fields.mesh is not None)
+                             np.array(rows)[..., :size], by_error.get(MESH),
+                             experiment.n_dim == 2 or MESH in by_error, by_error.get(STRAINS))
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:
@@ -158,7 +163,7 @@ def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
     n, made = len(free), {name: part for name, part in parts.items() if not isinstance(part, str)}
     size = n + sum(len(part.b) - part.n for part in made.values())
     M, noise, b = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
-    first, components, rows, mesh_error = n, [], [], np.zeros(size)
+    first, components, rows, mesh_error, strains = n, [], [], np.zeros(size), np.zeros(size)
     for name, part in made.items():
         own = len(part.b) - part.n
         place = np.array([*(free.index(names[name][p]) for p in part.names), *range(first, first + own)])
@@ -170,13 +175,16 @@ def joined(parts: Mapping[str, DiscrepancySystem | str], free: Sequence[str],
         b[place] += part.b
         if part.mesh_error is not None:
             mesh_error[place] += part.mesh_error
+        if part.strain_error is not None:
+            strains[place] += part.strain_error
         components += [Component(f"{name}.{c.name}", c.root) for c in part.components]
         first += own
     return DiscrepancySystem(tuple(free), M, b, noise, tuple(components),
                              {f"{name}.{key}": px for name, part in made.items() for key, px in part.motion_px.items()},
                              _one_after_the_other(rows) if len(rows) == len(made) else None,
                              mesh_error if any(part.mesh_error is not None for part in made.values()) else None,
-                             all(part.may_be_rough for part in made.values()))
+                             all(part.may_be_rough for part in made.values()),
+                             strains if any(part.strain_error is not None for part in made.values()) else None)
 
 
 def _one_after_the_other(rows: Sequence[np.ndarray]) -> np.ndarray:
@@ -192,22 +200,22 @@ def _one_after_the_other(rows: Sequence[np.ndarray]) -> np.ndarray:
 class _Fields:
     """The fields of an experiment, frame by frame.
 
-    known : per frame, the answer to stress errors, None with an external solver; mesh : the error of the mesh, None
-    where it is not estimated
+    known : per frame, the answer to stress errors, None with an external solver; errors : of known size, by name, as
+    far as they are estimated
     """
 
     experiment: Experiment
     hats: Hats
     frames: Sequence[int]
     known: dict[int, Responses] | None
-    mesh: MeshError | None
+    errors: Mapping[str, MeshError]
 
     @classmethod
     def of(cls, context: CorrelationContext, forward: object, local: np.ndarray, u: Iterable[np.ndarray],
            frames: Sequence[int]) -> _Fields:
         experiment = context.experiment
         hats = hats_over(experiment.mesh.nodes)
-        known, mesh = None, None
+        known, errors = None, {}
         if isinstance(forward, ForwardModel):
             spread = np.linspace(0, len(frames) - 1, min(STRESS_FRAMES, len(frames))).round().astype(int)
             chosen, motion = np.array(frames)[np.unique(spread)], {}
@@ -215,8 +223,9 @@ class _Fields:
                                       _recorded(u, experiment.reference + 1, set(chosen.tolist()), motion), chosen,
                                       hats)
             if is_counted(experiment):
-                mesh = mesh_error(experiment, forward, context.parameters, local, motion)
-        return cls(experiment, hats, frames, known, mesh)
+                errors[MESH] = mesh_error(experiment, forward, context.parameters, local, motion)
+            errors[STRAINS] = strain_error(experiment, forward, context.parameters, local, motion)
+        return cls(experiment, hats, frames, known, {name: own for name, own in errors.items() if own is not None})
 
     @property
     def sizes(self) -> tuple[int, int, int]:
@@ -228,11 +237,6 @@ class _Fields:
     def n_unknowns(self) -> int:
         motion, stress, channels = self.sizes
         return N_COURSES * (motion + stress) + N_CHANNEL_COURSES * channels
-
-    @property
-    def n_mesh(self) -> int:
-        """Columns of the mesh error: one or none."""
-        return int(self.mesh is not None)
 
     @property
     def components(self) -> tuple[Component, ...]:
@@ -247,7 +251,7 @@ class _Fields:
 
     def among(self, context: CorrelationContext) -> CorrelationContext:
         """The context with a column per field and channel."""
-        extra = tuple(f"discrepancy.{i}" for i in range(sum(self.sizes) + self.n_mesh))
+        extra = tuple(f"discrepancy.{i}" for i in range(sum(self.sizes) + len(self.errors)))
         wide = replace(context, names=(*context.names, *extra), moving=(*context.moving, *extra))
         return replace(wide, others=tuple(replace(other, names=wide.names, moving=wide.moving)
                                           for other in context.others))
@@ -261,8 +265,8 @@ class _Fields:
         if stress:
             fields[:, :d, motion:motion + stress], readings[:, motion:motion + stress] = self._stress(response.frame)
         readings[:, motion + stress:] = np.diag(response.channels)
-        if self.mesh is not None:
-            u, own = self.mesh.at(response.frame)
+        for error in self.errors.values():
+            u, own = error.at(response.frame)
             fields, readings = np.concatenate([fields, u[..., None]], axis=2), np.hstack([readings, own[:, None]])
         return replace(response, du=np.concatenate([response.du, fields], axis=2),
                        dchannels=np.hstack([response.dchannels, readings]))
@@ -287,8 +291,8 @@ class _Fields:
                   sparse.kron(sparse.eye_array(motion + stress), courses(np.array([at]), N_COURSES))]
         if channels:
             blocks.append(sparse.kron(sparse.eye_array(channels), courses(np.array([at]), N_CHANNEL_COURSES)))
-        if self.n_mesh:
-            blocks.append(sparse.eye_array(1))
+        if self.errors:
+            blocks.append(sparse.eye_array(len(self.errors)))
         return sparse.csc_array(sparse.block_diag(blocks))
 
 
