@@ -65,7 +65,8 @@ def test_every_candidate_has_a_twin_in_which_it_is_concealed():
     # test_lens_candidates.py, test_stereo.py; the first and the last are concealed there
     before_a_lens = {"specimen_motion", "focal_length", "placement", "stereo_angle"}
     of_points = {"outline"}  # tests/identify/test_rail_shear.py
-    concealed = {name.split("_of_")[0] for name in TRUTHS} | set(SIDES) | before_a_lens | of_points
+    spots = {"dust", "paint_loss"}  # test_spots.py: named, with the right parameters
+    concealed = {name.split("_of_")[0] for name in TRUTHS} | set(SIDES) | before_a_lens | of_points | spots
     assert {c.name for c in candidates()} <= concealed
 
 
