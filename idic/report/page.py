@@ -83,7 +83,12 @@ def draw_sections(record: RunRecord, draw_all: Callable[[Sequence[Callable[[], A
 
     draw_all : called with the functions of `parts`; returns their results in the same order
     """
-    plan = plan_sections(record)
+    return drawn_sections(plan_sections(record), draw_all)
+
+
+def drawn_sections(plan: Sequence[PlannedSection],
+                   draw_all: Callable[[Sequence[Callable[[], Any]]], list] = in_turn) -> tuple[Section, ...]:
+    """The sections of a plan; draw_all : as for `draw_sections`"""
     drawn = iter(draw_all(parts(plan)))
     sections = []
     for one in plan:

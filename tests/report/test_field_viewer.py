@@ -16,7 +16,7 @@ from idic.model.gauges import Gauge
 from idic.report.fields import viewer
 from idic.report.fields.tables import gauge_tables
 from idic.report.fields.viewer import viewer_data
-from idic.report.page import _fields, render_page
+from idic.report.page import _fields, drawn_sections, render_page
 
 needs_browser = pytest.mark.skipif(find_browser() is None, reason="no Chromium on this machine (apt install chromium)")
 PIXEL = 0.05  # mm
@@ -46,7 +46,7 @@ def record():
 @pytest.fixture(scope="module")
 def page(record, tmp_path_factory):
     file = tmp_path_factory.mktemp("page") / "report.html"
-    file.write_text(render_page(record, (_fields(record),)), encoding="utf-8")  # without the figures
+    file.write_text(render_page(record, drawn_sections((_fields(record),))), encoding="utf-8")  # without the figures
     return file
 
 
@@ -134,6 +134,6 @@ def test_the_tables_hold_every_gauge_over_the_frames(record):
 def test_a_name_cannot_leave_the_script(record):
     gauge = Gauge("</script><script>alert(1)</script>", "probe", ((0.5, 0.3),))
     named = replace(record, gauges=(gauge,))
-    text = render_page(named, (_fields(named),))
+    text = render_page(named, drawn_sections((_fields(named),)))
     assert "alert(1)" in text
     assert "<script>alert(1)" not in text
