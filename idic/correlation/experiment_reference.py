@@ -141,13 +141,13 @@ def _inside_borders(mask: np.ndarray | None, shape: tuple[int, int], border: int
 
 
 def _outside_circles(mask: np.ndarray | None, shape: tuple[int, int],
-                     circles: tuple[tuple[float, float, float], ...]) -> np.ndarray | None:
-    """The ROI less circles (column, row, radius)  # (ny, nx) bool"""
+                     circles: tuple[tuple[float, float, float], ...]) -> np.ndarray:
+    """The ROI less circles (column, row, radius), of which some may lie beyond the image  # (ny, nx) bool"""
     kept = np.ones(shape, dtype=bool) if mask is None else mask.copy()
     for column, row, radius in circles:
-        first, last = np.maximum(np.floor([row - radius, column - radius]).astype(int), 0), np.ceil(
-            [row + radius + 1, column + radius + 1]).astype(int)
-        y, x = np.mgrid[first[0]:min(last[0], shape[0]), first[1]:min(last[1], shape[1])]
+        first = np.clip(np.floor([row - radius, column - radius]).astype(int), 0, shape)
+        last = np.clip(np.ceil([row + radius + 1, column + radius + 1]).astype(int), first, shape)
+        y, x = np.mgrid[first[0]:last[0], first[1]:last[1]]
         kept[y, x] &= np.hypot(x - column, y - row) > radius
     return kept
 

@@ -26,6 +26,7 @@ from idic.diagnose.chain import Diagnosis
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.heldout import Fit, fit
 from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose.residual.spots import LEFT_OUT
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.selection.block_step import BlockJudgement, block_judgement
 from idic.errors import InputError, NotConverged
@@ -67,7 +68,8 @@ def block_judgements(diagnosis: Diagnosis) -> tuple[BlockJudgement, ...]:
     """The identified and the enriched model of a diagnosis on blocks; () without a selected candidate."""
     if diagnosis.final is None or not diagnosis.final.usable:
         return ()
-    before, after = replace(diagnosis.source, edits={}).load(), diagnosis.source.load()
+    spots = {key: value for key, value in diagnosis.source.edits.items() if key == LEFT_OUT}
+    before, after = replace(diagnosis.source, edits=spots).load(), diagnosis.source.load()
     return judged_by_blocks(FittedModel(before, diagnosis.found.parameters.as_values(), diagnosis.found.local),
                             FittedModel(after, diagnosis.final.values, diagnosis.final.local), diagnosis.grid)
 

@@ -22,6 +22,7 @@ from idic.images.camera import Camera
 from idic.images.stack import ArrayStack
 from idic.model.forward import build_forward
 from idic.report.diagnosis.spots import with_spots
+from idic.report.diagnosis.words import is_sure
 from idic.run.diagnosis.diagnose import diagnose_run
 
 CAMERA = Camera.from_table(PIXEL, ORIGIN, centre=((SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2))
@@ -104,6 +105,9 @@ def test_pixels_under_a_circle_are_not_correlated(recording):
         load_experiment(path), load_experiment(path, {"options.left_out_px": [[130.0, 40.0, 5.0]]}))]
     gone = set(map(tuple, pixels[0])) - set(map(tuple, pixels[1]))
     assert len(gone) == 81 and max(np.hypot(x - 130.0, y - 40.0) for x, y in gone) <= 5.0
+    far = load_experiment(path, {"options.left_out_px": [[-50.0, 10.0, 5.0], [130.0, 4000.0, 5.0], [130.0, 40.0, 5.0]]})
+    rest = build_reference(far, camera_at(far, far.parameters)).pixel_map.points()  # dust that comes in later
+    assert set(map(tuple, rest)) == set(map(tuple, pixels[1]))
     for circles, what in (([[1.0, 2.0, 0.0]], "a circle without a size"), ([[1.0, 2.0]], "left_out_px")):
         with pytest.raises(idic.errors.InputError, match=what):
             load_experiment(path, {"options.left_out_px": circles})
@@ -125,6 +129,11 @@ def test_spots_are_the_first_causes():
     assert told["model"]["parameters_before"] == before and told["model"]["parameters_after"] == after
     both = with_spots(content | {"verdict": "single", "named": ["friction"]}, left, before, after, "mm")
     assert (both["verdict"], both["named"]) == ("multiple", ["paint_loss", "friction"])
+    assert told["probability"] == 0.91  # of nothing else, as without the spot
+    blind = with_spots(content | {"verdict": "blind", "probability": None}, left, before, after, "mm")
+    assert (blind["verdict"], blind["named"], is_sure(blind)) == ("blind", ["paint_loss"], False)
+    open_kind = replace(left, spots=(replace(spot, others=(DUST,)),))
+    assert with_spots(content, open_kind, before, after, "mm")["verdict"] == "set"
     outside = with_spots(content | {"verdict": "outside_library"}, left, before, after, "mm")
     assert outside["verdict"] == "outside_library"
 

@@ -32,6 +32,7 @@ from idic.model.motion_error import MotionError
 MAX_BRICK_NODES = 6_000  # of half the thickness
 MIN_DROP = 25.0  # of chi-square by bricks: five standard deviations
 MIN_DROP_SHARE = 0.5  # of what free motions and channels explain
+MIN_STEP_STD = 0.1  # of a parameter aside, for the derivative of the error: bounds may leave no more
 MAX_TURNS, TURNED_STD = 12, 0.1  # of error and parameters; standard deviations of the last step
 
 
@@ -145,14 +146,24 @@ def std_factors(found: Identification, residual: ResidualEvidence) -> dict[str, 
     std = np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300))
     sets, D = {material.element_set for material in found.experiment.materials}, np.zeros((len(std), len(std)))
     for j, name in enumerate(null.names):
-        there = thickness_error(moved(found, np.where(np.arange(len(std)) == j, std, 0.0))
-                                ) if name.partition(".")[0] in sets else None
-        if there is not None:
+        aside = _aside(found, name, std, j) if name.partition(".")[0] in sets else None
+        there = None if aside is None else thickness_error(aside)
+        if aside is not None and there is not None:
+            step = aside.parameters[name].value - found.parameters[name].value
             change = MotionError(there.u - here.u, there.channels - here.channels)
-            D[:, j] = score(residual.evidence, null, error_column(residual, change)).moves[:, 0] / std
+            moves = score(residual.evidence, null, error_column(residual, change)).moves[:, 0]
+            D[:, j] = moves * (std[j] / step) / std
     answer = np.linalg.pinv(np.eye(len(std)) - D)
     spread = answer @ (null.covariance / np.outer(std, std)) @ answer.T
     return dict(zip(null.names, np.sqrt(np.diagonal(spread)).tolist(), strict=True))
+
+
+def _aside(found: Identification, name: str, std: np.ndarray, j: int) -> Identification | None:
+    """One standard deviation of a parameter aside, to the side where its bound leaves more room; None without room."""
+    sides = [moved(found, np.where(np.arange(len(std)) == j, sign * std, 0.0)) for sign in (1.0, -1.0)]
+    steps = [abs(one.parameters[name].value - found.parameters[name].value) for one in sides]
+    best = 0 if steps[0] >= 0.99 * std[j] else int(np.argmax(steps))
+    return sides[best] if steps[best] >= MIN_STEP_STD * std[j] else None
 
 
 def least_drop(residual: ResidualEvidence, left: Fit) -> float:

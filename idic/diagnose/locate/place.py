@@ -29,7 +29,8 @@ class Place:
 
 
 def place_of(mesh: Mesh, source_map: SourceMap) -> Place | None:
-    """Elements whose statistic is at least half the largest and of its sign; None where none is significant.
+    """Elements whose statistic is at least `MIN_SOURCE_SHARE` of the largest and of its sign; None where none is
+    significant.
 
     Mismatch projected on the identified parameters changes sign in the rest of the body: of the two, the stronger side
     is the source.

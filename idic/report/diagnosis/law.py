@@ -30,7 +30,7 @@ def window_courses(record: DiagnosisRecord) -> Picture | None:
         label_frames(axes[-1], f"window up to {record.time_label}")
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
         figure.align_ylabels(list(axes))
-        shown = "of the enriched model's value" if record.content["named"] else "of the identified value"
+        shown = "of the enriched model's value" if record.excess_after is not None else "of the identified value"
         return to_picture(figure, "diagnosis_windows", "Parameters over growing windows of frames",
                       f"Deviation in per cent {shown} with 95 % intervals, fitted to the frames of the window alone "
                       f"(first "

@@ -30,16 +30,16 @@ def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
         return notes.attempt(f"the figure {figure.__name__.replace('_', ' ')}", figure, *arguments)
 
     curves = tuple(drawn(figures.channel, record, curve) for curve in record.curves)
-    named = bool(record.content["named"])
+    enriched = record.excess_after is not None
     plan = (
         ("better", "Residual before and after",
-         "The identified model (before) and the enriched model (after)." if named and record.excess_after is not None
+         "The identified model (before) and the enriched model (after)." if enriched
          else "The identified model, without the pixels of the spots." if record.content.get("spots")
          else "The identified model; no candidate was selected.",
          (*(drawn(figures.residual_maps, record) or ()), drawn(figures.excess_course, record), *curves)),
         ("where", "Place, onset and side", "", record.further),
         ("which", "Candidates by score", "", (drawn(figures.ranking, record), drawn(figures.courses, record))),
-        ("moved", "Change of the parameters" if named else "Constancy of the parameters", "",
+        ("moved", "Change of the parameters" if enriched else "Constancy of the parameters", "",
          (drawn(figures.parameters, record), drawn(window_courses, record), *(drawn(law_curves, record) or ()))),
     )
     sections = (Section(a, t, x, tuple(p for p in pictures if p is not None)) for a, t, x, pictures in plan)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from idic.diagnose.locate.place import in_words
-from idic.diagnose.probability import P_OF_STRENGTH
 from idic.diagnose.residual.spots import DUST, MARGIN_PX, PAINT, LeftOut, Spot
 from idic.report.diagnosis.headline import moves
 
@@ -18,18 +17,20 @@ def with_spots(content: Mapping, left: LeftOut, before: Mapping[str, Mapping], w
 
     content : of the diagnosis without their pixels; before, without : parameters of the RUN, and of the model without
     these pixels; unit : of lengths
+
+    The probability stays that of what the diagnosis found without their pixels, and so does ``blind``: a spot says
+    nothing of missing physics.
     """
     model = content["model"] | {"parameters_before": dict(before),
                                 "parameters_after": content["model"]["parameters_after"] or dict(without)}
     said = _said(left, before, without, unit)
-    word, probable = content["verdict"], content["probability"]
-    alone = word in ("none", "blind") and len(left.names) == 1
-    if word != "outside_library":
-        word = "single" if alone else "multiple"
-        probable = P_OF_STRENGTH[-1] if content["verdict"] in ("none", "blind") else probable
+    word = content["verdict"]
+    if word not in ("outside_library", "blind"):
+        open_kind = "set" if left.spots[0].others else "single"
+        word = open_kind if word == "none" and len(left.names) == 1 else "multiple"
     beside = f" Without {'its' if len(left.spots) == 1 else 'their'} pixels: {_lower(content['headline'])}"
     return dict(content) | {
-        "verdict": word, "named": [*left.names, *content["named"]], "model": model, "probability": probable,
+        "verdict": word, "named": [*left.names, *content["named"]], "model": model,
         "indistinguishable": [[spot.kind, *spot.others] for spot in left.spots if spot.others]
         + content["indistinguishable"],
         "spots": [_entry(spot, place) for spot, place in zip(left.spots, left.place_mm, strict=True)],

@@ -71,7 +71,7 @@ def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
         return "indistinguishable from the selected"
     if _by_score_only(content, entry):
         return "significant by score only"
-    if not content["named"] or entry["standing"] not in ("significant", "small", "inadmissible"):
+    if not _screened(content) or entry["standing"] not in ("significant", "small", "inadmissible"):
         return otherwise
     best = "nearest" if content["verdict"] == "outside_library" else "selected"
     if entry["name"] in {one["name"] for one in content["excluded"]}:
@@ -81,7 +81,14 @@ def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
 
 def _by_score_only(content: Mapping, entry: Mapping) -> bool:
     """Whether the refit of a candidate did not confirm its score, and nothing was selected."""
-    return content["verdict"] in ("none", "blind") and entry.get("standing") == "significant"
+    return (content["verdict"] != "outside_library" and not _screened(content)
+            and entry.get("standing") == "significant")
+
+
+def _screened(content: Mapping) -> list[str]:
+    """The named causes that were selected by their scores: without spots, which are found before."""
+    spots = {entry["name"] for entry in content.get("spots", ())}
+    return [name for name in content["named"] if name not in spots]
 
 
 def heldout_drop(entry: Mapping) -> str:

@@ -56,10 +56,12 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
         floor = measured_floor(PointJob(str(run), accepted.number, accepted.values), runner)  # type: ignore[union-attr]
         far = on_measured_motion(source, found, runner, stage)
         source, found, register = far or (source, found, None)
-        source, found, spots = (source, found, None) if far else without_spots(source, found, stage)
+        notes, as_found = Notes(), (source, found, None)
+        source, found, spots = as_found if far else notes.attempt(
+            "the search for spots in the images", without_spots, source, found, stage, otherwise=as_found)
         made = diagnose_identification(source, found, partial(run_refits, runner, RefitStore(run, resume)), stage,
                                        seed, library, margin=Margin(floor), quick=quick)
-        made = replace(made, spots=spots)
+        made = replace(made, spots=spots, notes=(*notes.told, *made.notes))
         return made if register is None else replace(made, register=judged_by_images(made, register, stage))
 
 

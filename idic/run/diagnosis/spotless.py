@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
+from idic.correlation.experiment_reference import camera_at
 from idic.diagnose.refit_job import ExperimentSource
-from idic.diagnose.residual.spots import LeftOut, find_spots
+from idic.diagnose.residual.spots import LEFT_OUT, LeftOut, find_spots
 from idic.identify.in_memory import Identification, identify
-from idic.model.experiment import Experiment
 
 
 def without_spots(source: ExperimentSource, found: Identification,
@@ -23,18 +23,21 @@ def without_spots(source: ExperimentSource, found: Identification,
     stage(f"fit of the identified model without {len(spots)} spot{'s' if len(spots) > 1 else ''} in the images")
     known = [list(circle) for circle in found.experiment.options.left_out_px]
     circles = [[round(x, 2) for x in circle] for spot in spots for circle in spot.left_out]
-    there = source.with_edits({"options.left_out_px": known + circles})
+    there = source.with_edits({LEFT_OUT: known + circles})
     experiment = there.load()
     values = {name: value for name, value in found.parameters.as_values().items() if name in experiment.parameters}
     again = identify(replace(experiment, parameters=experiment.parameters.with_values(values), stages=()))
     if again.point is None:
         return source, found, None
-    places = tuple(_place(experiment, spot.column, spot.row) for spot in spots)
+    places = tuple(_place(again, spot.column, spot.row) for spot in spots)
     return there, again, LeftOut(spots, again.result, places)
 
 
-def _place(experiment: Experiment, column: float, row: float) -> tuple[float, ...]:
-    """Point of the mesh at a pixel of the reference image, mm."""
-    nodes = experiment.mesh.nodes
-    points = LinearNDInterpolator(experiment.camera.project(nodes), nodes)
-    return tuple(float(x) for x in np.atleast_2d(points([column, row]))[0])
+def _place(found: Identification, column: float, row: float) -> tuple[float, ...]:
+    """Point of the mesh at a pixel of the reference image, mm; the nearest node where the mesh is not there yet."""
+    nodes = found.experiment.mesh.nodes
+    seen = camera_at(found.experiment, found.parameters).project(nodes)
+    place = np.atleast_2d(LinearNDInterpolator(seen, nodes)([column, row]))[0]
+    if not np.isfinite(place).all():
+        place = nodes[np.argmin(((seen - [column, row]) ** 2).sum(axis=1))]
+    return tuple(float(x) for x in place)

@@ -17,6 +17,7 @@ import numpy as np
 
 from idic.diagnose.blocks import block_judgements
 from idic.diagnose.chain import Diagnosis, diagnose
+from idic.diagnose.notes import Notes
 from idic.diagnose.screen.candidate import Candidate
 from idic.experiment_file.recording import Frames
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
@@ -106,9 +107,11 @@ def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_abla
         if with_ablations and not ablated:
             ablated.append(ablations(*seen))
 
-    there, without, spots = without_spots(source, found, silent)
+    notes, as_found = Notes(), (source, found, None)
+    there, without, spots = notes.attempt("the search for spots in the images", without_spots, source, found, silent,
+                                          otherwise=as_found)
     diagnosis = diagnose(there, without, partial(run_refits, SerialRunner(), None), library=library, watch=watch)
-    diagnosis = replace(diagnosis, spots=spots)
+    diagnosis = replace(diagnosis, spots=spots, notes=(*notes.told, *diagnosis.notes))
     READ_FOLDERS.pop(str(folder), None)
     before = free_parameters(found.result)
     content = diagnosis_content(diagnosis, before, time.process_time() - began)
