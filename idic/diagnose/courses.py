@@ -72,7 +72,7 @@ def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
 
 def _of_warmth(experiment: Experiment, name: str) -> np.ndarray | None:
     """Change of the temperature, K, per unit of a knot, or of the expansion under a supposed course: the warmth at an
-    expansion of `SUPPOSED_EXPANSION_PER_K`. None where the temperature is logged."""
+    expansion of `SUPPOSED_EXPANSION_PER_K`. None where the temperature is logged; a course is taken for supposed."""
     for entry in experiment.temperatures:
         if entry.hats is not None:
             return {knot_name(TEMPERATURE, frame): hat for frame, hat in zip(entry.knots, entry.hats, strict=True)
@@ -98,16 +98,18 @@ def _of_channel(experiment: Experiment, channel: Channel, last: str) -> np.ndarr
                     strict=False)).get(last)
 
 
-def courses_of(cause: str, experiment: Experiment, names: Iterable[str], values: Mapping[str, float],
-               stds: Mapping[str, float | None]) -> list[Course]:
+def courses_of(cause: str, experiment: Experiment, null: Experiment, names: Iterable[str],
+               values: Mapping[str, float], stds: Mapping[str, float | None]) -> list[Course]:
     """Courses of a cause, one per degree of freedom, or per set of knots.
 
-    values, stds : of parameters, internal units. Between knots the bands of the neighbours are interpolated: the
-    covariance of knots would make it narrower.
+    null : the experiment of the RUN; what expands with a temperature of its file has no course to tell. values, stds :
+    of parameters, internal units. Between knots the bands of the neighbours are interpolated: the covariance of knots
+    would make it narrower.
     """
     parts: dict[str, list[tuple[str, np.ndarray]]] = {}
     for name in names:
-        course = course_of(experiment, name)
+        given = bool(null.temperatures) and name.rpartition(".")[2] == EXPANSION.name
+        course = None if given else course_of(experiment, name)
         if course is not None and stds.get(name) is not None:
             parts.setdefault(without_knot(name), []).append((name, course))
     made = []

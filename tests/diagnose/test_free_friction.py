@@ -65,8 +65,8 @@ def test_the_course_of_the_friction_comes_back_with_its_band(scored):
     free = own if own.free_course else result.free_course_of(own)
     found = refit(path, free).result["parameters"]
     experiment = load_experiment(path, free.edits)
-    (shown,) = courses_of("friction", experiment, free.new, {n: found[n]["value"] for n in free.new},
-                          {n: found[n]["std"] for n in free.new})
+    (shown,) = courses_of("friction", experiment, load_experiment(path), free.new,
+                          {n: found[n]["value"] for n in free.new}, {n: found[n]["std"] for n in free.new})
     assert shown.free and shown.unit == "N"
     assert np.abs(shown.value - RUBS * course)[1:].max() < 3.0 * shown.std.max() + 2.0 * FORCE_NOISE
     assert abs(shown.onset[1] - 4) <= 2  # knots are two frames apart

@@ -1,20 +1,25 @@
 """The course of a selected cause that is no material: where a ramp leaves something, the data give it, knot by knot."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from experiment_file.small_experiment import load_experiment, write_experiment
 from test_revision import Folder, fit, ranked, refit, screening
 
-from idic.diagnose.courses import Course
+from idic.diagnose.courses import SUPPOSED_EXPANSION_PER_K, Course, courses_of
 from idic.diagnose.screen.candidate import Variant, candidates
 from idic.diagnose.screen.free_courses import free_edits
+from idic.diagnose.screen.score_columns import ScoreColumn
 from idic.diagnose.selection import own_course
 from idic.diagnose.selection.imitation import MIN_IMITATED_SHARE, with_imitated
 from idic.diagnose.selection.own_course import has_own_course, leaves_something
 from idic.diagnose.selection.rival import Rival, Round
+from idic.experiment_file.toml_file import read_toml
 from idic.model.free_course import KNOTS
+from idic.model.temperature import nodal_temperature
 
 BOUNDARY = [{"nodes": "TOP", "uy": {"column": "grip_mm", "corrections": [
     {"kind": "compliance", "column": "F"}, {"kind": "rotation", "start_s": 3.0, "course": "ramp"}]}}]
@@ -94,3 +99,75 @@ def test_where_the_load_only_grows_a_free_drift_is_not_told_from_a_rival_that_ex
         before = replace(drift, ranked=ranked("force_drift"), refitted=rival.refitted, heldout=factor * drop,
                          achieved=factor * drop)
         assert with_imitated(replace(one, plain=before), u).equals == equals
+
+
+ALPHA = "SPECIMEN.alpha"
+
+
+@dataclass(frozen=True)
+class SmallTest:
+    """The small experiment as a source: its file with edits."""
+
+    folder: Path
+    edits: dict = field(default_factory=dict)
+
+    def load(self, edits=None):
+        return load_experiment(self.folder, {**self.edits, **(edits or {})})
+
+
+def warming(document, course):
+    """The variant by which the specimen expands under a course, and its edits with knots."""
+    edits = {f"material.{ALPHA}": {"value": 1e-4, "unit": "1/K", "identify": True},
+             "boundary": [*document["boundary"], {"temperature": {"course": course}}]}
+    plain = Variant("SPECIMEN expands", edits, (ALPHA,), {ALPHA: 0.0}, {ALPHA: 1e-4}, exact=True)
+    return plain, free_edits(document, edits, plain)
+
+
+def test_a_warmth_that_gets_its_own_course_begins_with_the_strain_it_had(tmp_path):
+    """Expansion is locked then, at the one in which courses are told in K."""
+    source = SmallTest(write_experiment(tmp_path / "test"))
+    plain, edits = warming(read_toml(source.folder / "experiment.toml"), [[0.0, 0.0], [3.0, 1.0]])
+    knots = tuple(name for name in source.load(edits).parameters.free if name.startswith("temperature_knot"))
+    free = Variant("temperature", edits, knots, dict.fromkeys(knots, 0.0), dict.fromkeys(knots, 0.0), free_course=True)
+    one = replace(ranked("thermal_expansion"), variant=plain)
+    values = source.load(plain.edits).parameters.as_values() | {ALPHA: 2e-4}
+    winner = Rival(one, replace(refit((), 200.0), label=plain.label, values=values), 9.0, 9.0, 9.0)
+    seen = replace(screening(("thermal_expansion",)), trials=(ScoreColumn(one.candidate, free, free.label),))
+    asked = []
+
+    def refits(jobs):
+        asked.extend(jobs)
+        return [replace(winner.refitted, choice=None)]
+
+    assert own_course.with_own_course(source, refit((), 300.0), winner, seen, refits, None, 1) is None
+    started = source.load(asked[0].edits[0])
+    begin = {name: value for name, value in asked[0].values[0].items() if name in started.parameters}
+    parameters = started.parameters.with_starts(begin)
+    assert parameters[ALPHA].value == SUPPOSED_EXPANSION_PER_K and not parameters[ALPHA].free
+    strain = SUPPOSED_EXPANSION_PER_K * nodal_temperature(started).at(0.0, parameters)[:, 0]
+    assert strain == pytest.approx(2e-4 * started.times / 3.0)
+    assert parameters["SPECIMEN.E"].value == values["SPECIMEN.E"]
+
+
+def test_the_free_warmth_of_one_material_is_not_that_of_another():
+    def made(name):
+        edits = {f"material.{name}": 1e-4, "boundary": [{"temperature": {"course": [[0.0, 0.0], [3.0, 1.0]]}}]}
+        return replace(variant(name, **edits), label=f"{name} expands")
+
+    edits = free_edits({}, made("A.alpha").edits, made("A.alpha"))
+    free = Variant("temperature", edits, ("temperature_knot[3]",), {}, {}, free_course=True)
+    seen = screening(("thermal_expansion",))
+    seen = replace(seen, trials=(*seen.trials, ScoreColumn(seen.ranked[0].candidate, free, free.label)))
+    assert seen.free_course_of(made("A.alpha")) is free and seen.free_course_of(made("B.alpha")) is None
+
+
+def test_an_expansion_under_a_temperature_of_the_file_is_not_told_as_another_warmth(tmp_path):
+    folder = write_experiment(tmp_path / "test")
+    document = read_toml(folder / "experiment.toml")
+    for course, given in (([[0.0, 20.0], [3.0, 70.0]], True), ([[0.0, 0.0], [3.0, 1.0]], False)):
+        plain, _ = warming(document, course)
+        null = load_experiment(folder, {"boundary": plain.edits["boundary"]} if given else {})
+        shown = courses_of("thermal_expansion", load_experiment(folder, plain.edits), null, plain.new, {ALPHA: 2.3e-5},
+                           {ALPHA: 1e-6})
+        assert [one.unit for one in shown] == ([] if given else ["K"])
+    assert shown[0].value[-1] == pytest.approx(2.3)

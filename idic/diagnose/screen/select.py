@@ -21,6 +21,7 @@ from idic.diagnose.screen.effect_sizes import columns_together, effects, sum_of
 from idic.diagnose.screen.free_courses import course_stem, fewest_knots
 from idic.diagnose.screen.score import Scores, Significance, null_model, score, significances
 from idic.diagnose.screen.score_columns import ScoreColumn
+from idic.model.free_course import TEMPERATURE
 
 MAX_FAMILYWISE_P = 0.01  # family-wise
 MIN_ROOM_SHARE = 0.5  # of the explainable room, for an effect between floor and margin
@@ -102,9 +103,14 @@ class Screening:
         return next(r for r in self.ranked if r.candidate.name == name)
 
     def free_course_of(self, variant: Variant) -> Variant | None:
-        """The variant with the same pattern and a course that the data give, of the fewest knots."""
+        """The variant with the same pattern and a course that the data give, of the fewest knots.
+
+        All materials share one temperature, but each expansion is a pattern of its own.
+        """
+        stem = course_stem(variant)
         found = [trial.variant for trial in self.trials if trial.variant.free_course and trial.variant.new
-                 and trial.name == trial.variant.label and course_stem(trial.variant) == course_stem(variant)]
+                 and trial.name == trial.variant.label and course_stem(trial.variant) == stem
+                 and (stem != TEMPERATURE or f"material.{variant.new[0]}" in trial.variant.edits)]
         return found[0] if found else None
 
     @property

@@ -41,9 +41,10 @@ def with_own_course(source: ExperimentSource, null: Refit, winner: Rival, screen
         hat = course_of(after, name)
         top = int(np.argmax(np.abs(hat)))
         start[name] = size * float(course[top] / hat[top])
+    kept = {name: value for name, value in winner.refitted.values.items() if name != old}  # even a locked one starts
     variant = replace(free, label=f"{winner.ranked.variant.label}, with an identified time course", probe=start)
     (answer,) = refits([RefitJob(winner.name, source, (variant.label,), (free.edits,),
-                                 ({**winner.refitted.values, **start},),
+                                 ({**kept, **start},),
                                  winner.refitted.local, grid, np.inf, seed)])
     if not answer.usable:
         return None

@@ -120,8 +120,8 @@ def _courses(diagnosis: Diagnosis) -> list[dict]:
         return []
     experiment, final = diagnosis.residual_after.context.experiment, diagnosis.final
     found = [course for one in diagnosis.rounds if one.winner is not None
-             for course in courses_of(one.winner.name, experiment, one.winner.ranked.variant.new, final.values,
-                                      final.stds)]
+             for course in courses_of(one.winner.name, experiment, diagnosis.found.experiment,
+                                      one.winner.ranked.variant.new, final.values, final.stds)]
     return courses_content(found, experiment.times)
 
 
