@@ -195,7 +195,7 @@ def temperature(record: RunRecord) -> Picture | None:
         _frame_axis(axis, record)
         axis.legend()
         return to_picture(figure, "temperature", "Temperature",
-                          "Change since the reference frame, as given in the experiment file.")
+                          "Change since the reference frame, as given in the experiment file or identified.")
 
 
 def curve_style(i: int, label: str) -> dict:

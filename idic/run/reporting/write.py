@@ -135,7 +135,7 @@ def load_record(run: Path | str) -> RunRecord:
         time_label=time_label(experiment.times),
         notes=_notes(context, result),
         pixel_size_mm=_pixel_size(experiment),
-        temperature=_temperature(experiment),
+        temperature=_temperature(experiment, parameters),
     )
     if not accepted:
         return RunRecord(**common)
@@ -220,12 +220,14 @@ def _pixel_size(experiment) -> float | None:
     return experiment.camera.pixel_size if experiment.length_unit == "mm" else None
 
 
-def _temperature(experiment) -> np.ndarray | None:
-    """Lowest, mean and highest change of the nodes since the reference  # (n_frames, 3) K"""
+def _temperature(experiment: Experiment, parameters: ParameterSet) -> np.ndarray | None:
+    """Lowest, mean and highest change of the nodes since the reference, with the accepted knots of a course that the
+    data give  # (n_frames, 3) K"""
     field = nodal_temperature(experiment)
     if field is None:
         return None
-    return np.stack([field.values.min(axis=1), field.values.mean(axis=1), field.values.max(axis=1)], axis=1)
+    values = field.at(0.0, parameters)
+    return np.stack([values.min(axis=1), values.mean(axis=1), values.max(axis=1)], axis=1)
 
 
 def _estimators(result: Mapping) -> Iterator[str]:
