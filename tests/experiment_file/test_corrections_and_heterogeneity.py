@@ -249,3 +249,19 @@ def test_the_magnification_of_a_camera_may_have_a_free_course(tmp_path):
     camera = load_experiment(write_experiment(tmp_path / "test", toml)).camera
     assert camera.motion.names == ("magnification_knot[2]", "magnification_knot[3]")
     assert camera.motion.courses[:, [0, 2, 3]] == pytest.approx(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
+
+
+@pytest.mark.parametrize("drive, found", [
+    ("uy = 0.01", "found: none"), ('uy = { column = "still_um" }', "still_um without motion")])
+def test_friction_that_no_logged_motion_directs_is_refused(tmp_path, drive, found):
+    toml = TOML.replace("noise_std = 0.005", "noise_std = 0.005\nfriction_knots = 2")
+    moving = load_experiment(write_experiment(tmp_path / "moving", toml)).parameters.free
+    assert {"channel.force_kN.friction_knot[2]", "channel.force_kN.friction_knot[3]"} < set(moving)
+    still = write_experiment(tmp_path / "still", toml.replace('uy = { column = "grip_um", noise_std = 0.2 }', drive))
+    log = (still / "loads.csv").read_text().splitlines()
+    (still / "loads.csv").write_text("\n".join([f"{log[0]},still_um", *(f"{row},3.0" for row in log[1:])]) + "\n")
+    with pytest.raises(InputError) as error:
+        load_experiment(still)
+    assert error.value.key == "channel[0].friction_knots"
+    for word in ("friction without a logged motion", found, "leave friction_knots out"):
+        assert word in str(error.value)

@@ -4,7 +4,7 @@ copies."""
 import numpy as np
 import pytest
 import tifffile
-from experiment_file.small_experiment import LOADS, TOML, write_experiment
+from experiment_file.small_experiment import LOADS, TOML, change, write_experiment
 
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
@@ -136,3 +136,28 @@ def test_a_course_warms_the_whole_body_linearly_between_its_points(tmp_path):
     ("{ course = [[0.0, 20.0], [1.0, 30.0]], scale = 2.0 }", ("scale does not belong here",))])
 def test_a_course_that_is_none_is_refused(tmp_path, table, words):
     refused(folder_with(tmp_path, f"[[boundary]]\ntemperature = {table}\n"), *words)
+
+
+FREE = '[[boundary]]\ntemperature = { course = "free", knots = 2 }\n'
+SOFTENS = """nu = 0.3
+yield_stress = { value = 170, unit = "MPa" }
+reference_temperature = { value = 20, unit = "C" }
+temperature = [{ kind = "linear", of = "E", slope = -1e-3 }]
+"""
+
+
+@pytest.mark.parametrize(("temperature", "material", "words"), [
+    (FREE + COLUMN, ALPHA, ("next to a temperature that is given", "1 more", "leave one or the other out")),
+    (FREE.replace("temp", 'nodes = "BOTTOM"\ntemp'), ALPHA, ("of a part", "nodes = 'BOTTOM'", "of its own")),
+    (FREE, SOFTENS, ("where a law depends on its value", "SPECIMEN.reference_temperature", "give the temp")),
+], ids=["two", "nodes", "law"])
+def test_a_free_course_stands_alone_and_has_no_value_for_a_law(tmp_path, temperature, material, words):
+    folder = folder_with(tmp_path, temperature, material)
+    if material is SOFTENS:
+        change(folder, "experiment.toml", 'law = "elastic"', 'law = "elastoplastic"')
+    refused(folder, *words)
+
+
+def test_a_free_course_of_the_whole_body_has_knots(tmp_path):
+    e = load_experiment(folder_with(tmp_path, FREE))
+    assert {"temperature_knot[2]", "temperature_knot[3]"} < set(e.parameters.free) and e.temperatures[0].nodes is None

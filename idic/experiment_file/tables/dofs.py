@@ -22,7 +22,7 @@ from idic.materials import LawParameter, LawSpec
 from idic.materials.core.law import EXPANSION, law_for
 from idic.materials.core.temperature import KELVIN
 from idic.model.drives import boundary_parameters
-from idic.model.experiment import Channel, FurtherCamera, Load, Material, Prescribed
+from idic.model.experiment import Channel, Column, FurtherCamera, Load, Material, Prescribed
 from idic.model.free_course import knot_name
 from idic.model.load_train import way_of
 from idic.model.loads import load_parameters
@@ -188,7 +188,7 @@ def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, 
     Raises
     ------
     InputError
-        A name is unknown in this experiment or given twice, or a unit is wrong.
+        A name is unknown in this experiment or given twice, a unit is wrong, or friction has no motion.
     """
     known = {p.name: p for p in boundary_parameters(prescribed, camera.pixel_size, length_unit)}
     uncertain = {p.name: p for p in load_parameters(loads)}
@@ -209,6 +209,7 @@ def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, 
                   else _camera_dofs(name, by, length_unit, shape))
     known |= of_placement
     of_channels = _channel_dofs(channels, times, way_of(prescribed) is not None)
+    _require_way(channels, prescribed, file)
     known |= of_channels
     known_by_drive = (*known_by_drive, *(p.name for p in of_channels.values() if p.free))
     known |= {p.name: p for p in knots}
@@ -289,6 +290,16 @@ def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None, moves
                      for name in (knot_name(f"{stem}.friction", frame) for frame in channel.friction_knots)}
             made[f"{stem}.friction_share"] = Parameter(f"{stem}.friction_share", 0.0, "", scale=0.1)
     return made
+
+
+def _require_way(channels: tuple[Channel, ...], prescribed: tuple[Prescribed, ...], file) -> None:
+    knotted = [number for number, channel in enumerate(channels) if channel.friction_knots]
+    if knotted and way_of(prescribed) is None:
+        logged = [entry.drive.column for entry in prescribed if isinstance(entry.drive, Column)]
+        raise InputError("friction without a logged motion", file=file, key=f"channel[{knotted[0]}].friction_knots",
+                         expected="a boundary that a column of the log moves: friction opposes its direction",
+                         found=f"{', '.join(logged)} without motion" if logged else "none",
+                         remedy='leave friction_knots out, or drive a [[boundary]] with { column = "grip_mm" }')
 
 
 def _other_dofs(thickness: float | None, times: np.ndarray | None, length_unit: str) -> dict[str, Parameter]:

@@ -61,7 +61,7 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, folder: P
     ------
     InputError
         A column is missing, number or size of the images is wrong, an image lacks the body, or ``alpha`` has no
-        temperature.
+        temperature, or a free course stands beside what it does not fit.
     """
     made, notes = [], []
     for number, boundary in enumerate(config.boundary):
@@ -77,6 +77,7 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, folder: P
         notes.append(f"{key}: {note}")
     _check_expansion(parameters, bool(made), context.file)
     dependent = [p.name for p in parameters if p.name.endswith(f".{REFERENCE.name}")]
+    _require_alone(made, dependent, context.file)
     if dependent and not made:
         raise InputError("a law depends on the temperature, which is not given", file=context.file,
                          key=f"material.{dependent[0]}",
@@ -87,6 +88,26 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, folder: P
         notes.append("no material has alpha or a law that depends on the temperature, so it has no effect; write e.g.  "
                      'alpha = { value = 1e-5, unit = "1/K", identify = true }')
     return tuple(made), notes
+
+
+def _require_alone(made: list[Temperature], dependent: list[str], file) -> None:
+    """A free course is a change of the whole body: it neither adds to a temperature nor has a value in °C."""
+    free = next((entry for entry in made if entry.hats is not None), None)
+    if free is None:
+        return
+    if free.nodes is not None:
+        raise InputError("a free course of the temperature of a part", file=file, key="[[boundary]] temperature",
+                         expected="the temperature of the whole body", found=f"nodes = {free.nodes!r}",
+                         remedy='write temperature = { course = "free" } in a [[boundary]] of its own, without nodes')
+    if len(made) > 1:
+        raise InputError("a free course next to a temperature that is given", file=file,
+                         key="[[boundary]] temperature", expected='{ course = "free" } alone, or temperatures '
+                         "that are given", found=f"{len(made) - 1} more", remedy="leave one or the other out")
+    if dependent:
+        raise InputError("a free course of the temperature where a law depends on its value", file=file,
+                         key="[[boundary]] temperature", expected='the temperature in °C: { column = "temperature_C" } '
+                         "or { course = [[time_s, temperature], …] }", found=f'course = "free"; {", ".join(dependent)}',
+                         remedy="give the temperature, or leave the temperature terms of the law out")
 
 
 def _unit(table: TemperatureTable, context: Context) -> str | None:
