@@ -30,6 +30,7 @@ _DIFFERENCES = "numcodecs.delta"  # every value less the one before, by numcodec
 _DIGITS = "binary_digits"  # attribute of an array whose further digits were cut off
 warnings.filterwarnings("ignore", message="Numcodecs codecs are not in the Zarr version 3 specification")
 MIN_COMPRESSED_BYTES = 16_384  # of an array: less is a block of the disk or a few
+MAX_CHUNKS = 1_000_000  # of an array, a file each: an array of idic has one per frame at most
 
 
 class Damaged(InputError):
@@ -110,6 +111,8 @@ def _opened(folder: str, mode: str, description: tuple) -> zarr.Array:
     except (FileNotFoundError, ValueError, KeyError, TypeError, OverflowError) as problem:
         raise _damage(path, found=f"{type(problem).__name__}: {problem}") from problem
     _refuse_foreign(array, path)
+    if array.nchunks > MAX_CHUNKS:  # each is a file whose presence is asked for
+        raise _damage(path, found=f"a description of {array.nchunks} chunks")
     return array.with_config({"write_empty_chunks": True})  # as of `create_array`; open_array leaves it out
 
 

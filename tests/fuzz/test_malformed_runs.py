@@ -162,6 +162,15 @@ def test_a_fill_value_beyond_the_type_of_its_array_is_refused():
         assert_fair(within_outcome(lambda: _write_numbers(run)), (BAD_INPUT,))
 
 
+@pytest.mark.parametrize("array", ["images/stack", "evaluations/000/system/frame_frame"])
+def test_an_array_of_more_chunks_than_a_disk_holds_is_damage(array):
+    """Found by the campaign: the names of 10^12 chunks took the memory."""
+    with copy_of(whole_run("cameras")) as run:
+        found = sorted(run.glob(f"run.zarr/{array}/zarr.json")) or sorted(run.glob("run.zarr/*/*/zarr.json"))
+        describe(found[0], ("shape", [1_000_000_000_000], True))
+        resume(run, "cameras", True)
+
+
 @pytest.mark.parametrize("identity", [1e308, -1, True, [], {}, "x" * 3000])
 def test_a_run_whose_identity_is_no_identity_is_refused(identity):
     """Found by the campaign: a number has no first characters."""

@@ -81,8 +81,9 @@ def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
 
 def _by_score_only(content: Mapping, entry: Mapping) -> bool:
     """Whether the refit of a candidate did not confirm its score, and nothing was selected."""
-    return (content["verdict"] != "outside_library" and not _screened(content)
-            and entry.get("standing") == "significant")
+    spots_alone = content["named"] and not _screened(content)
+    nothing = content["verdict"] in ("none", "blind") or (spots_alone and content["verdict"] != "outside_library")
+    return nothing and entry.get("standing") == "significant"
 
 
 def _screened(content: Mapping) -> list[str]:
