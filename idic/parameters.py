@@ -187,6 +187,11 @@ class ParameterSet(Mapping[str, Parameter]):
         return ParameterSet((replace(p, value=given[p.name]) if p.name in given else p for p in self.values()),
                             self.joint)
 
+    def own_of(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Those of the values that are of a free parameter of this set: a locked one keeps its value, others have
+        nothing to do with the experiment."""
+        return {name: value for name, value in values.items() if name in self._items and self._items[name].free}
+
     def with_starts(self, values: Mapping[str, float]) -> ParameterSet:
         """These values changed, for a search that begins there: the unit of a linear parameter is at least the way from
         its present value, unless bounds on both sides say how far it goes.

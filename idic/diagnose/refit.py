@@ -217,13 +217,10 @@ def _started(start: Start, evaluations: int | None) -> Experiment:
     options = replace(start.experiment.options, tolerance=max(start.experiment.options.tolerance, STEP_TOLERANCE_STD))
     if evaluations is not None:
         options = replace(options, max_iterations=min(options.max_iterations, evaluations))
-    known = {}
-    for name, value in start.values.items():
-        if name in start.experiment.parameters:
-            low, high = start.experiment.parameters[name].bounds
-            known[name] = float(np.clip(value, low, high))
-    return replace(start.experiment, parameters=start.experiment.parameters.with_starts(known), stages=(),
-                   options=options)
+    parameters = start.experiment.parameters
+    known = {name: float(np.clip(value, *parameters[name].bounds))
+             for name, value in parameters.own_of(start.values).items()}
+    return replace(start.experiment, parameters=parameters.with_starts(known), stages=(), options=options)
 
 
 def _fitting(local: np.ndarray, experiment: Experiment) -> np.ndarray | None:

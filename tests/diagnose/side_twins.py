@@ -16,6 +16,7 @@ from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.screen.candidate import candidates
 from idic.diagnose.screen.select import screen
 from idic.diagnose.screen.situation import situation
+from idic.diagnose.screen.free_courses import with_free_courses
 from idic.diagnose.screen.score_columns import score_columns
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
@@ -158,13 +159,21 @@ def write_folder(folder, side: Side, seed: int = 0, toml: str = TOML):
     return folder / "experiment.toml"
 
 
-def screening(path, names=None):
-    """The null model identified and all candidates (or those named) scored  # Identification, Screening"""
+def screening(path, names=None, own_courses=False):
+    """The null model identified and all candidates (or those named) scored  # Identification, Screening
+
+    own_courses : with courses that the data give, too, as `idic diagnose` does
+    """
+    def load(edits):
+        return load_experiment(path, edits)
+
     found = identify(load_experiment(path))
     residual = residual_evidence(found)
     where = situation(found, residual, read_toml(path))
     trials = [(c, v) for c in candidates() if names is None or c.name in names for v in c.variants(where)]
-    labels, columns = score_columns(found, residual, trials, lambda edits: load_experiment(path, edits))
+    if own_courses:
+        trials += with_free_courses(trials, where.document, found.parameters.free, load)
+    labels, columns = score_columns(found, residual, trials, load)
     return found, screen(residual.evidence, residual.null, labels, columns)
 
 

@@ -7,18 +7,10 @@ used for it.
 
 import numpy as np
 import pytest
-from side_twins import FORCE_NOISE, TIMES, TRUTH, Side, refit, write_folder
+from side_twins import FORCE_NOISE, TIMES, TRUTH, Side, refit, screening, write_folder
 
 from idic.diagnose.courses import courses_of
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.screen.candidate import candidates
-from idic.diagnose.screen.free_courses import with_free_courses
-from idic.diagnose.screen.score_columns import score_columns
-from idic.diagnose.screen.select import screen
-from idic.diagnose.screen.situation import situation
 from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
-from idic.identify.in_memory import identify
 
 UP = np.where(TIMES < 8.5, 1.0, -1.0) * (TIMES > 0)  # the grip goes up, rests, comes back
 LATE = np.where(TIMES > 3.5, np.minimum((TIMES - 3.0) / 3.0, 1.0), 0.0)  # a seal that begins to rub in frame 4
@@ -34,17 +26,7 @@ def rubbing(course):
 def scored(request, tmp_path_factory):
     course = LATE if request.param == "late" else np.ones_like(TIMES)
     path = write_folder(tmp_path_factory.mktemp(request.param) / "test", rubbing(course))
-    found = identify(load_experiment(path))
-    residual = residual_evidence(found)
-    where = situation(found, residual, read_toml(path))
-    trials = [(c, v) for c in candidates() if c.name in NAMES for v in c.variants(where)]
-
-    def load(edits):
-        return load_experiment(path, edits)
-
-    labels, columns = score_columns(found, residual, trials + with_free_courses(
-        trials, where.document, found.parameters.free, load), load)
-    return request.param, path, course, screen(residual.evidence, residual.null, labels, columns)
+    return request.param, path, course, screening(path, NAMES, own_courses=True)[1]
 
 
 def test_friction_is_named_first_and_freed_where_it_is_not_constant(scored):

@@ -141,12 +141,12 @@ def test_a_warmth_that_gets_its_own_course_begins_with_the_strain_it_had(tmp_pat
 
     assert own_course.with_own_course(source, refit((), 300.0), winner, seen, refits, None, 1) is None
     started = source.load(asked[0].edits[0])
-    begin = {name: value for name, value in asked[0].values[0].items() if name in started.parameters}
-    parameters = started.parameters.with_starts(begin)
+    parameters = started.parameters.with_starts(started.parameters.own_of(asked[0].values[0]))  # as `refit` does
     assert parameters[ALPHA].value == SUPPOSED_EXPANSION_PER_K and not parameters[ALPHA].free
     strain = SUPPOSED_EXPANSION_PER_K * nodal_temperature(started).at(0.0, parameters)[:, 0]
     assert strain == pytest.approx(2e-4 * started.times / 3.0)
     assert parameters["SPECIMEN.E"].value == values["SPECIMEN.E"]
+    assert started.parameters.own_of({ALPHA: 2e-4, "SPECIMEN.E": 1.0, "elsewhere": 2.0}) == {"SPECIMEN.E": 1.0}
 
 
 def test_the_free_warmth_of_one_material_is_not_that_of_another():

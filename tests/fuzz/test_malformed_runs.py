@@ -19,10 +19,11 @@ from spoil_run import describe, flip, forged, spoilt_runs
 from idic import identify_experiment
 from idic.cli.app import exit_code
 from idic.cli.outcomes import BAD_INPUT, DONE
+from idic.errors import InputError
 from idic.report.fields.viewer import viewer_data
 from idic.report.page import render_page
 from idic.run.diagnosis.source import open_source
-from idic.run.reporting.write import load_record, write_numbers
+from idic.run.reporting.write import load_record, write_numbers, write_report
 from idic.store.result_file import RESULT_FILE, read_result
 
 BASES = ("cameras", "grips")
@@ -152,6 +153,17 @@ def test_a_report_of_a_damaged_description_says_nothing_but_the_refusal():
     with copy_of(whole_run("grips")) as run:
         flip(run / "run.zarr" / "channels" / "zarr.json", 654)
         assert_fair(idic("report", run), (BAD_INPUT,))
+
+
+def test_a_damaged_frame_is_told_before_the_figures_are_drawn():
+    """The motion of a frame in the middle of the test: only ParaView's files hold it."""
+    stages: list[str] = []
+    with copy_of(whole_run("grips")) as run:
+        chunks = sorted(path for path in run.glob("run.zarr/evaluations/000/base/u/c/**/*") if path.is_file())
+        flip(chunks[len(chunks) // 2], 323)
+        with pytest.raises(InputError, match="missing or damaged"):
+            write_report(run, stages.append, paraview=True)
+    assert stages == ["tables and ParaView files"]
 
 
 def test_a_fill_value_beyond_the_type_of_its_array_is_refused():

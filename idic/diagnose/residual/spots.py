@@ -24,7 +24,7 @@ from idic.diagnose.residual.lost_pattern import LostPattern, lost_pattern
 from idic.identify.in_memory import Identification
 
 DUST, PAINT = "dust", "paint_loss"
-LEFT_OUT = "options.left_out_px"  # the key of what is left out
+LEFT_OUT = "options.left_out_px"  # key of the circles in which no pixel is correlated
 MIN_PIXELS, MIN_FRAMES = 4, 2  # of a place where the pattern is lost
 MIN_AGREEMENT = 0.5  # intersection over union
 SAME_AGREEMENT = 0.04  # a history that agrees so little less is not excluded; 1.4 px under a disc of 6 px tell 0.05

@@ -147,7 +147,7 @@ def _simulated(experiment: Experiment, found: Identification) -> tuple[np.ndarra
     forward = build_forward(replace(experiment, motion_error=None))
     if not isinstance(forward, ForwardModel):
         return None
-    known = {name: value for name, value in found.parameters.as_values().items() if name in experiment.parameters}
+    known = experiment.parameters.own_of(found.parameters.as_values())
     try:
         states = [(state.u.copy(), state.channels.copy()) for state in forward.march(
             experiment.parameters.with_values(known), (), found.local, found.steps, may_cut=True)]
@@ -167,7 +167,7 @@ class _Answers:
 
     def position(self, experiment: Experiment, at: Mapping[str, float]) -> int:
         """Place among the others of an experiment at the identified values and these."""
-        known = {name: value for name, value in self.values.items() if name in experiment.parameters}
+        known = experiment.parameters.own_of(self.values)
         parameters = experiment.parameters.with_values(known | dict(at))
         key = pickle.dumps((experiment.materials, experiment.prescribed, experiment.loads, experiment.temperatures,
                             experiment.heterogeneities, sorted(parameters.as_values().items())))
@@ -223,8 +223,7 @@ def _direct(found: Identification, residual: ResidualEvidence, variant: Variant,
             gradients: Gradients) -> Columns:
     """Derivatives of camera and channels at the null values."""
     experiment = load(variant.edits)
-    values = found.parameters.as_values()
-    known = {name: value for name, value in values.items() if name in experiment.parameters}
+    known = experiment.parameters.own_of(found.parameters.as_values())
     parameters = experiment.parameters.with_values(known | dict(variant.null))
     whole = replace(found.experiment, parameters=parameters, channels=experiment.channels)
     contexts = [_with_motion(camera.context, whole, experiment) for camera in residual.cameras]

@@ -12,10 +12,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from idic.diagnose.refit import Refit, identification_at
-from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
+from idic.diagnose.refit_job import ExperimentSource, Refits
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, thinned
@@ -23,7 +21,7 @@ from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.screen.free_courses import free_edits
 from idic.diagnose.screen.score import Scores, null_model, score
 from idic.diagnose.screen.score_columns import score_columns
-from idic.diagnose.selection.own_course import leaves_something
+from idic.diagnose.selection.own_course import leaves_something, refitted_as
 from idic.diagnose.selection.rival import Rival
 from idic.model.free_course import jump_name, without_knot
 
@@ -63,15 +61,8 @@ def with_few_jumps(source: ExperimentSource, null: Refit, winner: Rival, refits:
     edits = free_edits(source.document(), own, variant,
                        {"course": "jumps", "jump_frames": [frames[k] for k in chosen]})
     made = replace(_jumping(winner, edits, list(sizes)), probe=sizes)  # type: ignore[arg-type]
-    kept = {key: value for key, value in winner.refitted.values.items() if without_knot(key) != name}
-    (answer,) = refits([RefitJob(winner.name, source, (made.label,), (made.edits,), ({**kept, **sizes},),
-                                 winner.refitted.local, grid, np.inf, seed)])
-    if not answer.usable:
-        return None
-    jumping = replace(winner, ranked=replace(winner.ranked, variant=made, label=made.label), refitted=answer,
-                      achieved=null.choice.chi2 - answer.choice.chi2,
-                      heldout=null.judgement.chi2 - answer.judgement.chi2)
-    return jumping if jumping.evidence > winner.evidence else None
+    jumping = refitted_as(made, source, null, winner, refits, grid, seed)
+    return jumping if jumping is not None and jumping.evidence > winner.evidence else None
 
 
 def few_jumps(scores: Scores) -> list[int]:

@@ -17,6 +17,7 @@ from idic.diagnose.refit import Refit
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival
 from idic.diagnose.selection.rivals import edits_of
@@ -26,8 +27,7 @@ MIN_LEFT_Z = 3.0  # standard deviations of what a refit leaves in motions or cha
 
 
 def with_own_course(source: ExperimentSource, null: Refit, winner: Rival, screening: Screening, refits: Refits,
-                    grid: Grid,
-                    seed: int) -> Rival | None:
+                    grid: Grid, seed: int) -> Rival | None:
     """The winner of a round with a course that the data give; None where it has no course, or needs no other one."""
     if winner.copies > 1 or winner.refitted.choice is None or not leaves_something(winner.refitted.choice):
         return None
@@ -41,17 +41,25 @@ def with_own_course(source: ExperimentSource, null: Refit, winner: Rival, screen
         hat = course_of(after, name)
         top = int(np.argmax(np.abs(hat)))
         start[name] = size * float(course[top] / hat[top])
-    kept = {name: value for name, value in winner.refitted.values.items() if name != old}  # even a locked one starts
     variant = replace(free, label=f"{winner.ranked.variant.label}, with an identified time course", probe=start)
-    (answer,) = refits([RefitJob(winner.name, source, (variant.label,), (free.edits,),
-                                 ({**kept, **start},),
+    freed = refitted_as(variant, source, null, winner, refits, grid, seed)
+    if freed is None:
+        return None
+    return freed if freed.heldout - winner.heldout > MIN_HELDOUT_DROP + len(free.new) - 1 else None
+
+
+def refitted_as(variant: Variant, source: ExperimentSource, null: Refit, winner: Rival, refits: Refits, grid: Grid,
+                seed: int) -> Rival | None:
+    """The winner of a round refitted as another variant of its cause, from its own values and the probe of that
+    variant; None where the refit fails."""
+    start = {**winner.refitted.values, **variant.probe}
+    (answer,) = refits([RefitJob(winner.name, source, (variant.label,), (variant.edits,), (start,),
                                  winner.refitted.local, grid, np.inf, seed)])
     if not answer.usable:
         return None
-    freed = replace(winner, ranked=replace(winner.ranked, variant=variant, label=variant.label), refitted=answer,
-                    achieved=null.choice.chi2 - answer.choice.chi2,
-                    heldout=null.judgement.chi2 - answer.judgement.chi2)
-    return freed if freed.heldout - winner.heldout > MIN_HELDOUT_DROP + len(free.new) - 1 else None
+    return replace(winner, ranked=replace(winner.ranked, variant=variant, label=variant.label), refitted=answer,
+                   achieved=null.choice.chi2 - answer.choice.chi2,
+                   heldout=null.judgement.chi2 - answer.judgement.chi2)
 
 
 def has_own_course(rival: Rival) -> bool:

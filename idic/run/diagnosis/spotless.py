@@ -25,7 +25,7 @@ def without_spots(source: ExperimentSource, found: Identification,
     circles = [[round(x, 2) for x in circle] for spot in spots for circle in spot.left_out]
     there = source.with_edits({LEFT_OUT: known + circles})
     experiment = there.load()
-    values = {name: value for name, value in found.parameters.as_values().items() if name in experiment.parameters}
+    values = experiment.parameters.own_of(found.parameters.as_values())
     again = identify(replace(experiment, parameters=experiment.parameters.with_values(values), stages=()))
     if again.point is None:
         return source, found, None
