@@ -90,3 +90,14 @@ def test_selected_and_indistinguishable_candidates_are_shown_however_far_down_th
         "excluded beside the selected", "not visible beside the selected", "excluded", "significant"]
     nearest = said | {"verdict": "outside_library", "indistinguishable": []}
     assert standing_of(nearest, entries[3], "small") == "nearest, not the cause"
+
+
+def test_the_course_of_a_warmth_is_told_with_the_expansion_that_was_supposed():
+    """The data give the product of both alone."""
+    knots = {f"temperature_knot[{k}]": {"value": value, "std": 3.5, "unit": "K"} for k, value in ((4, 12.0), (8, 37.7))}
+    said = content("single") | {
+        "named": ["thermal_expansion"], "rounds": [{"winner": "thermal_expansion", "form": None, "new": list(knots)}],
+        "candidates": [{"name": "thermal_expansion", "form": None}]}
+    said["model"] = said["model"] | {"parameters_after": knots}
+    assert ("(temperature 37.7 ± 3.5 K at most, in frame 8, for an expansion of 1e-05 per K)"
+            in sentence(said, {"thermal_expansion": "thermal expansion"}))

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from idic.diagnose.courses import SUPPOSED_EXPANSION_PER_K
 from idic.diagnose.locate.mismatch_words import MOTION
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY
+from idic.model.free_course import TEMPERATURE
 from idic.report.words import number, short_names, with_std
 
 MIN_GOOD_PROBABILITY = 0.9  # that the selected set holds the truth: good news
@@ -176,8 +178,9 @@ def _course(stem: str, entries: Mapping[str, Mapping]) -> str:
                  for name, p in sorted(known.items(), key=lambda one: int(frame_of(one[0])))]
         return f"{what} by {' and '.join(jumps) if len(jumps) < 3 else ', '.join(jumps[:-1]) + ' and ' + jumps[-1]}"
     if stem.endswith("_knot"):  # a course that is zero at other knots
+        supposed = f", for an expansion of {SUPPOSED_EXPANSION_PER_K:g} per K" if what == TEMPERATURE else ""
         return (f"{what} {with_std(known[largest]['value'], known[largest]['std'], unit)} at most, in frame "
-                f"{frame_of(largest)}")
+                f"{frame_of(largest)}{supposed}")
     rms = math.sqrt(sum(p["value"] ** 2 for p in known.values()) / len(known))
     return (f"{what} {number(rms, std)} {unit} rms, {number(known[largest]['value'], std)} {unit} at most in frame "
             f"{frame_of(largest)}")
