@@ -111,6 +111,8 @@ def _opened(folder: str, mode: str, description: tuple) -> zarr.Array:
     except (FileNotFoundError, ValueError, KeyError, TypeError, OverflowError) as problem:
         raise _damage(path, found=f"{type(problem).__name__}: {problem}") from problem
     _refuse_foreign(array, path)
+    if min(array.chunks, default=1) < 1:
+        raise _damage(path, found=f"a description of chunks of {array.chunks} values")
     if array.nchunks > MAX_CHUNKS:  # each is a file whose presence is asked for
         raise _damage(path, found=f"a description of {array.nchunks} chunks")
     return array.with_config({"write_empty_chunks": True})  # as of `create_array`; open_array leaves it out

@@ -183,6 +183,18 @@ def test_an_array_of_more_chunks_than_a_disk_holds_is_damage(array):
         resume(run, "cameras", True)
 
 
+@pytest.mark.parametrize("chunk", [0, -1, 1_000_000_000_000, 0.5])
+@pytest.mark.parametrize("reader", ["resume", "numbers"])
+def test_chunks_of_an_impossible_size_are_damage(reader, chunk):
+    """Found by the campaign: division by zero."""
+    with copy_of(whole_run("grips")) as run:
+        described = next(run.glob("run.zarr/channels/*/zarr.json"))
+        length = len(json.loads(described.read_text())["shape"])
+        grid = {"name": "regular", "configuration": {"chunk_shape": [chunk] * length}}
+        describe(described, ("chunk_grid", grid, True))
+        READERS[reader](run, "grips", True)
+
+
 @pytest.mark.parametrize("identity", [1e308, -1, True, [], {}, "x" * 3000])
 def test_a_run_whose_identity_is_no_identity_is_refused(identity):
     """Found by the campaign: a number has no first characters."""
