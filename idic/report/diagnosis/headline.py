@@ -69,9 +69,10 @@ def left_over(content: Mapping) -> str | None:
     parts = []
     if (left.get("motion_z") or 0.0) > MIN_TEXT_Z and (left.get("motion_px") or 0.0) > MIN_LEFT_PX:
         floor = content.get("camera_floor_px")
-        at_rest = " that images at rest show too" if floor and left["motion_px"] < 1.5 * floor else ""
+        at_rest = bool(floor) and left["motion_px"] < 1.5 * floor  # the explained share does not count that either
         place = f", largest {left['place']}," if left.get("place") else ""
-        parts.append(f"{left['motion_px']:.2g} px of motion{place}{at_rest}{_of_before(left.get('motion_share'))}")
+        share = " that images at rest show too" if at_rest else _of_before(left.get("motion_share"))
+        parts.append(f"{left['motion_px']:.2g} px of motion{place}{share}")
     parts += [f"{100.0 * one['reading_share']:.2g} % of {one['column']}{_of_before(one['share'])}"
               for one in left.get("channels", ()) if one["significant"]]
     if not parts:
