@@ -118,8 +118,11 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
             next_state = failed_simulation(next_state, evaluated.message)  # the search ended there
         return next_state
     trust, schedule = state.trust, state.schedule
+    # generalised least squares may begin at the known end of the ordinary search
+    moved = is_step or (state.generalised and state.accepted is not None
+                        and state.trial.values != state.accepted.values)
     state = replace(state, accepted=AcceptedPoint(dict(state.trial.values), evaluated.number, evaluated.system.phi),
-                    iteration=state.iteration + is_step,
+                    iteration=state.iteration + moved,
                     schedule=replace(schedule, iterations=schedule.iterations + is_step),
                     trust=TrustRegion(radius_after_step(trust.radius, length, gain_ratio) if is_step else trust.radius,
                                       0.0 if trust.damping < MIN_DAMPING else trust.damping / 3.0))

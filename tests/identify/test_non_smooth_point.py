@@ -15,8 +15,9 @@ from idic.correlation.system import CorrelationSystem
 from idic.experiment_file.load import load_experiment
 from idic.identify.covariance import Scaled, spectrum
 from idic.identify.loop import advance, start
+from idic.identify.step.increments import KNOWN
 from idic.identify.step.non_smooth import smallest_gradient
-from idic.identify.step.state import GENERALISED, GENERALISED_REJECTED, EstimatorChoice, Evaluation
+from idic.identify.step.state import GENERALISED, GENERALISED_REJECTED, Ending, EstimatorChoice, Evaluation
 
 NAMES = ("BODY.E", "BODY.nu")
 STD = 0.01  # of either parameter, scaled
@@ -134,6 +135,20 @@ def test_generalised_least_squares_that_do_not_converge_lead_back_to_ordinary_le
     assert state.status == "converged" and state.estimator.kind == GENERALISED_REJECTED
     assert x == pytest.approx(0.0, abs=1e-12)
     assert state.evaluations <= limit
+
+
+@pytest.mark.parametrize("limit", [40, 10])
+def test_a_solution_that_was_only_foretold_is_searched_to_its_end_where_evaluations_are_left(experiment, limit):
+    few = replace(experiment, options=replace(experiment.options, max_iterations=limit))
+    begin, root = start(few), np.array([0.5, 0.0])  # half a standard deviation beside what was foretold
+    state = replace(begin, estimator=EstimatorChoice(GENERALISED, dict(begin.trial.values)), end=Ending(KNOWN, ""))
+
+    def gradient(x, generalised):
+        return (1.0 + abs(x[0])) * np.array([-3.0, 0.0]) if generalised else x - root
+
+    state, x = walk(few, gradient, lambda x: 1000.0 + ((x - root) ** 2).sum(), state)
+    assert (state.status, state.estimator.kind) == ("converged", GENERALISED_REJECTED)
+    assert x == pytest.approx(root if state.evaluations < limit else 0.0, abs=1e-3) and state.evaluations <= limit
 
 
 def test_generalised_least_squares_that_do_not_converge_from_the_start_are_followed_by_ordinary_ones(experiment):

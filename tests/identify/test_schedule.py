@@ -78,13 +78,13 @@ def test_a_converged_result_stands_if_another_estimator_gains_nothing(folder):
     assert asked.state.status == "max_iterations"  # generalised ones were asked for and are not there
 
 
-def test_another_estimator_looks_at_the_same_point_without_a_step(folder):
-    """Iterations are accepted steps; the look of the other estimator at the last point is an evaluation only."""
+def test_another_estimator_begins_at_the_known_end_of_the_search_and_iterations_are_steps(folder):
+    """The last step of ordinary least squares is evaluated once, by the other estimator."""
     found = identify_in_memory(load_experiment(folder))
     assert (found.state.status, found.result["estimator"]) == ("converged", "generalised")
     entries = [entry for entry in found.state.history if entry["accepted"]]
     moves = sum(one["values"] != other["values"] for one, other in zip(entries, entries[1:], strict=False))
-    assert found.state.iteration == moves
+    assert found.state.iteration == moves == len(entries) - 1
 
 
 def test_a_stage_of_one_step_makes_it_after_a_stage_on_other_images(folder):

@@ -13,8 +13,8 @@ from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, activation_s
 from idic.identify.step.ending import (ITERATIONS, beyond_bounds, bounded, failed_simulation, flat, judged_flat,
                                        out_of_iterations, small_step, stuck)
 from idic.identify.step.estimator import next_estimator
-from idic.identify.step.increments import (KNOWN, TOO_COARSE, error_of, is_too_coarse, knows_end,
-                                           meets_a_jump, with_increments_judged)
+from idic.identify.step.increments import (KNOWN, TOO_COARSE, chooses_increments, error_of, is_too_coarse, is_whole,
+                                           knows_end, meets_a_jump, with_increments_judged)
 from idic.identify.step.non_smooth import directional_derivative
 from idic.identify.step.parallel_steps import parallel_steps
 from idic.identify.step.proposal import STEP_CLIP, Step, propose
@@ -42,7 +42,7 @@ from idic.identify.step.state import (
     Trial,
     TrustRegion,
 )
-from idic.model.experiment import Experiment, Stage
+from idic.model.experiment import Experiment, Options, Stage
 from idic.parameters import ParameterSet
 
 MAX_REJECTIONS = 8  # in a row; steps have then shrunk to nothing
@@ -73,19 +73,26 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
         return propose(scaled, found, stds, parameters, damping, size, allowed)
 
     step = version(state.trust.damping, limit)
-    done = _why_done(state, stages, step, scaled, found, options.tolerance, non_smooth is not None)
-    state, change = _with_activation(state, scaled, parameters, bool(done) and state.schedule.stage + 1 == len(stages))
+    done = _why_done(state, stages, step, scaled, found, options, non_smooth is not None)
+    last = state.schedule.stage + 1 == len(stages)
+    # increments that are to be judged have a rule of their own
+    known = last and non_smooth is None and not chooses_increments(experiment) and is_whole(step, state)
+    generalised = _generalised_from(state, experiment, stage, point, image_noise, step,
+                                    _end_of(step, parameters)) if known and not done else None
+    ends = last and (bool(done) or generalised is not None)
+    state, change = _with_activation(state, scaled, parameters, ends)
     ended = done and change is None
     if ended or (stage.max_iterations is not None and state.schedule.iterations >= stage.max_iterations):
         beyond = beyond_bounds(step, parameters)
         end = (bounded(beyond) if beyond else Ending("converged", done) if done
                else out_of_iterations(state.schedule.iterations, "[stage]", step, options))
         return _leave_stage(state, experiment, stages, point, image_noise, end)
-    if state.schedule.stage + 1 == len(stages) and is_too_coarse(state, experiment, jump):
+    if generalised is not None and change is None:
+        return generalised
+    if last and is_too_coarse(state, experiment, jump):
         return _leave_stage(state, experiment, stages, point, image_noise, Ending(TOO_COARSE, ""))
-    if (change is None and non_smooth is None and not to_the_end and state.schedule.stage + 1 == len(stages)
-            and knows_end(step, state, experiment)):
-        end = parameters.unpack(parameters.pack() + step.delta).as_values()
+    if change is None and non_smooth is None and not to_the_end and last and knows_end(step, state, experiment):
+        end = _end_of(step, parameters)
         judged = with_increments_judged(state, experiment, stage, point, image_noise, KNOWN, end)
         if judged.trial.new_increments:
             return replace(judged, end=Ending(KNOWN, ""))
@@ -110,14 +117,19 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
     return replace(state, trial=Trial(reached(step), parallel, tries_activation=change is not None))
 
 
+def _end_of(step: Step, parameters: ParameterSet) -> dict[str, float]:
+    """All values after a step."""
+    return parameters.unpack(parameters.pack() + step.delta).as_values()
+
+
 def _generalised_from(state: LoopState, experiment: Experiment, last: Stage, point: Evaluation, image_noise: float,
                       step: Step, known: Mapping[str, float]) -> LoopState | None:
     """The state that tries generalised least squares at the known end of an ordinary search whose increments are
-    enough; None where that end is not known to the tolerance, or ordinary least squares stay.
+    enough, or given; None where that end is not known to the tolerance, or ordinary least squares stay.
 
     step : to that end; known : its values
     """
-    present, enough = state.estimator.kind, state.increments.status == ENOUGH
+    present, enough = state.estimator.kind, state.increments.status == ENOUGH or not chooses_increments(experiment)
     if not enough or error_of(step) >= experiment.options.tolerance:
         return None
     left = experiment.options.max_iterations - state.rounds
@@ -160,12 +172,12 @@ def _non_smooth_system(state: LoopState, trial: Evaluation, accepted: Evaluation
     return directional_derivative(here, there, spectrum(here), parameters, moved, NON_SMOOTH_TOLERANCE)
 
 
-def _why_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scaled, found: Spectrum, tolerance: float,
+def _why_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scaled, found: Spectrum, options: Options,
               non_smooth: bool) -> str:
     """Why the stage ends at the accepted point, judged by the undamped step; empty where it goes on."""
     number, phi, rejections = state.schedule.stage, state.accepted.phi, state.trust.rejections
-    if step.relative < tolerance:
-        return small_step(step, tolerance)
+    if step.relative < options.tolerance:
+        return small_step(step, options.tolerance)
     gain = float(scaled.b @ found.inverse @ scaled.b) / phi if phi else 0.0
     if is_preliminary(stages[number]) and (step.largest < MIN_PRELIMINARY_STEP or gain < MIN_PRELIMINARY_GAIN):
         return "a preliminary stage has settled"
@@ -174,8 +186,10 @@ def _why_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Sca
     if (rejections > 1 or non_smooth) and step.relative < NON_SMOOTH_TOLERANCE:
         return flat(step, rejections)
     estimator = state.estimator
+    foretold = state.end is not None and state.end.status == KNOWN  # that solution: the search goes on to it
     if (estimator.kind == GENERALISED_REJECTED and estimator.ordinary_solution is not None
-            and state.accepted.values == estimator.ordinary_solution):
+            and state.accepted.values == estimator.ordinary_solution
+            and not (foretold and state.rounds < options.max_iterations)):
         return "generalised least squares did not converge: the values are those of ordinary least squares"
     return "the next step is below rounding" if step.largest < MIN_SCALED_STEP else ""
 
