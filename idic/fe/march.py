@@ -19,6 +19,8 @@ from idic.fe.increment_size import IncrementSize
 from idic.fe.model import Direction, Model, Reaction, validate
 from idic.fe.predictor import WarmStart, extrapolated
 from idic.fe.assembly.thickness_change import surface_rise
+from idic.fe.solver.linear import Factor
+from idic.fe.solver.threads import looked_ahead, pool_of_threads
 from idic.fe.sensitivity import Changes, Influence, at_rest, check_directions, differentiate, influence_at
 
 
@@ -183,15 +185,50 @@ def _frozen_targets(steps: StepList, times: np.ndarray) -> np.ndarray:
     return targets
 
 
+@dataclass(frozen=True)
+class _Increment:
+    """A converged increment, from `before` to `now`.
+
+    factor : of the consistent tangent at `now` where the next increment begins with it, else None
+    ends_frame : number of the frame at its end, None inside of an interval; newton : iterations since the frame before
+    """
+
+    before: Converged
+    now: Converged
+    factor: Factor | None
+    ends_frame: int | None
+    newton: int
+    done: tuple[float, ...]
+
+
 def _frames(system: System, params, times, directions, frozen, substeps, control, warm,
             may_cut) -> Iterator[FrameState]:
+    """Each increment is differentiated while the next one is solved, where a second thread may do that."""
     drives = drives_at(system.model, times, times[0])
-    now = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest())
-    changes, earlier, done, size = at_rest(system, len(directions)), None, [], IncrementSize()
-    influence, start = None, now
-    yield _reference_frame(system, times, directions, now)
+    rest = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest())
+    yield _reference_frame(system, times, directions, rest)
+    changes, influence = at_rest(system, len(directions)), None
+    increments = _increments(system, params, times, rest, bool(directions), frozen, substeps, control, warm, may_cut)
+    second = bool(directions) and not system.pattern.costs_much and pool_of_threads() is not None
+    with looked_ahead(increments, second) as solved:
+        for one in solved:
+            factor = None
+            if directions:
+                factor = consistent_factor(system, one.now) if one.factor is None else one.factor
+                changes = differentiate(system, params, directions, times, one.before, one.now, factor, changes)
+            if one.ends_frame is not None:
+                start = replace(one.before, evaluation=None, factor=None, factor_matrices=())
+                influence = influence_at(system, params, start, one.now, factor, influence)
+                yield _frame_state(system, one.ends_frame, one.now, changes, influence, one.newton, one.done,
+                                   directions)
+            del one, factor  # room for those of the next increment
+
+
+def _increments(system: System, params, times, rest: Converged, differentiated: bool, frozen, substeps, control, warm,
+                may_cut) -> Iterator[_Increment]:
+    now, earlier, done, size = rest, None, [], IncrementSize()
     for frame in range(1, len(times)):
-        newton, failures, factor = 0, 0, None
+        newton, failures = 0, 0
         if warm is not None:
             warm.advance()
         whole = (times[frame] - times[frame - 1]) / substeps
@@ -217,26 +254,25 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
             if new.bend > MAX_BEND and frozen is None and size.part > SMALLEST_BENT_PART:
                 size.part /= 2.0
                 continue
-            if directions:
-                factor = None  # of the increment before
+            factor = None
+            if differentiated and system.pattern.costs_much:
                 # room for one; the next increment begins with it
-                if system.pattern.costs_much and not new.factor_matrices:
+                if not new.factor_matrices:
                     now = replace(now, factor=None)
                     new = new if serves(system, new) else replace(new, factor=None)
                     factor = consistent_factor(system, new)
                     new = replace(new, factor=factor, symmetric=factor.of_symmetric_part,
                                   gain=new.gain if factor.kept else np.inf)
-                factor = new.factor if system.pattern.costs_much else consistent_factor(system, new)
-                changes = differentiate(system, params, directions, times, now, new, factor, changes)
+                factor = new.factor
             if warm is not None:
                 warm.judge(new.u)
             size.converged(new.iterations)
             newton += new.iterations
             done.append(target)
-            start = replace(now, evaluation=None, factor=None, factor_matrices=())
-            earlier, now = replace(start, states=()), new
-        influence = influence_at(system, params, start, now, factor, influence)
-        yield _frame_state(system, frame, now, changes, influence, newton, tuple(done), directions)
+            ends = None if new.time < times[frame] else frame
+            before, earlier, now = now, replace(now, states=(), evaluation=None, factor=None, factor_matrices=()), new
+            yield _Increment(before, now, factor, ends, newton, tuple(done) if ends else ())
+            del before, new
 
 
 def _next_target(t: float, frame_time: float, interval: float, frozen: np.ndarray | None) -> float:

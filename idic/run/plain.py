@@ -26,7 +26,7 @@ from idic.run.runs import Points, Run, SingleRun, check_pause
 from idic.run.session import Timing
 from idic.store.arrays import leave_stuck_io
 from idic.store.run_store import RunStore
-from idic.workers.dask_executor import open_cluster
+from idic.workers.dask_executor import default_workers, open_cluster
 from idic.workers.runner import SerialRunner, TaskRunner
 from idic.workers.workplace import Workplace
 
@@ -153,9 +153,9 @@ def identify_plainly(paths: Sequence[str | Path], out: str | Path, resume: bool 
 def workplace_for(planned: Run, workers: int | None, scheduler: str | None, memory_limit: str | None,
                   store: str | None) -> Workplace:
     """Where the tasks of a run are done; without a word of the user a small run stays in this process, as the start
-    of workers takes longer than they save."""
+    of workers takes longer than they save, with a second thread where there is a second core."""
     if workers is None and scheduler is None and memory_limit is None and not planned.worth_workers:
-        workers = 0
+        return Workplace(0, threads=min(2, default_workers()), store=store)
     return Workplace(workers, scheduler, memory_limit, store)
 
 

@@ -43,6 +43,7 @@ def open_cluster(
     scheduler: str | None = None,
     memory_limit: str | int | None = None,
     preload: Sequence[str] = (),
+    threads: int = 1,
 ) -> Iterator[TaskRunner]:
     """A runner for the length of a ``with`` block.
 
@@ -56,6 +57,8 @@ def open_cluster(
         Per worker, as Dask reads it ("4GB"); default an equal share of the machine.
     preload : sequence of str
         Modules that the workers import while the driver continues, up to its first job.
+    threads : int
+        Of a simulation, where all tasks are in this process.
 
     Raises
     ------
@@ -64,7 +67,7 @@ def open_cluster(
         (`idic.workers.task_limits`).
     """
     if scheduler is None and workers == 0:
-        yield SerialRunner()
+        yield SerialRunner(threads)
         return
     limits = task_limits()
     be_quiet()

@@ -127,15 +127,21 @@ class TaskRunner(Protocol):
 
 
 class SerialRunner:
-    """Runs the jobs one after the other in this process: for tests, notebooks and ``--workers 0``."""
+    """Runs the jobs one after the other in this process: for tests, notebooks and ``--workers 0``.
+
+    threads : of a simulation
+    """
 
     workers: int = 1
     dashboard: str | None = None
     sees_files: bool = True
 
+    def __init__(self, threads: int = 1):
+        self._threads = threads
+
     def threads_for(self, n_jobs: int) -> int:
-        """See `TaskRunner.threads_for`: one process, one core."""
-        return 1
+        """See `TaskRunner.threads_for`: one job at a time."""
+        return self._threads
 
     def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False,
                watch=None) -> Iterator[Any]:

@@ -21,12 +21,14 @@ class Workplace:
     scheduler : address of an existing Dask scheduler, used instead
     memory_limit : of one worker process, "2GB"
     store : through which workers without a common disk get and send files: a URL of fsspec, or "driver"
+    threads : of a simulation in this process
     """
 
     workers: int | None = None
     scheduler: str | None = None
     memory_limit: str | None = None
     store: str | None = None
+    threads: int = 1
 
     def check(self, out: Path | str, to_see: Sequence[ExperimentToSee] = (),
               say: Callable[[str], None] = lambda text: None) -> None:
@@ -49,7 +51,7 @@ class Workplace:
         import at once
         """
         limit = checked_memory_limit(self.memory_limit, self.workers, self.scheduler)
-        with (open_cluster(self.workers, self.scheduler, limit, preload) as cluster,
+        with (open_cluster(self.workers, self.scheduler, limit, preload, self.threads) as cluster,
               without_common_disk(cluster, self.store, out, to_see) as runner):
             yield runner
 

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.linalg.lapack import dgbtrs
+from scipy.linalg.lapack import dgbtrf, dgbtrs
 
 from idic.fe.solver import band
+from idic.fe.solver.lapack import factorise_band, solve_band
 from idic.fe.assembly import kernels
 
 
@@ -40,6 +41,24 @@ def test_solutions_of_narrow_bands(n, kl, diagonal):
         assert info == 0
         np.testing.assert_allclose(theirs.T, x, rtol=0, atol=scale)
         assert diagonal < 1.0 or (pivots == np.arange(n)).all()  # exchanged only where it is needed
+
+
+def test_lapack_is_called_as_scipy_does_bit_for_bit():
+    """Without SciPy's wrappers, which keep other threads waiting."""
+    rng, n, kl = np.random.default_rng(5), 60, 9
+    flat = stored(banded(rng, n, kl, 1.0, 0.3), kl)
+    theirs, pivots, info = dgbtrf(flat.reshape((3 * kl + 1, n), order="F"), kl, kl)
+    ours = flat.copy().reshape((3 * kl + 1, n), order="F")
+    exchanges, zero = factorise_band(ours, kl)
+    assert info == zero == 0 and np.array_equal(ours, theirs) and np.array_equal(exchanges - 1, pivots)
+    for transposed in (False, True):
+        x = np.asfortranarray(rng.standard_normal((n, 3)))
+        expected = dgbtrs(theirs, kl, kl, x, pivots, trans=int(transposed))[0]
+        solve_band(ours, kl, exchanges, x, transposed)
+        assert np.array_equal(x, expected)
+    singular = flat.copy()
+    singular.reshape((n, 3 * kl + 1))[17] = 0.0
+    assert factorise_band(singular.reshape((3 * kl + 1, n), order="F"), kl)[1] > 0
 
 
 def test_a_singular_matrix_is_told_by_its_pivot():

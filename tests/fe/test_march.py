@@ -1,5 +1,6 @@
 """The march through time: frame times, cutting, frozen steps, and refusals that help."""
 
+import threading
 import tracemalloc
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from idic.fe.fields import nodal_field
 from idic.fe.march import StepList, march
 from idic.fe.mesh.mesh import make_mesh
 from idic.fe.model import Constraints, Direction, Reaction
+from idic.fe.solver.threads import solver_threads
 
 TIMES = np.array([0.0, 0.3, 1.0, 1.7])
 
@@ -49,6 +51,37 @@ def test_a_march_that_fails_again_and_again_between_two_frames_is_given_up():
     model = pulled("j2_linear", "plane_stress")
     with pytest.raises(NotConverged, match="no equilibrium beyond"):
         frames(model, "j2_linear", control=Control(max_iterations=3, most_failures=0))
+
+
+@pytest.mark.parametrize("control", [Control(), Control(max_iterations=3), Control(max_iterations=3, most_failures=0)])
+def test_increments_solved_ahead_in_a_second_thread_give_the_same_bits_and_the_same_failure(control):
+    model, wanted = pulled("j2_linear", "plane_stress"), [Direction("yield_stress", material=(0, 2))]
+
+    def run():
+        found = []
+        try:
+            for state in march(model, {"BODY": PARAMETERS["j2_linear"]}, TIMES, wanted, control=control):
+                found.append((state.u, state.du, state.channels, state.dchannels, state.steps.times, state.n_newton))
+        except NotConverged as problem:
+            found.append((str(problem),))
+        return found
+
+    alone = run()
+    with solver_threads(2):
+        ahead = run()
+    assert len(alone) > 1 and len(alone) == len(ahead)
+    for one, other in zip(alone, ahead, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+
+
+def test_a_march_that_is_left_early_leaves_no_thread():
+    before = threading.active_count()
+    with solver_threads(2):
+        states = march(pulled(), {"BODY": PARAMETERS["neo_hookean"]}, TIMES, [Direction("a", material=(0, 0))])
+        next(states), next(states)
+        assert threading.active_count() > before  # the next increment is ahead
+        states.close()
+    assert threading.active_count() == before
 
 
 def test_substeps_do_not_change_a_path_independent_answer():

@@ -70,7 +70,7 @@ def test_a_worker_that_keeps_nearly_all_that_it_may_have_goes_on_working(monkeyp
 
 def test_cores_of_idle_workers_serve_the_jobs_of_the_others(cluster):
     assert (cluster.threads_for(1), cluster.threads_for(2), cluster.threads_for(7)) == (2, 1, 1)
-    assert SerialRunner().threads_for(1) == 1
+    assert SerialRunner().threads_for(1) == 1 and SerialRunner(threads=2).threads_for(1) == 2
 
 
 def test_no_jobs_give_no_results(runner):

@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dgbtrf, dgbtrs
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
 from idic.fe.solver import band, cholesky, dissection, krylov, multifrontal, substitution
 from idic.fe.assembly import kernels
+from idic.fe.solver.lapack import factorise_band, solve_band
 
 MAX_HALF_BANDWIDTH_OF_BAND_LU = {2: 180, 3: 400}  # by dimension; beyond, fronts are faster (10 000 dofs)
 
@@ -148,10 +148,12 @@ class Factor:
             x = np.array(np.atleast_2d(rhs.T), dtype=float, order="C")
             band.solve(self.lu.ravel(order="K"), kl, self.pivots, x)
             return x.T.reshape(rhs.shape)
-        x, info = dgbtrs(self.lu, kl, kl, np.asfortranarray(rhs), self.pivots)
-        if info != 0:
-            raise SingularMatrix(f"dgbtrs: info {info}")
-        return x
+        return self._by_lapack(rhs, transposed=False)
+
+    def _by_lapack(self, rhs: np.ndarray, transposed: bool) -> np.ndarray:
+        x = np.array(rhs.reshape(self.pattern.n, -1), dtype=float, order="F")
+        solve_band(self.lu, self.pattern.half_bandwidth, self.pivots + np.int32(1), x, transposed)
+        return x.reshape(rhs.shape)
 
     def solve_transposed(self, rhs: np.ndarray) -> np.ndarray:
         """Solve with the transposed matrix, for adjoints; shapes as in `solve`."""
@@ -167,11 +169,7 @@ class Factor:
             return substitution.solve_transposed(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
         if isinstance(self.lu, SuperLU):
             return self.lu.solve(np.ascontiguousarray(rhs), "T")
-        kl = self.pattern.half_bandwidth
-        x, info = dgbtrs(self.lu, kl, kl, np.asfortranarray(rhs), self.pivots, trans=1)
-        if info != 0:
-            raise SingularMatrix(f"dgbtrs: info {info}")
-        return x
+        return self._by_lapack(rhs, transposed=True)
 
     def _approximate_transposed(self, columns: np.ndarray) -> np.ndarray:
         if self.of_symmetric_part:
@@ -284,10 +282,11 @@ def factorise(pattern: Pattern, values: np.ndarray, symmetric: bool = True) -> F
         if info != 0:
             raise SingularMatrix(f"pivot {info} of {pattern.n} is zero")
         return Factor(pattern, values.reshape((3 * kl + 1, pattern.n), order="F"), pivots)
-    lu, pivots, info = dgbtrf(values.reshape((3 * kl + 1, pattern.n), order="F"), kl, kl, overwrite_ab=1)
+    lu = values.reshape((3 * kl + 1, pattern.n), order="F")
+    exchanges, info = factorise_band(lu, kl)
     if info != 0:
         raise SingularMatrix(f"pivot {info} of {pattern.n} is zero")
-    return Factor(pattern, lu, pivots)
+    return Factor(pattern, lu, exchanges - np.int32(1))
 
 
 def _symmetric_factor(pattern: Pattern, values: np.ndarray) -> Factor | None:
