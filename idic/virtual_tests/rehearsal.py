@@ -41,16 +41,18 @@ def write_rehearsal(out: Path | str) -> Path:
 
 
 def rehearse() -> None:
-    """Compile what an identification needs, in the order in which `idic demo` comes to need it."""
-    points.loop("tangent")
+    """Compile what an identification needs, in the order in which `idic demo` comes to need it.
+
+    `idic demo` compiles its law meanwhile, which is then read from the cache.
+    """
+    for kind in ("tangent", "directional", "stress"):
+        points.loop(kind)
     with tempfile.TemporaryDirectory() as folder:
         planned = plan_run([write_rehearsal(Path(folder) / "experiment")], Path(folder) / "run",
                            {"options.max_iterations": 1})
         planned.check("auto")
         with planned.claim(False):
             planned.ingest(SerialRunner())
-            points.loop("directional")
-            points.loop("stress")
             compile_image_kernels(planned.first_job)
             OpenRun(planned, SerialRunner(), "auto", Timing(), time.perf_counter(), Console()).identify()
 
