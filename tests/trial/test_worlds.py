@@ -13,7 +13,8 @@ from idic.experiment_file.load import load_rendered
 from idic.identify.in_memory import identify
 from idic.validation.trial.evaluation import TrialRecord, _implied, generated_values, told_as_cut
 from idic.validation.trial.kinds import BEYOND, LIBRARY, is_unseen
-from idic.validation.trial.plan import KNOWN_WORLDS, WORLDS, Campaign, Truth, scene_of
+from idic.validation.trial.plan import (CLEAR, KNOWN_WORLDS, WORLDS, Campaign, Truth, draw, effect_named,
+                                       scene_of)
 from idic.validation.trial.pool import target_table
 from idic.validation.trial.scenes import solve as solve_module
 from idic.validation.trial.scenes.recording import MODEL, Paint, write_public
@@ -24,6 +25,7 @@ from idic.validation.trial.scenes.worlds import as_solid, drawn_world, view_of, 
 from idic.validation.trial.seal import Folder, seal
 from idic.validation.trial.tool_run import FolderSource
 from idic.validation.trial.world_scores import world_goals
+from idic.validation.trial.world_strength import amplitude_in
 
 WORLD = {"specimen": "hole", "columns": 132, "frames": 16, "programme": "monotonic", "thickness": 1.5, "solid": False,
          "finite": False, "noise": "white"}
@@ -99,6 +101,16 @@ def test_a_truth_in_a_world_survives_its_file():
     scene = scene_of(truth)
     assert scene.solid and scene.law == "orthotropic" and len(scene.times) == 16
     assert not scene_of(replace(truth, world=WORLD)).solid
+
+
+@pytest.mark.slow  # 10 s of CPU time: two worlds are identified
+def test_a_world_that_shows_nothing_of_its_effect_is_drawn_again():
+    """The first one moves evenly: a rolling shutter shows by 0.03 standard deviations there."""
+    trial, = Campaign(KNOWN_WORLDS, 8123).select(["outside/rolling_shutter-0"])
+    truth = draw(trial, 8123)
+    assert (truth.world["columns"], truth.world["frames"]) != (158, 18)
+    _, shown = amplitude_in(truth.world, truth.null, truth.parameters, effect_named("rolling_shutter"), CLEAR)
+    assert shown
 
 
 @pytest.mark.slow  # 8 s of CPU time: rubber is identified

@@ -47,6 +47,7 @@ PICTURES_NUMBER = {"clean": 6, "pairs": 3}  # beside one of each known kind: 30 
 NOT_BY_CALCULIX = ("nonlinear_elasticity", "viscoelasticity")
 PAIR_STRENGTH = CLEAR
 STORED_AS = {"counterpart": "twin"}  # keys of sealed truths
+MAX_WORLDS = 8  # that are drawn for one trial
 CLEAN_NULLS = ("elastic", "elastic", "plastic", "held", "ramp")
 
 
@@ -230,21 +231,30 @@ def effect_in(group: str, name: str) -> Effect:
 
 
 def draw(trial: Trial, seed: int) -> Truth:
-    """Draw the truth of a trial: geometry, true parameters, amplitudes, texture and noise."""
+    """Draw the truth of a trial: geometry, true parameters, amplitudes, texture and noise.
+
+    A world that shows nothing of one of the effects at its largest plausible amplitude is drawn again: that would be a
+    recording of no error, under the name of one.
+    """
     rng = np.random.default_rng([seed, zlib.crc32(trial.key.encode())])
     null, effects = NULLS[trial.null], [effect_in(trial.group, name) for name, _ in trial.effects]
-    world = drawn_world(rng, [name for name, _ in trial.effects], trial.null) if trial.in_world else {}
-    if trial.photographs:
-        world |= photographed_world(rng, trial.photographs)
-    stiff, geometry = rng.uniform(0.95, 1.05), {"radius": float(rng.uniform(0.85, 1.15))}
-    scaled = {name: float(value * (stiff if name not in ("nu", "kappa") else 1.0))
-              for name, value in null.truth.items()}
-    amplitudes = []
-    for effect, (name, strength) in zip(effects, trial.effects, strict=True):
-        sign = rng.choice([-1.0, 1.0]) if effect.signed else 1.0
-        measured = STRENGTH_OF.get(name, name) if trial.group == "twins" else name
-        amplitudes.append(float(sign * (amplitude_in(world, trial.null, scaled, effect, strength, photograph_of(world))
-                                        if world else strengths()[measured][strength]["amplitude"])))
+    for _ in range(MAX_WORLDS):
+        world = drawn_world(rng, [name for name, _ in trial.effects], trial.null) if trial.in_world else {}
+        if trial.photographs:
+            world |= photographed_world(rng, trial.photographs)
+        stiff, geometry = rng.uniform(0.95, 1.05), {"radius": float(rng.uniform(0.85, 1.15))}
+        scaled = {name: float(value * (stiff if name not in ("nu", "kappa") else 1.0))
+                  for name, value in null.truth.items()}
+        amplitudes, shown = [], True
+        for effect, (name, strength) in zip(effects, trial.effects, strict=True):
+            sign = rng.choice([-1.0, 1.0]) if effect.signed else 1.0
+            measured = STRENGTH_OF.get(name, name) if trial.group == "twins" else name
+            size, is_shown = (amplitude_in(world, trial.null, scaled, effect, strength, photograph_of(world)) if world
+                              else (strengths()[measured][strength]["amplitude"], True))
+            amplitudes.append(float(sign * size))
+            shown &= is_shown
+        if shown:
+            break
     scaled_known = scaled | ({"E": null.truth["E"]} if trial.null == "known" else {})
     paint = {"texture": int(rng.integers(2**31)), "noise": int(rng.integers(2**31)),
              "dots_px": float(rng.uniform(1.5, 1.7)), "noise_gv": 2.0}

@@ -22,15 +22,18 @@ from idic.validation.trial.scenes.photographs import Photograph
 from idic.validation.trial.scenes.recording import Paint, on_photograph
 from idic.validation.trial.scenes.scene import IMAGE_SHAPE_PX
 from idic.validation.trial.scenes.worlds import world_scene
-from idic.validation.trial.strength import Bench, Seen, calibrated
+from idic.validation.trial.strength import FAINT, Bench, Seen, calibrated
 from idic.validation.trial.strengths import FIRST_AMPLITUDE, NOT_CONVERGED, strengths
 
 MAX_MEASUREMENTS = 4  # of an amplitude: a strength is met within about a third
+MIN_REACHED = 0.67  # of the faint strength: with less at its largest plausible amplitude an effect is not there
 
 
 def amplitude_in(world: Mapping[str, Any], null: str, values: Mapping[str, float], effect: Effect,
-                 strength: str, photograph: Photograph | None = None) -> float:
-    """The amplitude at which an effect has a strength in a world, or there on a photographed surface."""
+                 strength: str, photograph: Photograph | None = None) -> tuple[float, bool]:
+    """The amplitude at which an effect has a strength in a world, or there on a photographed surface; whether the world
+    shows the effect at all. A rolling shutter shows nothing of an even motion, however slow it is.
+    """
     bench = _bench(dumps(dict(world), sort_keys=True), null, dumps(dict(values), sort_keys=True), photograph)
     ratio = world["columns"] / IMAGE_SHAPE_PX[1]
     known = strengths().get(effect.name, {}).get(strength)
@@ -43,7 +46,8 @@ def amplitude_in(world: Mapping[str, Any], null: str, values: Mapping[str, float
         except NotConverged:
             return NOT_CONVERGED
 
-    return calibrated(measure, strength, effect.most, start, MAX_MEASUREMENTS)[0]
+    amplitude, seen = calibrated(measure, strength, effect.most, start, MAX_MEASUREMENTS)
+    return amplitude, bool(seen.reaches(FAINT) >= MIN_REACHED)
 
 
 @lru_cache(maxsize=1)
