@@ -41,6 +41,29 @@ def at_truth(folder, scene, motion, **other):
     return identification_at(experiment, values, np.zeros((experiment.n_frames, 1)), None)
 
 
+def edited(folder, old, new, **other):
+    """A beam at rest, then moved, with a changed experiment.toml; other : of its values."""
+    scene = scene_of_world((0.0, 0.2))
+    mesh = true_mesh(scene.geometry)
+    stack = write_public(folder, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)), Paint(1, 2))
+    file = folder / "experiment.toml"
+    text = file.read_text().replace(old, new)
+    file.write_text(text.replace("nu =", "alpha = { value = 1e-3, unit = \"1/K\" }\nnu =") if other else text)
+    experiment = load_rendered(folder, stack)
+    values = experiment.parameters.as_values() | {f"BODY.{k}": v for k, v in (NULLS["elastic"].truth | other).items()}
+    return identification_at(experiment, values, np.zeros((experiment.n_frames, 1)), None)
+
+
+def free_to_contract(experiment):
+    """Pulled by rollers: its ends are free across."""
+    ends = tuple(replace(entry, component="x") for entry in experiment.prescribed
+                 if (entry.nodes, entry.component) in (("LEFT", "x"), ("RIGHT", "y")))
+    return replace(experiment, mesh=replace(experiment.mesh, node_sets={
+        **experiment.mesh.node_sets, "CORNER": experiment.mesh.node_sets["LEFT"][:1]}),
+        prescribed=(*ends, Prescribed("CORNER", "y", ends[0].drive)),
+        channels=tuple(replace(channel, component="x") for channel in experiment.channels))
+
+
 def with_bricks_known(found, error):
     nothing = type(error)(np.zeros_like(error.u), np.zeros_like(error.channels))
     experiment = replace(found.experiment, motion_error=nothing.with_thickness(error))
@@ -51,17 +74,33 @@ def test_a_bar_that_may_contract_is_in_plane_stress_whatever_its_thickness(tmp_p
     scene = scene_of_world((0.0, 0.2))
     mesh = true_mesh(scene.geometry)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
-    experiment = found.experiment
-    ends = tuple(replace(entry, component="x") for entry in experiment.prescribed
-                 if (entry.nodes, entry.component) in (("LEFT", "x"), ("RIGHT", "y")))
-    pulled = replace(experiment, mesh=replace(experiment.mesh, node_sets={
-        **experiment.mesh.node_sets, "CORNER": experiment.mesh.node_sets["LEFT"][:1]}),
-        prescribed=(*ends, Prescribed("CORNER", "y", ends[0].drive)),
-        channels=tuple(replace(channel, component="x") for channel in experiment.channels))
-    error = thickness_error(replace(found, experiment=pulled))
+    error = thickness_error(replace(found, experiment=free_to_contract(found.experiment)))
     assert np.abs(error.u).max() < 1e-9
     assert np.abs(error.channels).max() < 1e-6
     assert np.abs(thickness_error(found).u).max() > 1e-3  # the same beam, bent
+
+
+def test_bricks_know_the_temperature_of_the_sheet(tmp_path):
+    """A bar that is free to expand is in plane stress, warmed by 10 K, too."""
+    warmth = "[[boundary]]\ntemperature = { course = [[0.0, 0.0], [1.0, 10.0]] }\n\n[[channel]]"
+    warmed = edited(tmp_path, "[[channel]]", warmth, alpha=1e-3)
+    error = thickness_error(replace(warmed, experiment=free_to_contract(warmed.experiment)))
+    assert np.abs(error.u).max() < 1e-9 and np.abs(error.channels).max() < 1e-6
+    stiff = thickness_error(warmed)
+    assert np.abs(stiff.u).max() > 1e-3 and np.abs(stiff.channels).max() > 1e-3
+
+
+def test_a_spot_of_the_sheet_is_a_column_through_its_bricks(tmp_path):
+    """Bricks of a thin sheet move as it does, by the hundredth part of what those of the real thickness change."""
+    spot = ('\n[[heterogeneity]]\nset = "BODY"\nform = "inclusion"\ncentre_mm = [0.5, 0.2]\nradius_mm = 0.6\n'
+            'stiffness = 0.3\n')
+    found = edited(tmp_path, "[[channel]]", f"{spot}\n[[channel]]")
+    thin = replace(found.experiment, thickness=0.02, channels=tuple(
+        replace(channel, factor=channel.factor / 100.0) for channel in found.experiment.channels))
+    real, none = (thickness_error(replace(found, experiment=one, forward=build_forward(one)))
+                  for one in (found.experiment, thin))
+    assert np.abs(none.u).max() < 0.05 * np.abs(real.u).max()
+    assert np.abs(real.u).max() > 1e-3
 
 
 def test_bricks_fill_the_body():

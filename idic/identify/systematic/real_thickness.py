@@ -2,8 +2,8 @@
 
 A thick sheet is not in plane stress: bending bulges its surface across the beam, and a grip keeps it from contracting.
 The bricks reach from the seen surface to the plane of symmetry in the middle. An edge that is held or moved in both
-components is taken as gripped: it keeps its thickness. All other motions act through the thickness as they do on the
-sheet.
+components is taken as gripped: it keeps its thickness. All other motions, temperatures and variations of the stiffness
+act through the thickness as they do on the sheet.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from idic.fe.mesh.mesh import Mesh, make_mesh
-from idic.model.experiment import Channel, Column, Constant, Experiment, Prescribed
+from idic.model.experiment import (Channel, Column, Constant, Experiment, Prescribed, Temperature,
+                                   TemperatureField)
 
 MIDDLE = "plane of symmetry"
 LAYER_SHARE = 2.0  # depth of a layer over the size of an element, at most
@@ -22,12 +23,13 @@ MAX_LAYERS = 3
 
 def can_be_thick(experiment: Experiment) -> bool:
     """Whether bricks of its thickness can be made: a sheet of eight-node quadrilaterals in plane stress, of known
-    thickness, moved by its edges alone."""
+    thickness, moved by its edges and its temperature alone."""
     plain = (experiment.solver is None and experiment.kind == "plane_stress" and experiment.thickness is not None
              and experiment.length_unit == "mm" and experiment.symmetry is None and experiment.surface_side == 0
              and "geometry.thickness" not in experiment.parameters)
-    further = (experiment.loads, experiment.temperatures, experiment.heterogeneities, experiment.morphs)
-    return (plain and not any(further) and all(block.cell == "quad8" for block in experiment.mesh.blocks)
+    uneven = any(entry.form == "thickness" for entry in experiment.heterogeneities)
+    return (plain and not (experiment.loads or experiment.morphs or uneven)
+            and all(block.cell == "quad8" for block in experiment.mesh.blocks)
             and all(isinstance(entry.drive, (Constant, Column)) for entry in experiment.prescribed)
             and all(channel.kind == "reaction" for channel in experiment.channels))
 
@@ -44,6 +46,7 @@ def thick(experiment: Experiment) -> Experiment:
     flat = [MIDDLE, *(name for name, own in components.items() if own >= {"x", "y"})]
     prescribed = (*experiment.prescribed, *(Prescribed(name, "z", Constant(0.0)) for name in flat))
     return replace(experiment, kind="solid", mesh=mesh, thickness=None, prescribed=prescribed, motion_error=None,
+                   temperatures=tuple(_through(entry, experiment.mesh, mesh) for entry in experiment.temperatures),
                    channels=tuple(_of_both_halves(channel) for channel in experiment.channels))
 
 
@@ -76,6 +79,16 @@ def extruded(sheet: Mesh, depth: float) -> Mesh:
                 for name, members in sheet.element_sets.items()}
     return make_mesh(np.concatenate(points), [("hex20", np.concatenate(bricks))],
                      node_sets=through | {MIDDLE: own + layers * pitch}, element_sets=elements)
+
+
+def _through(entry: Temperature, sheet: Mesh, bricks: Mesh) -> Temperature:
+    """A temperature that does not change through the thickness; of a field every node behind one has its values."""
+    if not isinstance(entry.drive, TemperatureField):
+        return entry
+    own, corners = np.arange(sheet.n_nodes), np.unique(np.concatenate([b.connectivity[:, :4] for b in sheet.blocks]))
+    layers = (bricks.n_nodes - len(own)) // (len(own) + len(corners))  # in the order of `extruded`
+    front = np.concatenate([own, *([corners, own] * layers)])
+    return replace(entry, drive=replace(entry.drive, values=entry.drive.values[:, front]))
 
 
 def _of_both_halves(channel: Channel) -> Channel:
