@@ -41,7 +41,7 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     outline = outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word)
     register = [] if diagnosis.register is None else [diagnosis.register.words]
     return [*register, *_quick(diagnosis), *outline, *thickness_caution(diagnosis),
-            *neglected_cautions(diagnosis), *other_axis_caution(diagnosis), *search, *camera,
+            *mesh_caution(diagnosis), *neglected_cautions(diagnosis), *other_axis_caution(diagnosis), *search, *camera,
             *formal_fit(diagnosis.excess_left), *channel_cautions(diagnosis.channels, diagnosis.verdict.in_channels),
             *_few_elements(diagnosis),
             *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_cut_short(diagnosis.rounds),
@@ -86,6 +86,19 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
             f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
             f"shows it. The diagnosis counts the difference; the identified parameters do not{told}. "
             "Identify again with a mesh of bricks (kind = \"solid\")."]
+
+
+def mesh_caution(diagnosis: Diagnosis) -> list[str]:
+    """Where the error of the mesh has moved the identified parameters, and no cause was named that would be fitted with
+    it."""
+    error, better = diagnosis.source.motion_error, diagnosis.corrected
+    if better is None or error is None or error.thickness is not None:
+        return []
+    known = diagnosis.found.parameters
+    values = "; ".join(f"{name} {known[name].shown:.5g}, about {better.values[name] / known[name].factor:.5g} on a "
+                       f"finer mesh" for name in known.free)
+    return [f"The mesh is coarse for the body ({values}). The diagnosis counts its error; the identified parameters do "
+            "not. Identify again on a finer mesh."]
 
 
 def neglected_cautions(diagnosis: Diagnosis) -> list[str]:

@@ -18,6 +18,7 @@ from idic.diagnose.discretisation.known_error import renewed_error, with_error
 from idic.diagnose.discretisation.neglected import Neglected, neglected
 from idic.diagnose.discretisation.thickness_error import (neglected_errors, std_factors, with_bricks,
                                                           with_thickness)
+from idic.diagnose.discretisation.weight import MIN_SHIFT_STD, weighed
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
 from idic.diagnose.measured_motion import OutOfRegister
@@ -79,7 +80,8 @@ class Diagnosis:
     blocks : both models on blocks of the recording, after one step from the finished fit to the others
     other_axis : fit of the last model with another axis, which the recording does not tell from it
     neglected : what bricks and finite strains would do to the parameters of the last model, where it has neither
-    corrected : the identified model with bricks, fitted to the recording, where bricks alone joined it
+    corrected : the identified model with its known error, fitted to the recording, where no cause joined it: with
+        bricks, or on a finer mesh that moves its parameters
     register : where the images are out of register with the identified model and the measured motion took their place
     spots : what was left out of the images before
     """
@@ -192,10 +194,11 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     blocks = () if after is None else judged_by_step(before, after, grid)
     corrected, without = None, None
     if not quick and after is None:
-        corrected = notes.attempt("the fit with bricks", _with_bricks_alone, source, first, setting)
+        corrected = notes.attempt("the fit with the known error", _with_known_error, source, before, first, setting)
+    of_bricks = None if source.motion_error is None or source.motion_error.thickness is None else corrected
     if not quick:
         without = notes.attempt("what the model neglects", _neglected, here, before, absent, source,
-                                final if after is not None else corrected, after, clock)
+                                final if after is not None else of_bricks, after, clock)
     of_points = open_share(found.experiment) is not None and verdict.word not in ("none", "blind")
     advice = DRAW_FIRST if of_points else _separating_test(groups, setting, notes)
     if advice is not None:
@@ -206,11 +209,20 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
                      last.other)
 
 
-def _with_bricks_alone(source: ExperimentSource, null: Refit, setting: Setting) -> Refit | None:
-    """The identified model with the error of plane stress, fitted to the recording; None where that is not counted."""
-    if source.motion_error is None or source.motion_error.thickness is None:
+def _with_known_error(source: ExperimentSource, residual: ResidualEvidence, null: Refit,
+                      setting: Setting) -> Refit | None:
+    """The identified model with its known error, fitted to the recording; None where none is counted, or that of the
+    mesh alone moves no parameter by half a standard deviation.
+
+    A mesh that is coarse for its body and leaves no residual has moved the parameters: C10 of a strip of rubber by 2
+    standard deviations.
+
+    residual : of the identified model
+    """
+    error = source.motion_error
+    if error is None or (error.thickness is None and weighed(residual, error)[2] < MIN_SHIFT_STD):
         return None
-    setting.stage("fit of the identified model with bricks of the thickness")
+    setting.stage("fit of the identified model with its known error")
     with setting.clock.step("final_s"):
         found = _whole_fit(source, null, setting)
         return _with_its_std(source, found, refit_residual(source.load(), found)) if found.usable else None

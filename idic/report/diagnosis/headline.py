@@ -22,7 +22,7 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
     word, share = content["verdict"], content["fit"]["explainable_share_recovered"]
     if word == "none":
         moved = moves(content, "parameters_of_real_body")
-        body = f"; for a body of real thickness and finite strains {', '.join(moved)}" if moved else ""
+        body = f"; by the model's own errors (mesh, thickness, small strains) {', '.join(moved)}" if moved else ""
         return f"No missing physics is significant: the residual of images and channels is {_nothing(content)}{body}."
     if word == "blind":
         return "This test says nothing about missing physics."
