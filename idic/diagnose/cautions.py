@@ -18,6 +18,7 @@ from idic.diagnose.refit import MAX_EVALUATIONS
 from idic.diagnose.residual.excess_left import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
+from idic.diagnose.screen.candidate import MESH_TOO_COARSE
 from idic.diagnose.screen.edits import open_share
 from idic.diagnose.selection.rival import Round
 from idic.identify.judgement.significance import z_text
@@ -40,12 +41,20 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     camera = [diagnosis.margin.words] if diagnosis.margin.px > PRACTICAL_MARGIN_PX else []
     outline = outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word)
     register = [] if diagnosis.register is None else [diagnosis.register.words]
-    return [*register, *_quick(diagnosis), *outline, *thickness_caution(diagnosis),
+    return [*register, *_quick(diagnosis), *too_coarse(diagnosis.rounds), *outline, *thickness_caution(diagnosis),
             *mesh_caution(diagnosis), *neglected_cautions(diagnosis), *other_axis_caution(diagnosis), *search, *camera,
             *formal_fit(diagnosis.excess_left), *channel_cautions(diagnosis.channels, diagnosis.verdict.in_channels),
             *_few_elements(diagnosis),
             *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_cut_short(diagnosis.rounds),
             *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
+
+
+def too_coarse(rounds: Sequence[Round]) -> list[str]:
+    """A candidate that shows and asks for a finer mesh: what was selected in its place may be its imitation."""
+    shown = {candidate.title: why for one in rounds for candidate, why in one.screening.untestable
+             if why.startswith(MESH_TOO_COARSE)}
+    return [f"{title.capitalize()}: {why}. Until then a gradient or an inclusion may stand for them."
+            for title, why in shown.items()]
 
 
 def _quick(diagnosis: Diagnosis) -> list[str]:

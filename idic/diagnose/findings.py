@@ -119,11 +119,11 @@ def _everywhere(diagnosis: Diagnosis) -> bool:
 
 
 def acts_everywhere(ranked: Ranked) -> bool:
-    """Whether a candidate that acts from the start has no place on the body: a law, a stiffness gradient.
+    """Whether a candidate that acts from the start has no place on the body: a law, a stiffness gradient, layers.
 
     An inclusion has a place, and so has a grip.
     """
-    return not ranked.candidate.kind.placed or ranked.variant.form == "gradient"
+    return not ranked.candidate.kind.placed or ranked.candidate.everywhere or ranked.variant.form == "gradient"
 
 
 def first_active_place(diagnosis: Diagnosis) -> list[float]:

@@ -4,10 +4,12 @@
     ``set`` (an element set with a material), ``form`` and, of a spot (inclusion, void, thickness), ``centre_mm`` (with
     three coordinates a ball in a solid, with two a column through it), ``identify_centre``, ``radius_mm`` and
     ``stiffness`` (``thickness`` of that form): its stress relative to the surrounding material; of a gradient
-    ``along_x``, ``along_y``: relative change from the middle of the set to its ends. Each a number, or
+    ``along_x``, ``along_y``: relative change from the middle of the set to its ends; of layers ``period_mm``,
+    ``direction_deg`` (across the layers, from x to y), ``stiffness_ratio`` (stiff over soft), ``offset_mm`` (of the
+    middle of a stiff layer from the middle of the set) and ``share`` (of the stiff layers, 0.5). Each a number, or
     ``{ value = 0.7, identify = true }``. Degrees of freedom ``SET.inclusion.stiffness``, ``.radius``, ``.x``, ``.y``,
-    ``SET.gradient.along_x`` … (``name`` in place of the form if there are several). In plane models thickness
-    and modulus are indistinguishable.
+    ``SET.gradient.along_x``, ``SET.layers.stiffness_ratio`` … (``name`` in place of the form if there are several). In
+    plane models thickness and modulus are indistinguishable.
 """
 
 from __future__ import annotations
@@ -73,10 +75,10 @@ Value = Annotated[ParameterTable, BeforeValidator(as_value_table)]
 
 
 class HeterogeneityTable(Strict):
-    """A part of an element set that is stiffer or softer, or a stiffness that changes along the axes."""
+    """A part of an element set that is stiffer or softer, a stiffness that changes along the axes, or layers."""
 
     set: str
-    form: Literal["inclusion", "void", "thickness", "gradient"]
+    form: Literal["inclusion", "void", "thickness", "gradient", "layers"]
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")] | None = None  # default: the form
     centre_mm: Annotated[list[float], Field(min_length=2, max_length=3)] | None = None
     identify_centre: bool = False
@@ -86,17 +88,23 @@ class HeterogeneityTable(Strict):
     along_x: Value | None = None
     along_y: Value | None = None
     along_z: Value | None = None
+    period_mm: Value | None = None
+    direction_deg: Value | None = None
+    stiffness_ratio: Value | None = None
+    offset_mm: Value | None = None
+    share: Value | None = None
 
     @model_validator(mode="after")
     def _own_keys(self):
         spot = ("centre_mm", "identify_centre", "radius_mm")
         own = {"inclusion": (*spot, "stiffness"), "void": (*spot, "stiffness"), "thickness": (*spot, "thickness"),
-               "gradient": ("along_x", "along_y", "along_z")}[self.form]
+               "gradient": ("along_x", "along_y", "along_z"),
+               "layers": ("period_mm", "direction_deg", "stiffness_ratio", "offset_mm", "share")}[self.form]
         extra = sorted(self.model_fields_set - {"set", "form", "name", *own})
         if extra:
             raise refuse(f"{extra[0]} does not belong here", f"{', '.join(own)} of a {self.form}",
                          f"leave out {extra[0]}", extra[0])
-        needed = ("centre_mm", "radius_mm") if self.form != "gradient" else ()
+        needed = {"gradient": (), "layers": ("period_mm", "direction_deg")}.get(self.form, ("centre_mm", "radius_mm"))
         missing = [key for key in needed if getattr(self, key) is None]
         if self.form == "gradient" and not self.model_fields_set & set(own):
             missing = ["along_x"]

@@ -180,12 +180,18 @@ class Heterogeneity:
     """An element set whose stiffness varies; its values are ``SET.NAME.stiffness`` and so on in the ParameterSet.
 
     form : "inclusion" | "void" | "thickness" (a spot, values `amount`, x, y, (z), radius) | "gradient" (values along_x,
-    along_y, (along_z)). See `idic.fe.assembly.variation`.
+    along_y, (along_z)) | "layers" (values stiffness_ratio, period, direction, offset, share). See
+    `idic.fe.assembly.variation`.
     """
 
     element_set: str
     name: str
     form: str
+
+    @property
+    def is_spot(self) -> bool:
+        """Whether it has a centre and a radius."""
+        return self.form not in ("gradient", "layers")
 
     @property
     def amount(self) -> str:

@@ -20,20 +20,20 @@ def variation_of(experiment: Experiment, name: str) -> tuple[int, str] | None:
     stem, _, last = name.rpartition(".")
     for i, entry in enumerate(experiment.heterogeneities):
         if stem == f"{entry.element_set}.{entry.name}":
-            return i, "amount" if last == entry.amount and entry.form != "gradient" else last
+            return i, "amount" if last == entry.amount and entry.is_spot else last
     return None
 
 
 def _variation(experiment: Experiment, entry: Heterogeneity, parameters: ParameterSet) -> Variation:
     stem = f"{entry.element_set}.{entry.name}."
     values = {name.removeprefix(stem): value for name, value in parameters.as_values().items() if name.startswith(stem)}
-    if entry.form != "gradient":
+    if entry.is_spot:
         values["amount"] = values.pop(entry.amount)
         return Variation(entry.element_set, "spot", values)
     mesh = experiment.mesh
     used = nodes_of(mesh, entry.element_set)
     low, high = mesh.nodes[used].min(axis=0), mesh.nodes[used].max(axis=0)
-    return Variation(entry.element_set, "gradient", values, 0.5 * (low + high), 0.5 * (high - low))
+    return Variation(entry.element_set, entry.form, values, 0.5 * (low + high), 0.5 * (high - low))
 
 
 def strayed(experiment: Experiment, parameters: ParameterSet) -> list[str]:
@@ -42,7 +42,7 @@ def strayed(experiment: Experiment, parameters: ParameterSet) -> list[str]:
     for entry in experiment.heterogeneities:
         centre = [parameters[f"{entry.element_set}.{entry.name}.{axis}"] for axis in "xyz"
                   if f"{entry.element_set}.{entry.name}.{axis}" in parameters]
-        if entry.form == "gradient" or not any(p.free for p in centre):
+        if not entry.is_spot or not any(p.free for p in centre):
             continue
         nodes = experiment.mesh.nodes[nodes_of(experiment.mesh, entry.element_set)][:, :len(centre)]
         at = np.array([p.value for p in centre])

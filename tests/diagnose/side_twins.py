@@ -130,9 +130,12 @@ def truth(side: Side):
     return mesh, np.array([u for u, _ in states]), np.array([f for _, f in states])
 
 
-def write_folder(folder, side: Side, seed: int = 0, toml: str = TOML):
-    """The experiment folder of a twin; returns its experiment.toml."""
-    mesh, u, force = truth(side)
+def write_folder(folder, side: Side, seed: int = 0, toml: str = TOML, simulated=None):
+    """The experiment folder of a twin; returns its experiment.toml.
+
+    simulated : mesh, motion and force of another code in place of `truth(side)`
+    """
+    mesh, u, force = truth(side) if simulated is None else simulated
     camera = Camera.from_table(PIXEL, ORIGIN, centre=((SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2))
     first = camera if side.camera is None else side.camera(camera, 0)
     texture = painted(dense_speckle(np.random.default_rng(7), 1.6, 30.0, 225.0, extent_px=400.0), first)

@@ -148,6 +148,26 @@ def test_heterogeneities_become_factors_of_the_stress(tmp_path):
     assert gradient.factor(np.array([[0.0, 1.0], [2.0, 1.0], [4.0, 1.0]])) == pytest.approx([0.8, 1.0, 1.2])
 
 
+LAYERS = """
+[[heterogeneity]]
+set = "SPECIMEN"
+form = "layers"
+period_mm = { value = 1.0, identify = true }
+direction_deg = 90
+stiffness_ratio = { value = 4.0, identify = true }
+offset_mm = 0.25
+"""
+
+
+def test_layers_are_stiff_and_soft_about_a_geometric_mean_across_their_direction(tmp_path):
+    experiment = load_experiment(write_experiment(tmp_path / "test", TOML + LAYERS))
+    assert {f"SPECIMEN.layers.{last}" for last in ("period", "stiffness_ratio")} < set(experiment.parameters.free)
+    (layers,) = variations_at(experiment, experiment.parameters)
+    x, y = layers.middle + [0.7, 0.25]  # the middle of a stiff layer
+    points = np.array([[x, y], [0.0, y + 1.0], [x, y + 0.25], [x, y - 0.5]])
+    assert layers.factor(points) == pytest.approx([2.0, 2.0, 1.0, 0.5], rel=1e-3)  # 1 - tanh(1 / LAYER_EDGE)
+
+
 def test_an_inclusion_whose_centre_leaves_the_specimen_is_reported_as_no_finding(tmp_path):
     experiment = load_experiment(write_experiment(tmp_path / "test", TOML + SPOT + GRADIENT))
     assert strayed(experiment, experiment.parameters) == []
@@ -182,6 +202,28 @@ def test_slopes_of_the_factors_are_those_of_difference_quotients():
     for name in values:
         at = [Variation("S", "spot", values | {name: values[name] + h}).factor(points) for h in (1e-6, -1e-6)]
         assert Variation("S", "spot", values).slope(points, name) == pytest.approx((at[0] - at[1]) / 2e-6, abs=1e-8)
+
+
+def test_slopes_of_layers_are_those_of_difference_quotients():
+    points = np.random.default_rng(0).uniform(-3.0, 3.0, (80, 2))
+    values = {"stiffness_ratio": 1.7, "period": 1.6, "direction": 33.0, "offset": 0.2, "share": 0.4}
+    for name in values:
+        at = [Variation("S", "layers", values | {name: values[name] + h}, np.zeros(2), np.ones(2)).factor(points)
+              for h in (1e-6, -1e-6)]
+        slope = Variation("S", "layers", values, np.zeros(2), np.ones(2)).slope(points, name)
+        assert slope == pytest.approx((at[0] - at[1]) / 2e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize("old, new, said", [
+    ("period_mm = { value = 1.0, identify = true }\n", "", "without period_mm"),
+    ("period_mm = { value = 1.0", "period_mm = { value = 100.0", "out of range"),
+    ("stiffness_ratio = { value = 4.0", "stiffness_ratio = { value = 0.0", "out of range"),
+    ("offset_mm = 0.25", "radius_mm = 0.25", "does not belong here"),
+])
+def test_layers_that_cannot_be_meant_are_refused(tmp_path, old, new, said):
+    with pytest.raises(InputError) as error:
+        load_experiment(write_experiment(tmp_path / "test", TOML + LAYERS.replace(old, new)))
+    assert said in error.value.what and error.value.key.startswith("heterogeneity[")
 
 
 @pytest.mark.parametrize("old, new, said", [

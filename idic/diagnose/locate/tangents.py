@@ -58,8 +58,10 @@ class Tangent:
         return work
 
 
-def tangents(found: Identification, residual: ResidualEvidence) -> Iterator[Tangent]:
+def tangents(found: Identification, residual: ResidualEvidence, only: int | None = None) -> Iterator[Tangent]:
     """The tangent of every frame of the evidence; history-dependent laws keep their history along the path.
+
+    only : place of the one frame that is wanted; laws without history are evaluated there alone
 
     Raises
     ------
@@ -72,13 +74,19 @@ def tangents(found: Identification, residual: ResidualEvidence) -> Iterator[Tang
     times = found.experiment.times[start:]
     system = discretise(model)
     states, before, factor, matrices, solved = system.rest(), 0, None, (), residual.solved_u
-    for index, number in enumerate(residual.evidence.frames):
+    history = any(state.size for state in states)
+    for index, number in enumerate(residual.evidence.frames if only is None else residual.evidence.frames[:only + 1]):
+        if only is not None and index < only and not history:
+            continue
         frame = int(number) - start
         ev = assembly.evaluate(system, params, np.ascontiguousarray(solved[index]), states,
                                times[frame] - times[before],
                                drives_at(model, times, times[frame]), guesses=states if before else None)
         if ev.trouble:
             raise NotConverged(f"{ev.trouble}, frame {frame}")
+        if only is not None and index < only:
+            states, before = tuple(g.state for g in ev.groups), frame
+            continue
         assembly.stiffness_times(system, ev, np.zeros((model.n_dof, 1)))  # leaves the element matrices in ev
         now = (*(g.Ke for g in ev.groups), *ev.pressure_K)
         if factor is None or not all(np.array_equal(a, b) for a, b in zip(now, matrices, strict=True)):

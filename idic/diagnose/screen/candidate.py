@@ -48,6 +48,13 @@ FAMILIES = {
 }
 
 
+MESH_TOO_COARSE = "the mesh is too coarse"  # begins the reason of a candidate that shows and asks for a finer mesh
+
+
+def unknown_score() -> None:
+    """No derivative by the stiffness of the elements."""
+
+
 @dataclass(frozen=True)
 class Situation:
     """What a candidate may look at to place its variants.
@@ -61,6 +68,8 @@ class Situation:
         point reaches (MPa)
     strain : {element set: float} largest equivalent strain
     u : (n_frames, n_nodes, dim) mm; forces : (n_frames, n_channels)
+    stiffness_score : derivative of the misfit by the stiffness of every element (n_elements,), on demand; None where
+        the model finds no answer along its path
     """
 
     document: Mapping[str, Any]
@@ -70,6 +79,7 @@ class Situation:
     strain: Mapping[str, float]
     u: np.ndarray
     forces: np.ndarray
+    stiffness_score: Callable[[], np.ndarray | None] = unknown_score
 
     @property
     def duration(self) -> float:
@@ -103,6 +113,8 @@ class Variant:
     refit : further edits for the refit only (starting values)
     free_course : `new` are the knots of a course that the data give: their columns count together
     least : amplitude up to which the recording shows it without a cause in the test, whatever its significance
+    unresolved : why a refit would say nothing although it shows: the mesh is too coarse for it
+    searched : number of variants that a search looked at before it proposed this one: each counts as a test
     """
 
     label: str
@@ -120,6 +132,8 @@ class Variant:
     free_course: bool = False
     least: float = 0.0
     idle: tuple[str, ...] = ()
+    unresolved: str = ""
+    searched: int = 1
 
     @property
     def counts_together(self) -> bool:
@@ -148,6 +162,7 @@ class Candidate:
     is
         refitted whatever its score
     untestable : why a record cannot tell it from its rivals, "" where it can; it is not screened then, and not excluded
+    everywhere : it acts all over the body, although other causes of its family have a place
     refitted_form : form of a variant after its refit, from the values of the parameters; None: the variant's own
     """
 
@@ -164,6 +179,7 @@ class Candidate:
     paraphrase: str = ""
     slow: bool = False
     hidden_by_yield_law: bool = False
+    everywhere: bool = False
     refitted_form: Callable[[Variant, Mapping[str, float]], str | None] | None = None
     untestable: Callable[[Situation], str] | None = None
 

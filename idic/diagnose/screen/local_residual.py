@@ -52,7 +52,7 @@ def _new_inclusions(before: Experiment, after: Experiment,
     known = {(entry.element_set, entry.name) for entry in before.heterogeneities}
     for entry in after.heterogeneities:
         stem = f"{entry.element_set}.{entry.name}"
-        if entry.form != "gradient" and (entry.element_set, entry.name) not in known:
+        if entry.is_spot and (entry.element_set, entry.name) not in known:
             centre = np.array([values.get(f"{stem}.{axis}", 0.0) for axis in "xyz"[:after.n_dim]])
             yield centre, float(values[f"{stem}.radius"])
 

@@ -185,6 +185,8 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
             groups.setdefault((trial.candidate.name, material_of_variant(trial.variant, materials), free), []).append(i)
     signs = np.array([trial.variant.sign for trial in trials])
     found = significances(scores, groups, signs, np.random.default_rng(seed), sums) if groups else {}
+    found = {key: replace(one, p_familywise=min(1.0, trials[one.best].variant.searched * one.p_familywise))
+             for key, one in found.items()}
     sizes_px, sizes_channel = effects(evidence, parameters, columns, scores, joint)
     bounds = smallest_px, margin.px, min_channel
     ranked = [replace(_ranked(trials, scores, found[key], members, sizes_px, sizes_channel, room, bounds, columns.n,

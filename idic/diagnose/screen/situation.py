@@ -4,12 +4,15 @@ body."""
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
 
+from idic.diagnose.locate.stiffness_score import stiffness_score
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.candidate import Situation
+from idic.errors import NotConverged
 from idic.fe.march import PointValues
 from idic.identify.in_memory import Identification
 from idic.model.experiment import Experiment
@@ -39,7 +42,14 @@ def situation(found: Identification, residual: ResidualEvidence, document: Mappi
             stress[name] = now if not len(stress[name]) else np.maximum(stress[name], now)
     return Situation(document, experiment, found.parameters.as_values(),
                      {name: np.quantile(values, STRESS_QUANTILES) for name, values in stress.items()}, strain,
-                     residual.u, residual.channels)
+                     residual.u, residual.channels, cache(lambda: _stiffness_score(found, residual)))
+
+
+def _stiffness_score(found: Identification, residual: ResidualEvidence) -> np.ndarray | None:
+    try:
+        return stiffness_score(found, residual)
+    except NotConverged:
+        return None
 
 
 def equivalent_stress(points: PointValues, experiment: Experiment, name: str,

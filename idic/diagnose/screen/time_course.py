@@ -59,7 +59,7 @@ def added_time_course(before: ResidualEvidence, after: ResidualEvidence) -> np.n
 def has_new_inclusion(before: ResidualEvidence, after: ResidualEvidence) -> bool:
     """Whether an inclusion was added."""
     known = {(entry.element_set, entry.name) for entry in before.context.experiment.heterogeneities}
-    return any(entry.form != "gradient" and (entry.element_set, entry.name) not in known
+    return any(entry.is_spot and (entry.element_set, entry.name) not in known
                for entry in after.context.experiment.heterogeneities)
 
 

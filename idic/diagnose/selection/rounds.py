@@ -270,7 +270,9 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
                   further=further,
                   min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further
                   else MIN_CHANNEL_EFFECT_STD)
-    return replace(made, untestable=tuple(untestable))
+    unresolved = [r for r in made.significant if r.variant.unresolved]
+    untestable += [(r.candidate, r.variant.unresolved) for r in unresolved]
+    return replace(made, ranked=tuple(r for r in made.ranked if r not in unresolved), untestable=tuple(untestable))
 
 
 def has_state(found: Identification, states: Collection[str]) -> bool:

@@ -18,6 +18,8 @@ from idic.readers.units import factor_between
 VOID_STIFFNESS_RATIO = 1e-3  # stiffness of a void: small, and still solvable
 GRADIENT_BOUNDS = (-0.95, 0.95)  # the stiffness stays positive along one axis
 SPOT_BOUNDS = (1e-4, 1e3)
+SHARE_BOUNDS = (0.05, 0.95)  # of the stiff layers in a period
+DIRECTION_SCALE_DEG = 10.0
 
 
 def heterogeneities(config: ExperimentFile, mesh: Mesh, length_unit: str,
@@ -42,6 +44,7 @@ def heterogeneities(config: ExperimentFile, mesh: Mesh, length_unit: str,
         record = Heterogeneity(table.set, name, table.form)
         made.append(record)
         own = (_gradient(table, mesh, key, file) if table.form == "gradient"
+               else _layers(table, mesh, length_unit, key, file) if table.form == "layers"
                else _spot(table, record, mesh, length_unit, key, file))
         parameters += [_named(f"{table.set}.{name}.{last}", parameter) for last, parameter in own.items()]
     return tuple(made), parameters
@@ -80,6 +83,22 @@ def _gradient(table: HeterogeneityTable, mesh: Mesh, key: str, file) -> dict[str
         if given is not None:
             made[f"along_{axis}"] = _parameter(given, "", f"{key}.along_{axis}", file, GRADIENT_BOUNDS, "linear", 0.3)
     return made
+
+
+def _layers(table: HeterogeneityTable, mesh: Mesh, length_unit: str, key: str, file) -> dict[str, Parameter]:
+    """The period is at most the size of the set: wider layers are a gradient."""
+    nodes = mesh.nodes[nodes_of(mesh, table.set), :2]
+    size = float(np.linalg.norm(np.ptp(nodes, axis=0)))
+    ratio = table.stiffness_ratio or ParameterTable(value=1.0, identify=True)
+    made = {"stiffness_ratio": _parameter(ratio, "", f"{key}.stiffness_ratio", file, SPOT_BOUNDS, "log"),
+            "period": _parameter(table.period_mm, length_unit, f"{key}.period_mm", file, (1e-6 * size, size), "log"),
+            "direction": _parameter(table.direction_deg, "deg", f"{key}.direction_deg", file, (-np.inf, np.inf),
+                                    "linear", DIRECTION_SCALE_DEG)}
+    offset = table.offset_mm or ParameterTable(value=0.0)
+    made["offset"] = _parameter(offset, length_unit, f"{key}.offset_mm", file, (-np.inf, np.inf), "linear",
+                                0.25 * made["period"].value)
+    share = table.share or ParameterTable(value=0.5)
+    return made | {"share": _parameter(share, "", f"{key}.share", file, SHARE_BOUNDS, "linear", 0.2)}
 
 
 def _parameter(entry: ParameterTable, unit: str, key: str, file, bounds: tuple[float, float], transform: str,

@@ -2,6 +2,8 @@
 
     spot       1 + (amount - 1) w,   w = (1 - tanh((|X - centre| / radius - 1) / TRANSITION_HALF_WIDTH)) / 2
     gradient   1 + sum_i along_i (X_i - middle_i) / half_i
+    layers     ratio^(s / 2),   s = tanh((cos(phase) - cos(pi share)) / LAYER_EDGE),
+               phase = 2 pi ((X - middle) . n - offset) / period,   n = (cos direction, sin direction)
 
 It multiplies what a point contributes to forces and stiffness, i.e. its weight: a thickness that varies, or a modulus
 that does where the stress is proportional to it. In a plane model the two are one and the same.
@@ -17,6 +19,7 @@ import numpy as np
 from idic.errors import NotConverged
 
 TRANSITION_HALF_WIDTH = 0.2  # of the radius: half the width of the transition, so that place and size have derivatives
+LAYER_EDGE = 0.25  # of the cosine of the phase: a layer changes to the next one within 0.08 of the period
 AXES = "xyz"
 MIN_STIFFNESS_FACTOR = 1e-6  # of the nominal stiffness: less and the equations are singular
 
@@ -28,10 +31,12 @@ class Variation:
     Attributes
     ----------
     section : name of the section
-    kind : "spot" (values amount, x, y, (z), radius; without z a column through the thickness) or "gradient" (values
-        along_x, along_y, (along_z): relative change from the middle to either end)
-    values : mm, mm per mm
-    middle, half : (d,) mm, of the body, for a gradient
+    kind : "spot" (values amount, x, y, (z), radius; without z a column through the thickness), "gradient" (values
+        along_x, along_y, (along_z): relative change from the middle to either end) or "layers" (values stiffness_ratio,
+        of stiff over soft; period, offset of the middle of a stiff layer from that of the body; direction across the
+        layers, from x to y; share of the stiff layers). The nominal stiffness is the geometric mean of both layers
+    values : mm, mm per mm, degrees
+    middle, half : (d,) mm, of the body, for a gradient or layers
     """
 
     section: str
@@ -50,6 +55,8 @@ class Variation:
         """
         if self.kind == "spot":
             factor = 1.0 + (self.values["amount"] - 1.0) * self._weight(points)[0]
+        elif self.kind == "layers":
+            factor = self.values["stiffness_ratio"] ** (0.5 * self._layer(points)[0])
         else:
             factor = 1.0 + sum(value * self._along(points, name) for name, value in self.values.items())
         if len(factor) and not factor.min() > MIN_STIFFNESS_FACTOR:
@@ -60,6 +67,8 @@ class Variation:
         """Derivative of the factor by one of `values`  # (n,)"""
         if self.kind == "gradient":
             return self._along(points, name)
+        if self.kind == "layers":
+            return self._slope_of_layers(points, name)
         weight, distance, fall, away = self._weight(points)
         if name == "amount":
             return weight
@@ -72,6 +81,30 @@ class Variation:
     def _along(self, points: np.ndarray, name: str) -> np.ndarray:
         axis = AXES.index(name[-1])
         return (points[:, axis] - self.middle[axis]) / self.half[axis]
+
+    def _layer(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """s from soft (-1) to stiff (1), its derivative by the cosine, phase, and way across and along the layers."""
+        turn = np.radians(self.values["direction"])
+        across, along = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        ways = (points[:, :2] - self.middle[:2]) @ np.column_stack([across, along])  # type: ignore[index]
+        phase = 2.0 * np.pi * (ways[:, 0] - self.values["offset"]) / self.values["period"]
+        s = np.tanh((np.cos(phase) - np.cos(np.pi * self.values["share"])) / LAYER_EDGE)
+        return s, (1.0 - s**2) / LAYER_EDGE, phase, ways
+
+    def _slope_of_layers(self, points: np.ndarray, name: str) -> np.ndarray:
+        s, steep, phase, ways = self._layer(points)
+        ratio, period = self.values["stiffness_ratio"], self.values["period"]
+        factor = ratio ** (0.5 * s)
+        if name == "stiffness_ratio":
+            return 0.5 * s * factor / ratio
+        if name == "share":
+            change = np.pi * np.sin(np.pi * self.values["share"])
+        else:
+            by_way = 2.0 * np.pi / period
+            of_phase = {"period": -phase / period, "offset": -by_way,
+                        "direction": by_way * ways[:, 1] * np.pi / 180.0}[name]
+            change = -np.sin(phase) * of_phase
+        return 0.5 * np.log(ratio) * factor * steep * change
 
     def _weight(self, points: np.ndarray):
         """Weight, distance in radii, derivative of the weight by it, and the way from the centre."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from idic.diagnose.chain import Diagnosis
 from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
-from idic.diagnose.screen.candidate import Variant
+from idic.diagnose.screen.candidate import MESH_TOO_COARSE, Variant
 from idic.diagnose.screen.misregistration import HIDDEN_BY_MOTION
 from idic.diagnose.screen.select import Ranked
 from idic.diagnose.selection.block_step import holds
@@ -34,6 +34,7 @@ def not_excluded(diagnosis: Diagnosis, before: Mapping[str, Mapping]) -> list[di
     won = [one for one in diagnosis.rounds if one.winner is not None]
     near = [*_indistinguishable(won), *_untestable(won), *_near(won, diagnosis), *_passed_over(diagnosis),
             *_waiting(diagnosis.rounds[-1])]
+    near = list({(entry["name"], entry["why"]): entry for entry in near}.values())
     known = {entry["name"] for entry in near} | set(diagnosis.verdict.selected)
     return near + [entry for entry in _hidden(diagnosis, before) if entry["name"] not in known]
 
@@ -54,9 +55,9 @@ def _untestable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
 
 
 def _waiting(last: Round) -> Iterator[dict[str, str]]:
-    """Candidates of grey values that are not tested because of unexplained motion."""
+    """Candidates of grey values that are not tested because of unexplained motion, and what asks for a finer mesh."""
     for candidate, why in last.screening.untestable:
-        if why == HIDDEN_BY_MOTION:
+        if why == HIDDEN_BY_MOTION or why.startswith(MESH_TOO_COARSE):
             yield {"name": candidate.name, "why": why}
 
 

@@ -15,6 +15,7 @@ MIN_GOOD_PROBABILITY = 0.9  # that the selected set holds the truth: good news
 MIN_EVEN_PROBABILITY = 0.5  # below, the truth is more probably elsewhere: bad news
 MIN_VALUE_STD = 2.0  # standard deviations: a value that is nearer to zero is not determined
 MIN_COURSE_UNKNOWNS = 3  # unknowns of one kind, one per frame, from which on they are summed up
+OF_ANY_VALUE = (".layers.direction", ".layers.offset")  # parameters whose zero means no absence
 FORMS = {"void": "next to no stiffness: a void, a cut or a crack"}
 MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
 SIDE_WORDS = {"bulk": "the specimen", "boundary": "the boundary", "camera": "the camera", "force": "the force"}
@@ -138,16 +139,16 @@ def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> st
     if names is None:
         names = () if number else [n for n in after if n not in before]
     added = {n: after[n] for n in names if n in after}
-    shown = short_names(after)
+    shown = {n: said.replace("layers.", "") for n, said in short_names(after).items()}  # its title has said so
     stems = dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
     courses = {stem: {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem} for stem in stems}
     courses = {stem: course for stem, course in courses.items() if len(course) >= MIN_COURSE_UNKNOWNS
                or stem.endswith(("_knot", "_jump"))}
     said = [f"{shown[n].replace('_', ' ')} "
             + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
-            for n, p in added.items() if _stem(n) not in courses and not _is_open(p)]
+            for n, p in added.items() if _stem(n) not in courses and not _is_open(n, p)]
     left_open = [f"{shown[n].replace('_', ' ')} ≈ {with_std(_two_digits(p['value']), None, p['unit'])}"
-                 for n, p in added.items() if _stem(n) not in courses and _is_open(p)]
+                 for n, p in added.items() if _stem(n) not in courses and _is_open(n, p)]
     parts = [*said, *(_course(stem, course) for stem, course in courses.items())]
     return ", ".join([*parts, *([f"{', '.join(left_open)}, not determined"] if left_open else [])])
 
@@ -156,9 +157,9 @@ def _two_digits(value: float) -> float:
     return float(f"{value:.2g}")
 
 
-def _is_open(entry: Mapping) -> bool:
-    """Whether a value has a standard deviation of half of it and more."""
-    return bool(entry["std"]) and abs(entry["value"]) < MIN_VALUE_STD * entry["std"]
+def _is_open(name: str, entry: Mapping) -> bool:
+    """Whether a value has a standard deviation of half of it and more; zero is a direction and an offset of layers."""
+    return not name.endswith(OF_ANY_VALUE) and bool(entry["std"]) and abs(entry["value"]) < MIN_VALUE_STD * entry["std"]
 
 
 def _stem(name: str) -> str:

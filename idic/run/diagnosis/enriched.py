@@ -62,8 +62,9 @@ def _start_heterogeneities(document: Mapping, free: Mapping[str, float]) -> None
     """Write values into the entries of [[heterogeneity]]; free : in the units of the file."""
     for table in document.get("heterogeneity", ()):
         head = f"{table['set']}.{table.get('name', table['form'])}"
-        for key in ("stiffness", "thickness", "radius_mm", "along_x", "along_y", "along_z"):
-            name = f"{head}.{key.removesuffix('_mm')}"
+        for key in ("stiffness", "thickness", "radius_mm", "along_x", "along_y", "along_z", "stiffness_ratio",
+                    "period_mm", "direction_deg", "offset_mm", "share"):
+            name = f"{head}.{key.removesuffix('_mm').removesuffix('_deg')}"
             if name in free:
                 entry = table.get(key, {"identify": True})  # a stiffness that is not there is free
                 table[key] = (entry if isinstance(entry, dict) else {}) | {"value": free[name]}
