@@ -65,9 +65,8 @@ def test_every_candidate_has_a_twin_in_which_it_is_concealed():
     # test_lens_candidates.py, test_stereo.py; the first and the last are concealed there
     before_a_lens = {"specimen_motion", "focal_length", "placement", "stereo_angle"}
     of_points = {"outline"}  # tests/identify/test_rail_shear.py
-    spots = {"dust", "paint_loss"}  # test_spots.py: named, with the right parameters
-    by_calculix = {"layers"}  # test_layered_strip.py
-    concealed = {name.split("_of_")[0] for name in TRUTHS} | set(SIDES) | before_a_lens | of_points | spots | by_calculix
+    elsewhere = {"dust", "paint_loss", "layers"}  # test_spots.py, test_layered_strip.py: with the right parameters
+    concealed = {name.split("_of_")[0] for name in TRUTHS} | set(SIDES) | before_a_lens | of_points | elsewhere
     assert {c.name for c in candidates()} <= concealed
 
 
