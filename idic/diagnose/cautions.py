@@ -50,9 +50,11 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
 
 
 def too_coarse(rounds: Sequence[Round]) -> list[str]:
-    """A candidate that shows and asks for a finer mesh: what was selected in its place may be its imitation."""
+    """A candidate that asks for a finer mesh and shows beside the selected ones, or before an imitation of it was
+    selected: around a hole a plate that yields has a period, too, until plasticity is in the model."""
     shown = {candidate.title: why for one in rounds for candidate, why in one.screening.untestable
-             if why.startswith(MESH_TOO_COARSE)}
+             if why.startswith(MESH_TOO_COARSE)
+             and (one is rounds[-1] or one.winner and one.winner.ranked.candidate.name in candidate.rivals)}
     return [f"{title.capitalize()}: {why}. Until then a gradient or an inclusion may stand for them."
             for title, why in shown.items()]
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from idic.diagnose.cautions import (formal_fit, refits_cut_short, rivals_not_ruled_out, search_cautions,
-                                    softening_caution)
+                                    softening_caution, too_coarse)
 from idic.diagnose.findings import acts_everywhere, refitted_form
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect
 from idic.diagnose.refit import Refit
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.selection.rivals import same_family_rivals
-from idic.diagnose.screen.candidate import Variant, candidates
+from idic.diagnose.screen.candidate import MESH_TOO_COARSE, Variant, candidates
 from idic.diagnose.screen.score import Scores
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_SEPARATION_CHI2, Ranked, Screening
 from idic.diagnose.residual.excess_left import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
@@ -310,6 +310,15 @@ def test_a_reader_is_told_where_refits_were_compared_before_their_end():
     far = ended("plasticity", 200.0, "max_iterations")
     for rivals in ([winner, far], [winner, ended("plasticity", 800.0, "converged")], [behind], []):
         assert refits_cut_short([round_of(screening(), rivals)]) == []
+
+
+@pytest.mark.parametrize("won, after, told", [("plasticity", False, 0), ("plasticity", True, 1),
+                                              ("heterogeneity", False, 1), ("heterogeneity", True, 1)])
+def test_a_period_that_the_mesh_cannot_show_is_told_where_nothing_else_explains_it(won, after, told):
+    """Around a hole a plate that yields has a period, too, which plasticity takes away; a gradient only imitates it."""
+    waits = replace(screening(), untestable=((KNOWN["layers"], f"{MESH_TOO_COARSE} for layers: refine it."),))
+    last = round_of(waits if after else screening())
+    assert len(too_coarse([round_of(waits, [rival(won, 3000.0)]), last])) == told
 
 
 def test_a_known_rival_that_explains_much_is_reported_where_both_leave_a_large_excess():

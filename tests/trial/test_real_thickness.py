@@ -80,6 +80,18 @@ def test_a_bar_that_may_contract_is_in_plane_stress_whatever_its_thickness(tmp_p
     assert np.abs(thickness_error(found).u).max() > 1e-3  # the same beam, bent
 
 
+def test_bricks_of_a_large_mesh_are_simulated_where_motions_are_superposed(tmp_path, monkeypatch):
+    """A plate of 1196 quadrilaterals has 8832 nodes of bricks, a second of work; it had none, and no caution."""
+    scene = scene_of_world((0.0, 0.2))
+    monkeypatch.setattr("idic.diagnose.discretisation.thickness_error.MAX_BRICK_NODES", 1)
+    mesh = true_mesh(scene.geometry)
+    found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
+    finite = replace(found.experiment, materials=tuple(
+        replace(material, kinematics="finite") for material in found.experiment.materials))
+    assert np.abs(thickness_error(found).u).max() > 1e-3
+    assert thickness_error(replace(found, experiment=finite, forward=build_forward(finite))) is None
+
+
 def test_bricks_know_the_temperature_of_the_sheet(tmp_path):
     """A bar that is free to expand is in plane stress, warmed by 10 K, too."""
     warmth = "[[boundary]]\ntemperature = { course = [[0.0, 0.0], [1.0, 10.0]] }\n\n[[channel]]"
