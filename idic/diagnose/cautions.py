@@ -54,7 +54,7 @@ def too_coarse(rounds: Sequence[Round]) -> list[str]:
     selected: around a hole a plate that yields has a period, too, until plasticity is in the model."""
     shown = {candidate.title: why for one in rounds for candidate, why in one.screening.untestable
              if why.startswith(MESH_TOO_COARSE)
-             and (one is rounds[-1] or one.winner and one.winner.ranked.candidate.name in candidate.rivals)}
+             and (one is rounds[-1] or (one.winner and one.winner.ranked.candidate.name in candidate.rivals))}
     return [f"{title.capitalize()}: {why}. Until then a gradient or an inclusion may stand for them."
             for title, why in shown.items()]
 
