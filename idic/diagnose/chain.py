@@ -19,6 +19,7 @@ from idic.diagnose.discretisation.neglected import Neglected, neglected
 from idic.diagnose.discretisation.thickness_error import (neglected_errors, std_factors, with_bricks,
                                                           with_thickness)
 from idic.diagnose.discretisation.weight import MIN_SHIFT_STD, weighed
+from idic.diagnose.free_form import NEXT_TEST, Base, FreeForm, free_form, has_other_sides, is_offered
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
 from idic.diagnose.measured_motion import OutOfRegister
@@ -38,6 +39,7 @@ from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
 from idic.diagnose.screen.candidate import Candidate, candidates
 from idic.diagnose.screen.edits import open_share
 from idic.diagnose.screen.local_residual import local_residual_tests
+from idic.diagnose.screen.situation import situation
 from idic.diagnose.screen.time_course import time_course_test
 from idic.diagnose.selection.block_step import BlockJudgement, judged_by_step
 from idic.diagnose.selection.other_axis import fit_from_other_axes, is_another_answer, is_better
@@ -84,6 +86,7 @@ class Diagnosis:
         bricks, or on a finer mesh that moves its parameters
     register : where the images are out of register with the identified model and the measured motion took their place
     spots : what was left out of the images before
+    free_form : the free law, refitted where no named cause of the specimen fits
     """
 
     found: Identification
@@ -112,6 +115,7 @@ class Diagnosis:
     other_axis: Refit | None = None
     register: OutOfRegister | None = None
     spots: LeftOut | None = None
+    free_form: FreeForm | None = None
 
     @property
     def selected_effect(self) -> SelectedEffect | None:
@@ -168,7 +172,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
         if there is not here:
             here, before, absent = there, residual_evidence(there, light=False), None
             whole, mismatch = fit(before, grid), located(there, before, margin)
-    first = null_refit(source, here, setting)
+    first, begun = null_refit(source, here, setting), source
     rounds, source, null, groups = selected_rounds(source, here, first, before, setting)
     last = _Enriched(source) if null is first else _enriched(source, null, rounds, setting)
     source, final, after, active = last.source, last.final, last.after, last.active
@@ -201,12 +205,35 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
                                 final if after is not None else of_bricks, after, clock)
     of_points = open_share(found.experiment) is not None and verdict.word not in ("none", "blind")
     advice = DRAW_FIRST if of_points else _separating_test(groups, setting, notes)
+    curve = None
+    if not quick and is_offered(verdict, mismatch, rounds, found.experiment):
+        of_last = [(source, null, after)] if after is not None and has_other_sides(rounds) else []
+        curve = notes.attempt("a free law", _free_form, [(begun, first, before), *of_last], setting,
+                              unit / COPY_VARIANCE_FACTOR)
+    if curve is not None and curve.describes and advice is None:
+        advice = NEXT_TEST[curve.law.kind]
     if advice is not None:
         verdict = replace(verdict, next_experiment=advice)
     return Diagnosis(found, mismatch, tuple(rounds), verdict, before, after, final, source, whole, effect(whole, unit),
                      grid, clock.seconds, active, tuple(own), margin, tuple(notes.told), channels, excesses[0],
                      probability(verdict, rounds, excesses[0], channels), quick, blocks, without, corrected,
-                     last.other)
+                     last.other, free_form=curve)
+
+
+def _free_form(models: Sequence[tuple[ExperimentSource, Refit, ResidualEvidence]], setting: Setting,
+               power_of_copy: float) -> FreeForm | None:
+    """The free law that explains most in the place of a material's law of these models, the identified one first.
+
+    models : experiment, fit to the copy for choosing, residual on the recording
+    """
+    setting.stage("a free law, as no named cause fits")
+    with setting.clock.step("free_form_s"):
+        bases = []
+        for source, fitted, residual in models:
+            there = identification_at(source.load(), fitted.values, fitted.local, fitted.steps)
+            bases.append(Base(source, situation(there, residual, source.document()), fitted))
+        return free_form(bases, models[0][1], setting.refits, setting.grid, setting.seed, power_of_copy,
+                         setting.margin)
 
 
 def _with_known_error(source: ExperimentSource, residual: ResidualEvidence, null: Refit,

@@ -216,7 +216,7 @@ def test_a_sound_model_is_left_in_peace(sound):
     assert content["verdict"] == "none" and content["named"] == content["unexplained"] == []
     assert content["mismatch"]["words"][0].startswith("No mismatch beyond noise and the practical margin: ")
     assert content["mismatch"]["located"] is False and content["mismatch"]["shown_by"] is None
-    assert content["model"]["experiment"] is None and content["excluded"]
+    assert content["model"]["experiment"] is None and content["excluded"] and content["free_form"] is None
     assert content["mismatch"]["p_value"] > 1e-3
     # the true sheet is one of plane stress and small strains, and its recording refutes the rest
     assert content["cautions"] == [] and content["model"]["parameters_of_real_body"] == {}

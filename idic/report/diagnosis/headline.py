@@ -29,18 +29,32 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
     if word == "outside_library" and not (content["named"] and (share or 0.0) > MOSTLY):
         where = when_and_where(content)
         return (f"No candidate explains the residual{_of_what(content)}, probably from {side_in_words(content)}"
-                f"{f' ({where})' if where else ''}: do not trust the parameters.")
+                f"{f' ({where})' if where else ''}: do not trust the parameters.{free_form_words(content)}")
     causes = _joined(_causes(content, titles, sizes=word != "outside_library"))
     formal = [title for title, one in _with_rounds(content, titles) if _is_formulation(content, one)]
     where = when_and_where(content)
     said = _begun(content, f"{causes}{f', {where},' if where else ''} ")
     if word == "outside_library":
         return (f"{said}explain{_s(content)} most of it ({per_cent(share)}), but not all{_of_what(content)}: do not "
-                f"trust the parameters yet.")
+                f"trust the parameters yet.{free_form_words(content)}")
     moved = moves(content)
     effect = f"; without {'it' if len(content['named']) == 1 else 'them'} {', '.join(moved)}" if moved else ""
     beside = f"; {_joined(formal)} {'belongs' if len(formal) == 1 else 'belong'} to the description" if formal else ""
     return f"{said}explain{_s(content)} {per_cent(share)} of the residual{_faint(content)}{effect}{beside}."
+
+
+def free_form_words(content: Mapping) -> str:
+    """Whether a free curve describes what no name does, "" where none was offered."""
+    entry = content.get("free_form")  # not in diagnoses of earlier versions
+    if not entry:
+        return ""
+    curve, share = f"{entry['title']} of {entry['material']}", per_cent(entry["share"] or 0.0)
+    if entry["describes"]:
+        return (f" No named physics fits; a {curve} describes {share} of the residual on held-out data: use the curve "
+                "within its band.")
+    if (entry["share"] or 0.0) > MOSTLY:
+        return f" No named physics fits; a {curve} describes {share} of the residual on held-out data, but not all."
+    return f" No named physics fits, nor does a {curve} ({share} of the residual on held-out data)."
 
 
 def _begun(content: Mapping, said: str) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 from idic.diagnose.notes import Notes
 from idic.identify.judgement.significance import p_text, z_text
 from idic.report.diagnosis import figures
+from idic.report.diagnosis.free_form import free_curve
 from idic.report.diagnosis.law import law_curves, window_courses
 from idic.report.diagnosis.record import DiagnosisRecord
 from idic.report.diagnosis.words import (MIN_EVEN_PROBABILITY, MIN_GOOD_PROBABILITY, heldout_drop, is_sure,
@@ -39,6 +40,8 @@ def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
          (*(drawn(figures.residual_maps, record) or ()), drawn(figures.excess_course, record), *curves)),
         ("where", "Place, onset and side", "", record.further),
         ("which", "Candidates by score", "", (drawn(figures.ranking, record), drawn(figures.courses, record))),
+        ("free", "Free law", "No named physics fits: the law of the material with a curve in the place of a form.",
+         (drawn(free_curve, record),)),
         ("moved", "Change of the parameters" if enriched else "Constancy of the parameters", "",
          (drawn(figures.parameters, record), drawn(window_courses, record), *(drawn(law_curves, record) or ()))),
     )

@@ -1,0 +1,211 @@
+"""The free-form law: the last candidate, offered where no named physics fits a mismatch of the specimen.
+
+The law of the class that the user's model has, with a curve in the place of a form: a free hardening curve for elastic
+and plastic models, a free energy for rubber, a free relaxation spectrum for viscoelastic models. It is refitted to one
+copy of the recording and judged on the other, as every candidate, and joins no model: a curve has no name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from idic.diagnose.locate.mismatch import Mismatch
+from idic.diagnose.refit import Refit
+from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
+from idic.diagnose.residual.excess_left import ExcessLeft
+from idic.diagnose.residual.heldout import share_recovered
+from idic.diagnose.residual.margin import Margin
+from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.screen.candidate import Situation
+from idic.diagnose.screen.enrich import elastic_pair, enriched, has_times, locked, new, plastic_strain, stress_levels
+from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Round
+from idic.diagnose.verdict import MIN_RECOVERED_SHARE, Verdict
+from idic.materials.composed.free_curve import knots
+from idic.materials.composed.free_rubber import level_names
+from idic.materials.rate.free_relaxation import weight_names
+from idic.model.experiment import Experiment
+
+BULK = "bulk"
+N_KNOTS, N_SECOND_KNOTS = 8, 5  # of a hardening curve or dW/dI1, of dW/dI2
+N_TIMES = 8  # of a spectrum
+START_SLOPE_SHARE = 0.05  # of Young's modulus, the slope at which a hardening curve starts
+START_SHARE = 0.1  # of the shear modulus relaxes at the start
+STRENGTH = 3.0  # of the smoothness prior, the weakest that the evidence tries: the data shape the curve
+ROOM = 1.1  # of the range over what the model reaches
+YIELDING = ("j2_linear", "j2_voce", "j2_power", "j2_power_reference")
+RUBBERS = ("neo_hookean", "mooney_rivlin")
+RELAXING = ("maxwell",)
+NEXT_TEST = {
+    "hardening": "pull a plain strip of the same material and predict its force from the free curve: a force that "
+                 "differs says that the cause is not the hardening",
+    "rubber": "stretch a plain strip and a wide sheet of the same rubber and predict their forces from the free "
+              "curve: forces that differ say that the cause is not the energy",
+    "relaxation": "hold the motion of a second test and predict its force from the free spectrum: a force that differs "
+                  "says that the cause is not the relaxation"}
+
+
+@dataclass(frozen=True)
+class FreeLaw:
+    """A law with a free curve for one material.
+
+    kind : key of `NEXT_TEST`; title : in standard words; edits : of experiment.toml; names : values at the knots, of
+    unit `unit`; at : (n,) their abscissa; axes : titles of abscissa and ordinate
+    """
+
+    material: str
+    kind: str
+    title: str
+    edits: Mapping[str, Any]
+    names: tuple[str, ...]
+    at: np.ndarray
+    axes: tuple[str, str]
+    unit: str = "MPa"
+
+    @property
+    def law(self) -> str:
+        """Its name in experiment.toml."""
+        return self.edits[f"material.{self.material}"]["law"]
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A model that a free law joins: the experiment, what its variants look at, its fit to the copy for choosing."""
+
+    source: ExperimentSource
+    situation: Situation
+    fitted: Refit
+
+
+@dataclass(frozen=True, eq=False)
+class FreeForm:
+    """A free law after its refit.
+
+    left : excess of the identified model and of this one on the copy that had no part in the fits
+    """
+
+    law: FreeLaw
+    refitted: Refit
+    left: ExcessLeft
+
+    @property
+    def share(self) -> float:
+        """Of the explainable residual, held out."""
+        return share_recovered(self.left.before, self.left.after)
+
+    @property
+    def heldout(self) -> float:
+        """Drop of chi-square, held out."""
+        return self.left.before.chi2 - self.left.after.chi2
+
+    @property
+    def describes(self) -> bool:
+        """Whether the curve describes the recording by the bars that a named cause has to pass."""
+        return (self.heldout > MIN_HELDOUT_DROP + len(self.law.names) and self.share >= MIN_RECOVERED_SHARE
+                and not self.left.matters)
+
+    def content(self) -> dict[str, Any]:
+        """The entry of diagnosis.json."""
+        law = self.law
+        return {"law": law.law, "title": law.title, "material": law.material, "describes": self.describes,
+                "share": self.share, "heldout_chi2_drop": self.heldout, "left_px": self.left.motion_px,
+                "axes": list(law.axes), "unit": law.unit, "at": law.at.tolist(),
+                "value": [self.refitted.values[name] for name in law.names],
+                "std": [self.refitted.stds.get(name) for name in law.names]}
+
+
+def is_offered(verdict: Verdict, mismatch: Mismatch | None, rounds: Sequence[Round], experiment: Experiment) -> bool:
+    """Whether nothing named fits, a material has a free law of its class, and what is left is the specimen's: the side
+    that the nested tests or a selected candidate point at."""
+    classes = ("elastic", *YIELDING, *RUBBERS, *RELAXING)
+    if verdict.word != "outside_library" or mismatch is None or not any(
+            material.law in classes for material in experiment.materials):
+        return False
+    return BULK in (mismatch.side, *(one.winner.ranked.candidate.side for one in rounds if one.winner is not None))
+
+
+def has_other_sides(rounds: Sequence[Round]) -> bool:
+    """Whether a selected cause is not of the specimen: a free law does not replace it."""
+    return any(one.winner is not None and one.winner.ranked.candidate.side != BULK for one in rounds)
+
+
+def free_form(bases: Sequence[Base], null: Refit, refits: Refits, grid: Grid, seed: int, power: float,
+              margin: Margin) -> FreeForm | None:
+    """The free law that explains most of held-out data; None where no class of the model has one, or no answer.
+
+    Parameters
+    ----------
+    bases : the identified model, and the last one where it holds causes that are not of the specimen
+    null : the identified model, fitted to the copy for choosing
+    power : chi-square of a motion of one px (rms) in all frames of a copy
+    """
+    offered = [(base, law) for base in bases for law in free_laws(base.situation)]
+    if not offered:
+        return None
+    jobs = [RefitJob(f"free_form_{k}", base.source, (law.title,), (law.edits,), (_without(base.fitted.values, law),),
+                     base.fitted.local, grid, np.inf, seed, unlimited=True, whole_std=True)
+            for k, (base, law) in enumerate(offered)]
+    found = [FreeForm(law, one, ExcessLeft(null.judgement, one.judgement, power,  # type: ignore[arg-type]
+                                           margin_px=margin.px, camera_px=margin.camera_px))
+             for (_, law), one in zip(offered, refits(jobs), strict=True) if one.judgement is not None]
+    return max(found, key=lambda one: one.heldout, default=None)
+
+
+def _without(values: Mapping[str, float], law: FreeLaw) -> dict[str, float]:
+    """Values to begin at; a curve begins where its law has it: g_1 of a Maxwell body has another relaxation time."""
+    return {name: value for name, value in values.items() if name not in law.names}
+
+
+def free_laws(situation: Situation) -> Iterator[FreeLaw]:
+    """Of every material the free laws of its class."""
+    for material in situation.experiment.materials:
+        name, law = material.element_set, material.law
+        if law == "elastic" or law in YIELDING:
+            yield _hardening(situation, name)
+        if law in RUBBERS:
+            yield _rubber(situation, name)
+        if law in RELAXING and has_times(situation):
+            yield _relaxation(situation, name)
+
+
+def _hardening(situation: Situation, name: str) -> FreeLaw:
+    values, E = situation.values, elastic_pair(situation, name)[0]
+    start = values.get(f"{name}.yield_stress", next(iter(stress_levels(situation, name, (0,))), 1e-3 * E))
+    last = ROOM * plastic_strain(situation, name)
+    slope = max(values.get(f"{name}.hardening_modulus", 0.0), START_SLOPE_SHARE * E)
+    at = knots(last, N_KNOTS)
+    levels = {f"hardening_1_s{k + 1}": new(start + slope * p, "MPa") for k, p in enumerate(at) if k}
+    edits = enriched(situation, name, f"elastoplastic(free{N_KNOTS})", hardening_1_range=locked(last), **levels)
+    table = edits[f"material.{name}"]
+    table["yield_stress"] = new(start, "MPa")  # free, also where the file locks it: the first value of the curve
+    table["smoothness"] = {"hardening_1": {"strength": STRENGTH}}
+    return FreeLaw(name, "hardening", "free hardening curve", edits,
+                   tuple(f"{name}.{key}" for key in ("yield_stress", *levels)), at,
+                   ("plastic strain [-]", "flow stress [MPa]"))
+
+
+def _rubber(situation: Situation, name: str) -> FreeLaw:
+    stretch = np.sqrt(1.0 + 2.0 * ROOM * situation.strain[name])  # in tension
+    first, second = stretch**2 + 2.0 / stretch - 3.0, 2.0 * stretch + stretch**-2 - 3.0
+    names = level_names("I1", N_KNOTS), level_names("I2", N_SECOND_KNOTS)
+    C10, C01 = situation.values[f"{name}.C10"], situation.values.get(f"{name}.C01", 0.0)
+    levels = dict.fromkeys(names[0], new(C10, "MPa")) | dict.fromkeys(names[1], new(C01, "MPa"))
+    edits = enriched(situation, name, f"free_rubber({N_KNOTS}+{N_SECOND_KNOTS})", I1_range=locked(float(first)),
+                     I2_range=locked(float(second)), **levels)
+    edits[f"material.{name}"]["smoothness"] = {key: {"strength": STRENGTH} for key in ("I1", "I2")}
+    return FreeLaw(name, "rubber", "free rubber energy", edits, tuple(f"{name}.{key}" for key in names[0]),
+                   knots(float(first), N_KNOTS), ("I1 - 3 [-]", "dW/dI1 [MPa]"))
+
+
+def _relaxation(situation: Situation, name: str) -> FreeLaw:
+    shortest = float(np.median(np.diff(situation.experiment.times))) / 3.0
+    names = weight_names(N_TIMES)
+    edits = enriched(situation, name, f"free_relaxation({N_TIMES})", shortest=locked(shortest, "s"),
+                     longest=locked(situation.duration, "s"),
+                     **dict.fromkeys(names, new(START_SHARE / N_TIMES)))
+    edits[f"material.{name}"]["smoothness"] = {"spectrum": {"strength": STRENGTH}}
+    return FreeLaw(name, "relaxation", "free relaxation spectrum", edits, tuple(f"{name}.{key}" for key in names),
+                   np.geomspace(shortest, situation.duration, N_TIMES), ("relaxation time [s]", "weight [-]"), "-")
