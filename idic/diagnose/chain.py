@@ -324,7 +324,10 @@ def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round], se
         final = null if setting.quick else _whole_fit(source, null, setting)
         if not final.usable:
             return _Enriched(source, final)
-        after, active = refit_residual(source.load(), final), None
+        try:
+            after, active = refit_residual(source.load(), final), None
+        except NotConverged:
+            return _Enriched(source, final)
         for turn in range(0 if setting.quick else MAX_RENEWALS):
             there = identification_at(source.load(), final.values, final.local, final.steps)
             error = with_bricks(there, after, setting.grid) if turn == 0 else None

@@ -248,6 +248,19 @@ def identification_at(experiment: Experiment, values: Mapping[str, float], local
 
 
 def refit_residual(experiment: Experiment, refitted: Refit) -> ResidualEvidence:
-    """The residual of a refitted model."""
-    return residual_evidence(identification_at(experiment, refitted.values, refitted.local, refitted.steps),
-                             light=False)
+    """The residual of a refitted model.
+
+    Its search began every simulation at a neighbour's solution. From rest its increments may find no equilibrium; then
+    the simulation chooses its own.
+
+    Raises
+    ------
+    NotConverged
+        If there is no equilibrium from rest, however small the increments.
+    """
+    try:
+        there = identification_at(experiment, refitted.values, refitted.local, refitted.steps)
+        return residual_evidence(there, light=False)
+    except NotConverged:
+        there = identification_at(experiment, refitted.values, refitted.local, None)
+        return residual_evidence(there, light=False)

@@ -151,7 +151,16 @@ def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidenc
         there = source.with_motion_error(error)
         setting.stage("fit with the error of the mesh")
         (again,) = setting.refits([refit_of_one(there, "null", null, setting.grid, setting.seed)])
-        return (there, again, refit_residual(there.load(), again)) if again.usable else (source, null, whole)
+        after = _residual(there, again) if again.usable else None
+        return (source, null, whole) if after is None else (there, again, after)
+
+
+def _residual(source: ExperimentSource, refitted: Refit) -> ResidualEvidence | None:
+    """On the recording itself; None where the model finds no equilibrium from rest."""
+    try:
+        return refit_residual(source.load(), refitted)
+    except NotConverged:
+        return None
 
 
 def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[Round], setting: Setting,
@@ -210,8 +219,10 @@ def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting,
     setting.stage("judgement on blocks of the recording")
     with setting.clock.step("blocks_s"):
         winner = one.winner
-        after = refit_residual(one.source.with_edits(edits_of(winner, one.screening)).load(),
-                               winner.refitted)  # type: ignore[union-attr, arg-type]
+        after = _residual(one.source.with_edits(edits_of(winner, one.screening)),  # type: ignore[arg-type]
+                          winner.refitted)  # type: ignore[union-attr]
+        if after is None:
+            return replace(one, winner=None, equals=(), passed_over=winner), whole
         of_grey_values = winner.ranked.variant.pixels is not None  # type: ignore[union-attr]
         judged = () if of_grey_values else judged_by_step(whole, after, setting.grid)
         formal = further and holds_motion(after.context.experiment) and any(
