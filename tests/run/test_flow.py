@@ -88,6 +88,17 @@ def shown_by(server, what, *flow_runs):
         return json.load(answer)
 
 
+def ended_tasks(server, flow_run, seconds=30.0):
+    """Names and states of the task runs of a flow run: Prefect's server records their last states together, a moment
+    after the flow has ended."""
+    end = time.monotonic() + seconds
+    while True:
+        shown = {run["name"]: run["state_type"] for run in shown_by(server, "task_runs", flow_run)}
+        if "RUNNING" not in shown.values() or time.monotonic() > end:
+            return shown
+        time.sleep(0.2)
+
+
 def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_dask(scheduler, tmp_path, shared_server):
     address, dask_tasks = scheduler
     write_small_strip(tmp_path / "experiment")
@@ -107,7 +118,7 @@ def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_da
         assert found.returncode == 0, found.stderr
         out = str(tmp_path / "run")
         (flow,) = (run for run in shown_by(server, "flow_runs") if run["parameters"].get("out") == out)
-        shown = {run["name"]: run["state_type"] for run in shown_by(server, "task_runs", flow["id"])}
+        shown = ended_tasks(server, flow["id"])
         artifacts = shown_by(server, "artifacts", flow["id"])
     assert found.stdout.split() == ["max_iterations", "perturbed"]
     stages = [f"{stage} it{number:03d}" for number in range(2) for stage in ("simulate", "correlate", "update")]
