@@ -11,6 +11,7 @@ This module marches and screens; every refit is a job (`RefitJob`) for the calla
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from idic.diagnose.channel_left import ChannelLeft, channels_left
@@ -26,7 +27,7 @@ from idic.diagnose.measured_motion import OutOfRegister
 from idic.diagnose.next_test import next_experiment, unloads
 from idic.diagnose.notes import Notes
 from idic.diagnose.probability import probability
-from idic.diagnose.refit import Refit, identification_at, refit_residual
+from idic.diagnose.refit import Refit, identification_at, refit_residual, residual_from_rest
 from idic.diagnose.refit_job import ExperimentSource, Refits, refit_of_one
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.excess_left import ExcessLeft, effect
@@ -324,26 +325,30 @@ def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round], se
         final = null if setting.quick else _whole_fit(source, null, setting)
         if not final.usable:
             return _Enriched(source, final)
-        try:
-            after, active = refit_residual(source.load(), final), None
-        except NotConverged:
+        after, active = residual_from_rest(source.load(), final), None
+        if after is None:
             return _Enriched(source, final)
         for turn in range(0 if setting.quick else MAX_RENEWALS):
             there = identification_at(source.load(), final.values, final.local, final.steps)
             error = with_bricks(there, after, setting.grid) if turn == 0 else None
             error = renewed_error(there, after, setting.grid) if error is None else error
-            again = None if error is None else _whole_fit(source.with_motion_error(error), final, setting)
-            if again is None or not again.usable:
+            if error is None:
                 break
-            source, final = source.with_motion_error(error), again
-            after = refit_residual(source.load(), final)
+            renewed = source.with_motion_error(error)
+            again = _whole_fit(renewed, final, setting)
+            left = residual_from_rest(renewed.load(), again) if again.usable else None
+            if left is None:
+                break
+            source, final, after = renewed, again, left
         other = None if setting.quick else fit_from_other_axes(source, final, rounds, setting.refits, setting.grid,
                                                                setting.seed)
         if other is not None and is_better(other, final):
-            other, final, after = final, other, refit_residual(source.load(), other)
+            left = residual_from_rest(source.load(), other)
+            other, final, after = (None, final, after) if left is None else (final, other, left)
         final = final if setting.quick else _with_its_std(source, final, after)
         if rounds[0].winner.ranked.candidate.kind.active:
-            active = activity(identification_at(source.load(), final.values, final.local, final.steps))
+            with suppress(NotConverged):  # with these increments: the residual chose its own
+                active = activity(identification_at(source.load(), final.values, final.local, final.steps))
     same = other is None or not is_another_answer(other, final)
     return _Enriched(source, final, after, active, None if same else other)
 

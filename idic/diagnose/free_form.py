@@ -118,8 +118,11 @@ class FreeForm:
 
 
 def is_offered(verdict: Verdict, mismatch: Mismatch | None, rounds: Sequence[Round], experiment: Experiment) -> bool:
-    """Whether nothing named fits, a material has a free law of its class, and what is left is the specimen's: the side
-    that the nested tests or a selected candidate point at."""
+    """Whether a free law is offered.
+
+    No named cause fits, a material has a free law of its class, and the nested tests or a selected candidate assign the
+    mismatch to the specimen.
+    """
     classes = ("elastic", *YIELDING, *RUBBERS, *RELAXING)
     if verdict.word != "outside_library" or mismatch is None or not any(
             material.law in classes for material in experiment.materials):

@@ -264,3 +264,11 @@ def refit_residual(experiment: Experiment, refitted: Refit) -> ResidualEvidence:
     except NotConverged:
         there = identification_at(experiment, refitted.values, refitted.local, None)
         return residual_evidence(there, light=False)
+
+
+def residual_from_rest(experiment: Experiment, refitted: Refit) -> ResidualEvidence | None:
+    """The residual of a refitted model; None where it finds no equilibrium from rest."""
+    try:
+        return refit_residual(experiment, refitted)
+    except NotConverged:
+        return None

@@ -9,7 +9,8 @@ import pytest
 from side_twins import Side, write_folder
 
 from idic.diagnose.chain import unlimited_excess
-from idic.diagnose.refit import MIN_NULL_SHARE, EarlyStop, Refit, Start, refit, warm_start
+from idic.diagnose.refit import (MIN_NULL_SHARE, EarlyStop, Refit, Start, refit, refit_residual, residual_from_rest,
+                                 warm_start)
 from idic.diagnose.refit_job import RefitJob, run_refit
 from idic.diagnose.residual.heldout import Fit, grid_of, pooled
 from idic.diagnose.residual.residual_evidence import residual_evidence
@@ -21,6 +22,7 @@ from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import Ranked
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.selection.rival import Rival, Round, judge
+from idic.errors import NotConverged
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 from idic.identify.step.state import AcceptedPoint, LoopState, Trial
@@ -325,6 +327,18 @@ def test_the_residual_of_a_fit_that_was_stopped_early_is_measured_at_its_end(ans
     assert asked[0].unlimited and asked[0].copies and asked[0].values == (null.values,)
     assert found.after.chi2 == pytest.approx(1.0 if answers else 900.0) and found.before is cut.before
     assert cut.matters and found.matters is not answers
+
+
+def test_a_model_without_equilibrium_from_rest_has_no_residual_and_ends_nothing(tmp_path):
+    """Stress that falls behind the yield stress as fast as it rose."""
+    law = {"law": "j2_linear", "E": 2000.0, "nu": 0.35, "yield_stress": {"value": 10.0, "identify": True},
+           "hardening_modulus": -1900.0}
+    experiment = load_experiment(write_folder(tmp_path / "test", Side()), {"material.BODY": law})
+    local = np.zeros((experiment.n_frames, 1))
+    fitted = Refit("softening", "", "converged", experiment.parameters.as_values(), {}, local, None, None, None)
+    with pytest.raises(NotConverged):
+        refit_residual(experiment, fitted)
+    assert residual_from_rest(experiment, fitted) is None
 
 
 def test_a_sum_over_two_copies_has_to_pass_twice():

@@ -25,9 +25,10 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_
 from idic.diagnose.discretisation.weight import error_column
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.score import null_model, score
+from idic.fe.superposition import is_linear
 from idic.identify.in_memory import Identification
 from idic.identify.systematic.real_thickness import can_be_thick, thick
-from idic.materials import get_law
+from idic.model.forward import build_forward
 from idic.model.motion_error import MotionError
 
 MAX_BRICK_NODES = 12_000  # of half the thickness: 40 CPU s under a load that yields, 36 frames of 9000
@@ -44,8 +45,8 @@ def thickness_error(found: Identification) -> MotionError | None:
     if not can_be_thick(experiment):
         return None
     bricks = thick(experiment)
-    linear = all(material.kinematics == "small" and get_law(material.law).linear for material in bricks.materials)
-    if bricks.mesh.n_nodes > (MAX_LINEAR_BRICK_NODES if linear else MAX_BRICK_NODES):
+    size = bricks.mesh.n_nodes
+    if size > MAX_LINEAR_BRICK_NODES or (size > MAX_BRICK_NODES and not is_linear(build_forward(bricks).model)):
         return None
     n = experiment.mesh.n_nodes
     return lacking(found, experiment, bricks, found.local, lambda u, other: other[:n, :2] - u)

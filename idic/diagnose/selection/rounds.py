@@ -15,7 +15,7 @@ from idic.diagnose.channel_left import smallest_reading
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.discretisation.weight import change_matters, error_column
 from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
-from idic.diagnose.refit import Refit, identification_at, refit_residual
+from idic.diagnose.refit import Refit, identification_at, residual_from_rest
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.excess import power
@@ -151,16 +151,8 @@ def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidenc
         there = source.with_motion_error(error)
         setting.stage("fit with the error of the mesh")
         (again,) = setting.refits([refit_of_one(there, "null", null, setting.grid, setting.seed)])
-        after = _residual(there, again) if again.usable else None
+        after = residual_from_rest(there.load(), again) if again.usable else None
         return (source, null, whole) if after is None else (there, again, after)
-
-
-def _residual(source: ExperimentSource, refitted: Refit) -> ResidualEvidence | None:
-    """On the recording itself; None where the model finds no equilibrium from rest."""
-    try:
-        return refit_residual(source.load(), refitted)
-    except NotConverged:
-        return None
 
 
 def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[Round], setting: Setting,
@@ -219,8 +211,8 @@ def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting,
     setting.stage("judgement on blocks of the recording")
     with setting.clock.step("blocks_s"):
         winner = one.winner
-        after = _residual(one.source.with_edits(edits_of(winner, one.screening)),  # type: ignore[arg-type]
-                          winner.refitted)  # type: ignore[union-attr]
+        after = residual_from_rest(one.source.with_edits(edits_of(winner, one.screening)).load(),
+                                   winner.refitted)  # type: ignore[union-attr, arg-type]
         if after is None:
             return replace(one, winner=None, equals=(), passed_over=winner), whole
         of_grey_values = winner.ranked.variant.pixels is not None  # type: ignore[union-attr]
