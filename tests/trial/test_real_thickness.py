@@ -9,9 +9,11 @@ import pytest
 from idic.diagnose.discretisation.combinations import (BRICKS, FINITE_STRAINS, Combination, drop_by,
                                                        probabilities)
 from idic.diagnose.discretisation.neglected import neglected
-from idic.diagnose.discretisation.thickness_error import neglected_errors, thickness_error
+from idic.diagnose.discretisation.following import moved, remaining
+from idic.diagnose.discretisation.thickness_error import neglected_errors, thickness_error, turned
 from idic.diagnose.discretisation.weight import change_matters, counts
 from idic.diagnose.refit import identification_at
+from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.experiment_file.load import load_rendered
 from idic.identify.systematic.real_thickness import MIDDLE, extruded
@@ -113,6 +115,18 @@ def test_a_spot_of_the_sheet_is_a_column_through_its_bricks(tmp_path):
                   for one in (found.experiment, thin))
     assert np.abs(none.u).max() < 0.05 * np.abs(real.u).max()
     assert np.abs(real.u).max() > 1e-3
+
+
+def test_a_step_of_the_parameters_that_is_too_long_is_halved_until_chi_square_falls(tmp_path):
+    scene = scene_of_world((0.0, 0.2))
+    found = at_truth(tmp_path, scene, solve(scene), E=1.05 * NULLS["elastic"].truth["E"])
+    residual = residual_evidence(found, light=False)
+    grid, step = grid_of(residual), 3.0 * remaining(residual)[0]
+    there, error = turned(found, residual, grid, step)
+    assert there.parameters["BODY.E"].value == pytest.approx(found.parameters["BODY.E"].value + 0.5 * step[0])
+    assert (fit(residual_evidence(there, light=False), grid).chi2 < fit(residual, grid).chi2
+            < fit(residual_evidence(moved(found, step), light=False), grid).chi2)
+    np.testing.assert_allclose(error.u, thickness_error(there).u, atol=1e-12)
 
 
 def test_bricks_fill_the_body():

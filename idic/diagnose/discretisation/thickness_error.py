@@ -25,6 +25,7 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_
 from idic.diagnose.discretisation.weight import error_column
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.score import null_model, score
+from idic.errors import NotConverged
 from idic.fe.superposition import is_linear
 from idic.identify.in_memory import Identification
 from idic.identify.systematic.real_thickness import can_be_thick, thick
@@ -37,6 +38,7 @@ MIN_DROP = 25.0  # of chi-square by bricks: five standard deviations
 MIN_DROP_SHARE = 0.5  # of what free motions and channels explain
 MIN_STEP_STD = 0.1  # of a parameter aside, for the derivative of the error: bounds may leave no more
 MAX_TURNS, TURNED_STD = 12, 0.1  # of error and parameters; standard deviations of the last step
+PARTS_OF_STEP = (1.0, 0.5, 0.25, 0.125)
 
 
 def thickness_error(found: Identification) -> MotionError | None:
@@ -112,11 +114,13 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
     """The error of plane stress on top of that of the mesh, and the parameters that belong to it; None where bricks
     cannot be simulated, or where chi-square does not fall below the bar.
 
+    Every turn takes the whole step of the parameters, or the first of its halves that lowers chi-square and at which
+    bricks find an equilibrium: before the first turn a plate that yields may be seven standard deviations off.
+
     first : the error of plane stress of `found`, where it has been computed
     """
-    there = found
+    there, thickness = found, first or thickness_error(found)
     for turn in range(MAX_TURNS):
-        thickness = first if first is not None and not turn else thickness_error(there)
         if thickness is None:
             return None
         nothing = MotionError(np.zeros_like(thickness.u), np.zeros_like(thickness.channels))
@@ -126,10 +130,30 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
         step, std, gain = remaining(here)
         if turn and fit(here, grid).chi2 - gain >= bar:
             return None
-        there = moved(there, step)
-        if np.abs(step / std).max(initial=0.0) < TURNED_STD:
-            break
-    return error, there
+        if np.abs(step / std).max(initial=0.0) < TURNED_STD or turn == MAX_TURNS - 1:
+            return error, moved(there, step)
+        there, thickness = turned(there, here, grid, step)
+    return None
+
+
+def turned(there: Identification, here: ResidualEvidence, grid: Grid,
+            step: np.ndarray) -> tuple[Identification, MotionError | None]:
+    """An identification after a step of its free parameters, or the first of its halves that lowers chi-square, with the
+    error of plane stress there; None where none does or bricks cannot be simulated.
+
+    here : residual of the identification; step : (n,), in the order of `remaining`
+    """
+    chi2 = fit(here, grid).chi2
+    for part in PARTS_OF_STEP:
+        tried = moved(there, part * step)
+        try:
+            lower = fit(residual_evidence(tried, light=False), grid).chi2 < chi2
+        except NotConverged:
+            continue
+        thickness = thickness_error(tried) if lower else None
+        if thickness is not None:
+            return tried, thickness
+    return there, None
 
 
 def std_factors(found: Identification, residual: ResidualEvidence) -> dict[str, float]:
