@@ -138,8 +138,8 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
 
 def turned(there: Identification, here: ResidualEvidence, grid: Grid,
             step: np.ndarray) -> tuple[Identification, MotionError | None]:
-    """An identification after a step of its free parameters, or the first of its halves that lowers chi-square, with the
-    error of plane stress there; None where none does or bricks cannot be simulated.
+    """An identification after a step of its free parameters, or the first of its halves that lowers chi-square, with
+    the error of plane stress there; None where none does or bricks cannot be simulated.
 
     here : residual of the identification; step : (n,), in the order of `remaining`
     """
