@@ -43,6 +43,7 @@ from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.screen.time_course import time_course_test
 from idic.diagnose.selection.block_step import BlockJudgement, judged_by_step
+from idic.diagnose.selection.free_end import FreeEnd, free_end, may_be_an_end, told
 from idic.diagnose.selection.other_axis import fit_from_other_axes, is_another_answer, is_better
 from idic.diagnose.selection.rival import Round
 from idic.diagnose.selection.rounds import (Clock, Group, Setting, Stage, Watch, has_state, null_refit, selected_rounds,
@@ -88,6 +89,7 @@ class Diagnosis:
     register : where the images are out of register with the identified model and the measured motion took their place
     spots : what was left out of the images before
     free_form : the free law, refitted where no named cause of the specimen fits
+    free_end : the end whose free motion explains more than the causes that were selected, which are not told then
     """
 
     found: Identification
@@ -117,6 +119,7 @@ class Diagnosis:
     register: OutOfRegister | None = None
     spots: LeftOut | None = None
     free_form: FreeForm | None = None
+    free_end: FreeEnd | None = None
 
     @property
     def selected_effect(self) -> SelectedEffect | None:
@@ -175,9 +178,14 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
             whole, mismatch = fit(before, grid), located(there, before, margin)
     first, begun = null_refit(source, here, setting), source
     rounds, source, null, groups = selected_rounds(source, here, first, before, setting)
+    notes, unit = Notes(), float(power(before.evidence).sum())
+    end = None if quick else notes.attempt("the free motion of an end", _free_end, begun, first, before, null, rounds,
+                                           mismatch, setting, unit / COPY_VARIANCE_FACTOR)
+    if end is not None:
+        mismatch, rounds = told(end, mismatch, rounds)  # type: ignore[arg-type]
+        source, null, groups = begun, first, []
     last = _Enriched(source) if null is first else _enriched(source, null, rounds, setting)
     source, final, after, active = last.source, last.final, last.after, last.active
-    unit = float(power(before.evidence).sum())
     of_camera = {"margin_px": margin.px, "camera_px": margin.camera_px}
     on_copy = ExcessLeft(first.judgement, null.judgement, unit / COPY_VARIANCE_FACTOR, **of_camera)
     excesses, own = [on_copy], []
@@ -195,7 +203,6 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     heldout = rounds[0].heldout_fits(rounds[0].winner) if alone else (first.judgement, null.judgement)
     verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_significant, excesses,
                        unloads(found.experiment), _camera_chi2(margin, unit, rounds[0] if alone else None), channels)
-    notes = Notes()
     blocks = () if after is None else judged_by_step(before, after, grid)
     corrected, without = None, None
     if not quick and after is None:
@@ -207,10 +214,12 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     of_points = open_share(found.experiment) is not None and verdict.word not in ("none", "blind")
     advice = DRAW_FIRST if of_points else _separating_test(groups, setting, notes)
     curve = None
-    if not quick and is_offered(verdict, mismatch, rounds, found.experiment):
+    if not quick and end is None and is_offered(verdict, mismatch, rounds, found.experiment):
         of_last = [(source, null, after)] if after is not None and has_other_sides(rounds) else []
         curve = notes.attempt("a free law", _free_form, [(begun, first, before), *of_last], setting,
                               unit / COPY_VARIANCE_FACTOR)
+    if end is not None:
+        advice = end.next_test
     if curve is not None and curve.describes and advice is None:
         advice = NEXT_TEST[curve.law.kind]
     if advice is not None:
@@ -218,7 +227,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     return Diagnosis(found, mismatch, tuple(rounds), verdict, before, after, final, source, whole, effect(whole, unit),
                      grid, clock.seconds, active, tuple(own), margin, tuple(notes.told), channels, excesses[0],
                      probability(verdict, rounds, excesses[0], channels), quick, blocks, without, corrected,
-                     last.other, free_form=curve)
+                     last.other, free_form=curve, free_end=end)
 
 
 def _free_form(models: Sequence[tuple[ExperimentSource, Refit, ResidualEvidence]], setting: Setting,
@@ -235,6 +244,24 @@ def _free_form(models: Sequence[tuple[ExperimentSource, Refit, ResidualEvidence]
             bases.append(Base(source, situation(there, residual, source.document()), fitted))
         return free_form(bases, models[0][1], setting.refits, setting.grid, setting.seed, power_of_copy,
                          setting.margin)
+
+
+def _free_end(source: ExperimentSource, null: Refit, residual: ResidualEvidence, last: Refit, rounds: Sequence[Round],
+              mismatch: Mismatch | None, setting: Setting, power_of_copy: float) -> FreeEnd | None:
+    """The end whose free motion explains more than the selected causes.
+
+    source, null, residual : the identified model, fitted to the copy for choosing, on the recording; last : the model
+    with these causes
+    """
+    left = ExcessLeft(null.judgement, last.judgement, power_of_copy, margin_px=setting.margin.px)  # type: ignore
+    if not may_be_an_end(mismatch, rounds, left):
+        return None
+    setting.stage("free motion of every end, as a rival of what was selected")
+    with setting.clock.step("free_end_s"):
+        there = identification_at(source.load(), null.values, null.local, null.steps)
+        names = [one.winner.name for one in rounds if one.winner is not None]
+        return free_end(source, situation(there, residual, source.document()), null, last, names, setting.refits,
+                        setting.grid, setting.seed, power_of_copy, setting.margin)
 
 
 def _with_known_error(source: ExperimentSource, residual: ResidualEvidence, null: Refit,

@@ -21,7 +21,8 @@
     by which the specimen moves less than the log in the end; ``course`` = ramp | jump | travel), ``{ kind =
     "compliance", column = "force_N" }`` (mm/N: the log contains the deflection of the machine), ``{ kind = "rotation"
     }`` (rad/mm: the set turns with the motion; with ``column`` rad at the column's largest value), ``{ kind =
-    "misalignment" }`` (it moves across in proportion; ``towards`` = x, y or z).
+    "misalignment" }`` (it moves across in proportion; ``towards`` = x, y or z), ``{ kind = "shape", degree = 2 }`` (mm:
+    it moves by a Legendre polynomial along the set).
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class SetTable(Strict):
 class CorrectionTable(Strict):
     """A correction of a logged or fixed motion; its amplitude ``boundary.SET.COMPONENT.KIND`` is identified."""
 
-    kind: Literal["slip", "rotation", "compliance", "misalignment", "seating"]
+    kind: Literal["slip", "rotation", "compliance", "misalignment", "seating", "shape"]
     start_s: float | None = None
     course: Literal["ramp", "jump", "travel", "free", "jumps"] | None = None
     knots: Annotated[int, Field(ge=1, le=100)] | None = None
@@ -66,14 +67,16 @@ class CorrectionTable(Strict):
     unit: str | None = None
     towards: Component | None = None
     seated_at: Positive | None = None
+    degree: Annotated[int, Field(ge=0, le=9)] | None = None
 
     @model_validator(mode="after")
     def _own_keys(self):
-        timed, logged = ("slip", "rotation", "misalignment"), ("rotation", "compliance", "misalignment", "seating")
+        timed = ("slip", "rotation", "misalignment", "shape")
+        logged = ("rotation", "compliance", "misalignment", "seating", "shape")
         own = {"start_s": timed, "course": timed, "knots": timed, "jump_frames": timed, "column": logged,
                "unit": logged,
                "towards": ("misalignment",),
-               "seated_at": ("seating",)}
+               "seated_at": ("seating",), "degree": ("shape",)}
         for key in sorted(self.model_fields_set & set(own)):
             if self.kind not in own[key]:
                 raise refuse(f"{key} does not belong here", f"{key} of a {' or '.join(own[key])}", f"leave out {key}",
@@ -94,6 +97,9 @@ class CorrectionTable(Strict):
             raise refuse("seating without its force", 'the measured force and the load at which the grips have seated',
                          'write { kind = "seating", column = "force_N", seated_at = 20.0 }',
                          "no column" if self.column is None else "no seated_at")
+        if self.kind == "shape" and self.degree is None:
+            raise refuse("a shape without its degree", "the degree of the polynomial along the set",
+                         'write { kind = "shape", degree = 2 }', "no degree")
         if self.kind != "slip" and self.column is not None and self.model_fields_set & {"start_s", "course"}:
             raise refuse("two courses of one correction", "a column, or start_s and course", "leave one of them out",
                          f"column = {self.column!r} and a course in time")
@@ -141,7 +147,8 @@ class DriveTable(Strict):
         if self.corrections and self.value is None and self.column is None:
             raise refuse("corrections do not belong here", "corrections next to column or value",
                          "leave out corrections: this motion is measured or identified already", "corrections")
-        kinds = [entry.kind for entry in self.corrections]
+        kinds = [entry.kind if entry.degree is None else f"{entry.kind} of degree {entry.degree}"
+                 for entry in self.corrections]
         if len(set(kinds)) < len(kinds):
             raise refuse("a correction is given twice", "every kind once", "remove one of them", ", ".join(kinds))
         return self

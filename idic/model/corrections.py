@@ -1,4 +1,4 @@
-"""Corrections of the logged motion of a grip: slip, rotation, compliance, seating, misalignment.
+"""Corrections of the logged motion of a grip: slip, rotation, compliance, seating, misalignment, shape.
 
 A correction adds ``amplitude * course(t) * pattern(X)`` to a prescribed displacement; the amplitude is the degree of
 freedom ``boundary.SET.COMPONENT.KIND``, zero where the log is right:
@@ -8,17 +8,20 @@ freedom ``boundary.SET.COMPONENT.KIND``, zero where the log is right:
     seating       mm       grips settle under the first load: u = u_log - s (1 - exp(-|F| / F_seated))
     rotation      rad/mm   the set turns about its middle in proportion to the motion
     misalignment  -        the set moves across, too, in proportion to the motion
+    shape         mm       the set moves by a Legendre polynomial along its longest extent, in proportion to the motion:
+                           ``shape0`` as a whole, ``shape1`` linear, ``shape2`` bent, ...; mm at the largest motion
 
-Slip, rotation and misalignment may have an identified time course (`idic.model.free_course`).
+Slip, rotation, misalignment and shape may have an identified time course (`idic.model.free_course`).
 
-Rotation and misalignment may follow a column of the log, or begin at a time with a course of their own; the amplitude
-(rad, mm) is then that at the column's largest value, or at the end of the course. At a set that is held at a fixed
-value, slip, seating and compliance count along the axis.
+Rotation, misalignment and shape may follow a column of the log, or begin at a time with a course of their own; the
+amplitude (rad, mm) is then that at the column's largest value, or at the end of the course. At a set that is held at a
+fixed value, slip, seating and compliance count along the axis.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Mesh
@@ -41,11 +44,21 @@ def pattern(correction: Correction, mesh: Mesh, nodes: np.ndarray, component: st
     """
     if correction.kind == "misalignment":
         return correction.towards or ("y" if component == "x" else "x"), np.ones(len(nodes))
+    if correction.degree is not None:
+        return component, legendre.legval(_places(mesh, nodes), np.eye(correction.degree + 1)[-1])
     if correction.kind != "rotation":
         return component, np.ones(len(nodes))
     along, sign = LEVERS[component]
     place = mesh.nodes[nodes, COMPONENTS.index(along)]
     return component, sign * (place - 0.5 * (place.min() + place.max()))
+
+
+def _places(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
+    """Along the axis of the longest extent of a set, -1 and 1 at its outermost nodes  # (n,)"""
+    at = mesh.nodes[nodes]
+    along = at[:, int(np.argmax(np.ptp(at, axis=0)))]
+    half = 0.5 * float(np.ptp(along))
+    return (along - along.min()) / half - 1.0 if half > 0.0 else np.zeros(len(nodes))
 
 
 def correction_parameter(stem: str, correction: Correction, pixel_size: float) -> Parameter:

@@ -41,9 +41,10 @@ class Material:
 class Correction:
     """What a drive may lack: ``amplitude * course(t)`` times a pattern on its set; see `idic.model.corrections`.
 
-    kind : "slip" | "rotation" | "compliance" | "misalignment" | "seating"; reach : largest value of the pattern (mm for
-    a rotation); towards : the component that a misalignment moves; knot : frame of its knot, of an identified time
-    course (`idic.model.free_course`); jumps : whether it is the frame of a jump instead.
+    kind : "slip" | "rotation" | "compliance" | "misalignment" | "seating" | "shape"; reach : largest value of the
+    pattern (mm for a rotation); degree : of a shape; towards : the component that a misalignment moves; knot : frame of
+    its knot, of an identified time course (`idic.model.free_course`); jumps : whether it is the frame of a jump
+    instead.
     """
 
     kind: str
@@ -53,13 +54,15 @@ class Correction:
     towards: str | None = None
     knot: int | None = None
     jumps: bool = False
+    degree: int | None = None
 
     @property
     def name(self) -> str:
         """Last word of its degree of freedom."""
+        stem = self.kind if self.degree is None else f"{self.kind}{self.degree}"
         if self.knot is None:
-            return self.kind
-        return (jump_name if self.jumps else knot_name)(self.kind, self.knot)
+            return stem
+        return (jump_name if self.jumps else knot_name)(stem, self.knot)
 
 
 @dataclass(frozen=True)

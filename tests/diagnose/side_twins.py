@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.polynomial.legendre import legvander
+from scipy.linalg import block_diag
 
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.screen.candidate import candidates
@@ -77,8 +79,9 @@ noise_std = {FORCE_NOISE}
 class Side:
     """What really happened where it is not what the log and the model say.
 
-    motion : {(set, component): (n_frames, 2)} mean motion (mm) and slope along y (rad) on top of the log's; modulus :
-    factor of E at element centres (n, 2); camera, image : per frame; force : of the simulated (n_frames,).
+    motion : {(set, component): (n_frames, 2 or more)} mean motion (mm), slope along y (rad), and (mm) the Legendre
+    polynomials along the set from the second on, on top of the log's; modulus : factor of E at element centres (n, 2);
+    camera, image : per frame; force : of the simulated (n_frames,).
     """
 
     motion: dict = field(default_factory=dict)
@@ -109,14 +112,13 @@ def truth(side: Side):
         for k, component in enumerate("xy"):
             extra = side.motion.get((name, component), np.zeros((len(TIMES), 2)))
             mean = extra[:, 0] + (GRIP if (name, component) == ("RIGHT", "x") else 0.0)
-            first = sum(len(d) for d in dofs)
+            y = mesh.nodes[nodes, 1]
+            further = legvander(2.0 * y / WIDTH, max(extra.shape[1] - 1, 1))[:, 2:]
             dofs.append(2 * nodes + k)
-            basis.append((first, len(nodes), mesh.nodes[nodes, 1]))
-            load_histories += [mean, extra[:, 1]]
+            basis.append(np.column_stack([np.ones(len(y)), y, further]))
+            load_histories += [mean, *extra.T[1:]]
     dofs = np.concatenate(dofs)
-    pattern = np.zeros((len(dofs), len(load_histories)))
-    for i, (first, n, y) in enumerate(basis):
-        pattern[first:first + n, 2 * i], pattern[first:first + n, 2 * i + 1] = 1.0, y
+    pattern = block_diag(*basis)
     law = compile_law("elastic", None)
     values, sections = {}, []
     for f in np.unique(factor):

@@ -107,6 +107,9 @@ def test_the_load_train_keeps_its_direction_while_it_rests(motion, found):
     ('{ kind = "rotation", column = "force_kN", start_s = 1.0 }', "corrections", "two courses"),
     ('{ kind = "rotation", start_s = 9.0 }', "start_s", "outside the test"),
     ('{ kind = "slip" }, { kind = "slip", start_s = 1.0 }', "corrections", "given twice"),
+    ('{ kind = "shape" }', "corrections", "without its degree"),
+    ('{ kind = "shape", degree = 2 }, { kind = "shape", degree = 2 }', "corrections", "given twice"),
+    ('{ kind = "rotation", degree = 2 }', "corrections", "does not belong here"),
     ('{ kind = "creep" }', "kind", ""),
 ])
 def test_a_correction_that_cannot_be_meant_is_refused(tmp_path, text, key, said):
@@ -114,6 +117,35 @@ def test_a_correction_that_cannot_be_meant_is_refused(tmp_path, text, key, said)
         load_experiment(write_experiment(tmp_path / "test", corrected(text)))
     assert said in error.value.what and error.value.remedy
     assert key in error.value.key or key == "corrections"
+
+
+def test_a_shape_moves_the_set_by_a_polynomial_along_it_in_proportion_to_its_largest_motion(tmp_path):
+    text = ', '.join(f'{{ kind = "shape", degree = {degree} }}' for degree in range(4))
+    experiment = load_experiment(write_experiment(tmp_path / "test", corrected(text)))
+    amplitudes = {f"boundary.TOP.y.shape{degree}": 1e-3 * (degree + 1) for degree in range(4)}
+    assert set(amplitudes) <= set(experiment.parameters.free)
+    assert all(experiment.parameters[name].unit == "mm" for name in amplitudes)
+    drives = build_drives(experiment)
+    moved = [dict(zip(drives.dofs.tolist(), drives.basis @ drives.histories(values)[-1], strict=True))
+             for values in (experiment.parameters, experiment.parameters.with_values(amplitudes))]
+    for node in experiment.mesh.node_sets["TOP"]:
+        s = (experiment.mesh.nodes[node, 0] - 2.0) / 2.0  # from the middle of the set
+        expected = 1e-3 * (1.0 + 2.0 * s + 3.0 * (1.5 * s**2 - 0.5) + 4.0 * (2.5 * s**3 - 1.5 * s))
+        assert moved[1][2 * node + 1] - moved[0][2 * node + 1] == pytest.approx(expected, abs=1e-12)
+        assert moved[1][2 * node] == moved[0][2 * node]
+
+
+def test_a_shape_of_a_fixed_set_follows_a_column_or_a_course_of_its_own(tmp_path):
+    text = ('{ kind = "shape", degree = 3, course = "free", knots = 2 },'
+            ' { kind = "shape", degree = 2, column = "force_kN" }')
+    toml = TOML.replace("uy = 0.0", f"uy = {{ value = 0.0, corrections = [{text}] }}", 1)
+    experiment = load_experiment(write_experiment(tmp_path / "test", toml))
+    drives = build_drives(experiment)
+    names = ["boundary.BOTTOM.y.shape3_knot[2]", "boundary.BOTTOM.y.shape3_knot[3]", "boundary.BOTTOM.y.shape2"]
+    histories = drives.histories(experiment.parameters.with_values(dict(zip(names, (0.2, 0.1, 0.3), strict=True))))
+    assert histories[:, drives.names.index(names[0])] == pytest.approx([0.0, 0.1, 0.2, 0.0])
+    assert histories[:, drives.names.index(names[1])] == pytest.approx([0.0, 0.0, 0.0, 0.1])
+    assert histories[-1, drives.names.index(names[2])] == pytest.approx(0.3)
 
 
 def test_a_misalignment_across_a_free_component_is_refused(tmp_path):

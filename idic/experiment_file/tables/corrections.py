@@ -53,14 +53,15 @@ def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, pla
         else:
             course, unit = _in_proportion(table, drive, own, context)
         made.append(Correction(table.kind, course - course[context.reference], unit,
-                               reach(table.kind, place.mesh, nodes, place.component), table.towards))
+                               reach(table.kind, place.mesh, nodes, place.component), table.towards,
+                               degree=table.degree))
     return tuple(made)
 
 
 def _free(table: CorrectionTable, drive: Column | Constant, most: float, context) -> list[Correction]:
     """One correction per knot of a course that the data give; most : largest value of the pattern."""
     sign, unit = _sign_and_unit(table, drive, context)
-    return [Correction(table.kind, sign * course, unit, most, table.towards, frame)
+    return [Correction(table.kind, sign * course, unit, most, table.towards, frame, degree=table.degree)
             for frame, course in zip(*free_course(table.knots or KNOTS, context), strict=True)]
 
 
@@ -72,7 +73,7 @@ def _jumps(table: CorrectionTable, drive: Column | Constant, most: float, key: s
         raise InputError("a jump outside the test", file=context.file, key=f"{key}.jump_frames",
                          expected=f"frames {context.reference + 1} to {context.n_frames - 1}", found=str(chosen),
                          remedy="correct the frames")
-    return [Correction(table.kind, sign * (frames >= frame), unit, most, table.towards, frame, True)
+    return [Correction(table.kind, sign * (frames >= frame), unit, most, table.towards, frame, True, table.degree)
             for frame in chosen]
 
 
@@ -126,7 +127,7 @@ def _seating(table: CorrectionTable, drive: Column | Constant, key: str, context
 
 
 def _in_proportion(table: CorrectionTable, drive: Column | Constant, key: str, context) -> tuple[np.ndarray, str]:
-    """Course and unit of a rotation or misalignment: the motion, or a column of the log relative to its largest."""
+    """Course and unit of a rotation, misalignment or shape: the motion, or a column of the log over its largest."""
     what = "rad" if table.kind == "rotation" else context.length_unit
     if table.start_s is not None or table.course is not None:
         start, times = _start(table, key, context)
@@ -139,6 +140,9 @@ def _in_proportion(table: CorrectionTable, drive: Column | Constant, key: str, c
         raise InputError(f"a {table.kind} of a fixed set without a column", file=context.file, key=f"{key}.column",
                          expected="the column of the log for its course", found="no column",
                          remedy='name the column, e.g. column = "force_N"')
+    if table.kind == "shape":
+        motion = drive.values - drive.values[context.reference]
+        return motion / (np.abs(motion).max() or 1.0), context.length_unit
     return drive.values, f"rad/{context.length_unit}" if table.kind == "rotation" else ""
 
 

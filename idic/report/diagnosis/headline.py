@@ -11,6 +11,7 @@ from idic.report.words import short_names, with_std
 MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
 MOSTLY = 0.5  # explained share from which a nearest candidate explains most of it
 MIN_LEFT_PX = 5e-4  # motion that is worth a word
+MAX_SHAPES = 2  # of a free end, that are told
 MIN_TEXT_Z = 5.0  # standard deviations: a smaller residual excess is not reported
 
 
@@ -26,6 +27,8 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
         return f"No missing physics is significant: the residual of images and channels is {_nothing(content)}{body}."
     if word == "blind":
         return "This test says nothing about missing physics."
+    if content.get("free_end"):  # not in diagnoses of earlier versions
+        return free_end_words(content["free_end"])
     if word == "outside_library" and not (content["named"] and (share or 0.0) > MOSTLY):
         where = when_and_where(content)
         return (f"No candidate explains the residual{_of_what(content)}, probably from {side_in_words(content)}"
@@ -41,6 +44,16 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
     effect = f"; without {'it' if len(content['named']) == 1 else 'them'} {', '.join(moved)}" if moved else ""
     beside = f"; {_joined(formal)} {'belongs' if len(formal) == 1 else 'belong'} to the description" if formal else ""
     return f"{said}explain{_s(content)} {per_cent(share)} of the residual{_faint(content)}{effect}{beside}."
+
+
+def free_end_words(end: Mapping) -> str:
+    """That an end moves in another shape than any candidate describes, which shape, and how much that explains."""
+    shapes = [f"{one['words']} in u{one['component']} by {with_std(one['value'], one['std'])} {one['unit']}"
+              for one in end["shapes"][:MAX_SHAPES]]
+    shape = f" (shape: {_joined(shapes)})" if shapes else ""
+    return (f"The end {end['nodes']} moves in a way that no candidate describes{shape}; its free motion explains "
+            f"{per_cent(end['share'])} of the residual on held-out data: measure that end from the images, and do not "
+            "trust the parameters before.")
 
 
 def free_form_words(content: Mapping) -> str:

@@ -77,6 +77,7 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
         "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px,
         "left": _left(diagnosis),
         "courses": _courses(diagnosis),
+        "free_end": None if diagnosis.free_end is None else diagnosis.free_end.content(list(before)),
         "free_form": None if diagnosis.free_form is None else diagnosis.free_form.content(),
         "spots": [],
         "register": None if diagnosis.register is None else diagnosis.register.content(),
