@@ -102,7 +102,7 @@ def diagnosed(folder, side):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("side, component, words", [(shaped("x", 0.0, 0.0, 0.0, 0.006), "x", "s-shaped"),
-                                                    (shaped("y", 0.0, -0.006 / WIDTH), "y", "linear along it")])
+                                                    (shaped("y", 0.0, -0.02 / WIDTH), "y", "linear along it")])
 def test_an_end_with_a_shape_of_its_own_is_told_as_that(side, component, words, tmp_path):
     """An uneven grip, and a jaw that lets the end contract across."""
     content = diagnosed(tmp_path, side)
