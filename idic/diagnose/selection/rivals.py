@@ -66,7 +66,8 @@ def refitted(source: ExperimentSource, null: Refit, screening: Screening, refits
                 starts |= {r.key: starting_variants(screening, r.candidate, r.variant) for r in waiting}
                 laws = {r.key for r in waiting}
         # an unknown more takes two of the functional on the mean, whatever it is (`Rival.evidence`)
-        lowest = np.nanmin([null.phi, *(r.refitted.phi + 2.0 * len(r.own_unknowns) for r in rivals.values())])
+        ends = [null.phi, *(r.refitted.phi + 2.0 * len(r.own_unknowns) for r in rivals.values())]
+        lowest = min((phi for phi in ends if np.isfinite(phi)), default=np.nan)
         early_stop = None if laws else EarlyStop(null.phi, lowest)
     akin = same_family_rivals(screening, tuple(rivals.values()), bends)
     untried = [r for r in akin if r.key not in rivals]
