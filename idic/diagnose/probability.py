@@ -5,6 +5,8 @@
         faint (up to 12 standard deviations), named alone or in a set                     0.94     5 of 7
         stronger                                                                          0.98    14 of 14
         named, and yet unexplained by the library                                         0.10     3 of 12
+    drawn worlds, known kinds, all seeds up to 53367
+        `none`, though the score of a candidate is significant                            0.91     1 of 4
     14 sealed recordings by others, solids of real thickness, courses of their own: the right name first in 10; every
     one of them left a small part of the residual, significantly
 
@@ -28,6 +30,7 @@ P_OF_STRENGTH = (0.7, 0.8, 0.98)
 P_WITH_LEFTOVER = 10.0 / 14.0  # a part that noise does not leave: the world is not quite the library's
 P_UNEXPLAINED = 0.25  # of a name where the verdict says that the library does not explain the residual
 P_NONE = 0.91
+P_NONE_BESIDE_A_SCORE = 0.3  # a score is significant, which the refit does not confirm or the practical margin covers
 
 
 def probability(verdict: Verdict, rounds: Sequence[Round], left: ExcessLeft,
@@ -39,7 +42,8 @@ def probability(verdict: Verdict, rounds: Sequence[Round], left: ExcessLeft,
     if verdict.word == "blind":
         return None
     if verdict.word == "none":
-        return P_NONE
+        seen = any(one.standing in ("significant", "small") for one in rounds[0].screening.ranked)
+        return P_NONE_BESIDE_A_SCORE if seen else P_NONE
     if verdict.word == "outside_library":
         return P_UNEXPLAINED if verdict.selected else None
     weakest = min(one.winner.evidence for one in rounds if one.winner is not None)

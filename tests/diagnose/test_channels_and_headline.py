@@ -9,7 +9,8 @@ from test_verdicts import LEFT, POWER, left, ranked, rival, round_of, screening
 
 from idic.diagnose.cautions import channel_cautions, outline_caution
 from idic.diagnose.channel_left import ChannelLeft
-from idic.diagnose.probability import P_NONE, P_OF_STRENGTH, P_UNEXPLAINED, P_WITH_LEFTOVER, probability
+from idic.diagnose.probability import (P_NONE, P_NONE_BESIDE_A_SCORE, P_OF_STRENGTH, P_UNEXPLAINED, P_WITH_LEFTOVER,
+                                       probability)
 from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.verdict import conclude
@@ -100,8 +101,16 @@ def test_the_probability_grows_with_the_strength_and_falls_with_what_is_left():
 def test_the_words_without_a_name_have_probabilities_of_their_own():
     verdict, rounds, excess = verdict_of(5000.0)
     told = {word: probability(replace(verdict, word=word), rounds, excess, [])
-            for word in ("none", "blind", "outside_library")}
-    assert told == {"none": P_NONE, "blind": None, "outside_library": P_UNEXPLAINED}
+            for word in ("blind", "outside_library")}
+    assert told == {"blind": None, "outside_library": P_UNEXPLAINED}
+
+
+def test_nothing_is_less_sure_where_the_score_of_a_candidate_is_significant():
+    verdict, _, excess = verdict_of(5000.0)
+    for standing, expected in (("excluded", P_NONE), ("small", P_NONE_BESIDE_A_SCORE),
+                               ("significant", P_NONE_BESIDE_A_SCORE)):
+        rounds = [round_of(screening(ranked("creep", standing)))]
+        assert probability(replace(verdict, word="none"), rounds, excess, []) == expected
 
 
 # headline -----------------------------------------------------------------------------------------
@@ -198,3 +207,14 @@ def test_a_finding_on_an_outline_of_points_may_be_the_outline():
     (said,) = outline_caution(0.052, "multiple")
     assert "5.2%" in said and "outline_mm" in said
     assert outline_caution(0.052, "none") == [] and outline_caution(None, "multiple") == []
+
+
+def test_a_headline_of_nothing_tells_what_is_below_the_margin_and_what_a_refit_does_not_confirm():
+    entries = [{"name": name, "form": None, "named": False, "standing": standing}
+               for name, standing in (("defocus", "small"), ("creep", "significant"), ("damage", "excluded"))]
+    said = {"verdict": "none", "named": [], "indistinguishable": [], "cannot_tell": [], "candidates": entries,
+            "fit": {"explainable_share_recovered": None}, "model": {"parameters_before": {}}}
+    text = headline(said, {})
+    assert "defocus is seen, but below the practical margin; creep is suspected" in text and "damage" not in text
+    entries[:2] = []
+    assert headline(said, {}) == "No missing physics is significant: the residual of images and channels is noise."

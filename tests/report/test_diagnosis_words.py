@@ -66,6 +66,13 @@ def test_a_candidate_that_its_refit_does_not_confirm_is_not_called_significant_u
     assert standing_of(said | {"verdict": "single"}, entry, "significant") == "significant"
 
 
+def test_a_cause_below_the_practical_margin_is_told():
+    entry = {"name": "placement", "form": None, "named": False, "standing": "small"}
+    said = content("none") | {"excluded": [], "cannot_tell": [], "named": [], "candidates": [entry]}
+    assert sentence(said, TITLES).startswith("No candidate matters: ")
+    assert "(1 candidates tested, 1 significant but below the practical margin)" in sentence(said, TITLES)
+
+
 def test_a_blind_test_is_explained_by_its_parameters_or_its_noise():
     hidden, seen = ({"name": "creep", "form": None, "visibility": v} for v in (0.01, 0.9))
     said = content("blind") | {"excluded": [{"name": "drift"}], "cannot_tell": ["creep"],

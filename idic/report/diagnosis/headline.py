@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from idic.report.diagnosis.words import (MIN_GOOD_PROBABILITY, new_values, selected_titles, side_in_words,
-                                         when_and_where)
+from idic.report.diagnosis.words import (MIN_GOOD_PROBABILITY, below_margin, new_values, selected_titles,
+                                         side_in_words, unconfirmed, when_and_where)
 from idic.report.words import short_names, with_std
 
 MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
@@ -24,7 +24,12 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
     if word == "none":
         moved = moves(content, "parameters_of_real_body")
         body = f"; by the model's own errors (mesh, thickness, small strains) {', '.join(moved)}" if moved else ""
-        return f"No missing physics is significant: the residual of images and channels is {_nothing(content)}{body}."
+        small, open_ = ([_titled(name, titles) for name in names]
+                        for names in (below_margin(content), unconfirmed(content)))
+        seen = f"; {_joined(small)} {_is(small)} seen, but below the practical margin" if small else ""
+        doubt = f"; {_joined(open_)} {_is(open_)} suspected by the score, and not confirmed by a refit" if open_ else ""
+        said = "No missing physics matters" if small else "No missing physics is significant"
+        return f"{said}: the residual of images and channels is {_nothing(content)}{body}{seen}{doubt}."
     if word == "blind":
         return "This test says nothing about missing physics."
     if content.get("free_end"):  # not in diagnoses of earlier versions
@@ -113,6 +118,14 @@ def _of_before(share: float | None) -> str:
     return f" ({per_cent(share)} of the excess before)" if share is not None and share < 1.0 else ""
 
 
+def _titled(name: str, titles: Mapping[str, str]) -> str:
+    return titles.get(name, name.replace("_", " "))
+
+
+def _is(names: Sequence[str]) -> str:
+    return "is" if len(names) == 1 else "are"
+
+
 def _nothing(content: Mapping) -> str:
     return "noise and motion that the camera shows at rest" if content.get("camera_floor_px") else "noise"
 
@@ -124,7 +137,7 @@ def _causes(content: Mapping, titles: Mapping[str, str], sizes: bool) -> list[st
         if _is_formulation(content, one):
             continue
         size = new_values(content, one["new"], place) if sizes else ""
-        others = [titles.get(name, name.replace("_", " ")) for name in dict.fromkeys(one["equals"])]
+        others = [_titled(name, titles) for name in dict.fromkeys(one["equals"])]
         found.append(" or ".join([title + (f" ({size})" if size else ""), *others]))
     return found
 

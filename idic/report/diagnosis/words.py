@@ -33,7 +33,8 @@ def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
         left = "is noise"
         if (content.get("margin") or {}).get("camera_floor_px"):
             left = "is noise and motion that the camera shows at rest"
-        return (f"No candidate is significant: the residual of images and channels {left} "
+        matters = "matters" if below_margin(content) else "is significant"
+        return (f"No candidate {matters}: the residual of images and channels {left} "
                 f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
     if word == "blind":
         return _blind(content) + _next(content)
@@ -87,6 +88,17 @@ def _by_score_only(content: Mapping, entry: Mapping) -> bool:
     spots_alone = content["named"] and not _screened(content)
     nothing = content["verdict"] in ("none", "blind") or (spots_alone and content["verdict"] != "outside_library")
     return nothing and entry.get("standing") == "significant"
+
+
+def unconfirmed(content: Mapping) -> list[str]:
+    """Candidates whose scores are significant and whose refits do not confirm it, where nothing was selected."""
+    return [entry["name"] for entry in content["candidates"]
+            if _by_score_only(content, entry) and entry["name"] not in content["cannot_tell"]]
+
+
+def below_margin(content: Mapping) -> list[str]:
+    """Candidates that are significant, but smaller than the practical margin."""
+    return [entry["name"] for entry in content["candidates"] if entry.get("standing") == "small"]
 
 
 def _screened(content: Mapping) -> list[str]:
@@ -284,9 +296,10 @@ def _began(content: Mapping) -> str:
 def _bounds(content: Mapping) -> str:
     unseen = set(content["cannot_tell"])
     n, m = len({one["name"] for one in content["excluded"]} - unseen), len(unseen)
-    k = len({entry["name"] for entry in content["candidates"] if _by_score_only(content, entry)} - unseen)
+    k, small = len(set(unconfirmed(content))), len(set(below_margin(content)))
     return ((f", {n} of them excluded with a bound" if n else "") + (f", {m} that this test cannot see" if m else "")
-            + (f", {k} significant by the score but not by the refit" if k else ""))
+            + (f", {k} significant by the score but not by the refit" if k else "")
+            + (f", {small} significant but below the practical margin" if small else ""))
 
 
 def _next(content: Mapping) -> str:
