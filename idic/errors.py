@@ -52,3 +52,7 @@ class NotConverged(Exception):
 
     time: float | None = None
     frame: int | None = None
+
+
+class GaveUp(NotConverged):
+    """A simulation needs more evaluations than its caller allows; other increments are not tried."""

@@ -14,7 +14,7 @@ from idic.diagnose.chain import Diagnosis
 from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.discretisation.combinations import BRICKS, FINITE_STRAINS
 from idic.diagnose.next_test import reason_against_continuation
-from idic.diagnose.refit import MAX_EVALUATIONS
+from idic.diagnose.refit import MAX_EVALUATIONS, MAX_FAILED_SIMULATIONS
 from idic.diagnose.residual.excess_left import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
@@ -45,7 +45,8 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
             *mesh_caution(diagnosis), *neglected_cautions(diagnosis), *other_axis_caution(diagnosis), *search, *camera,
             *formal_fit(diagnosis.excess_left), *channel_cautions(diagnosis.channels, diagnosis.verdict.in_channels),
             *_few_elements(diagnosis),
-            *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_cut_short(diagnosis.rounds),
+            *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_given_up(diagnosis.rounds),
+            *refits_cut_short(diagnosis.rounds),
             *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
 
 
@@ -193,6 +194,16 @@ def search_cautions(status: str, before: float, after: float, std: float) -> lis
         found.append("The enriched model explains the motions worse than the identified one (held-out excess "
                      f"{before:.3g} before, {after:.3g} after): the candidate has fitted grey values or readings.")
     return found
+
+
+def refits_given_up(rounds: Sequence[Round]) -> list[str]:
+    """Rivals whose simulations found no equilibrium, and whose score promised to come near the selected candidate."""
+    return [f"{rival.ranked.called} was not compared with {one.winner.ranked.called}: its refit was given up, as "
+            f"{MAX_FAILED_SIMULATIONS} of its simulations found no equilibrium. By its score it explains "
+            f"{min(rival.predicted / one.winner.achieved, 1.0):.0%} of the same drop in chi-square. The recording "
+            "neither confirms nor excludes it."
+            for one in rounds if one.winner is not None for rival in one.rivals
+            if rival.refitted.given_up and rival.predicted > MIN_RIVAL_SHARE * one.winner.achieved]
 
 
 def refits_cut_short(rounds: Sequence[Round]) -> list[str]:

@@ -16,6 +16,7 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import Ranked
 from idic.errors import InputError, NotConverged
+from idic.fe.equilibrium import Control
 from idic.identify.in_memory import Identification, identify
 from idic.identify.result import Analysis
 from idic.identify.weights import noise_weights
@@ -36,6 +37,12 @@ MIN_STEPS_FROM_BORROWED = 2
 MAX_FURTHER_GAIN = 3.0  # times its last improvement: the gain that a rival may still make
 MAX_LAG_SHARE = 0.1  # of the way back from the best to the null: a rival that stays behind that is given up
 MAX_PARAMETER_CHANGE = 0.4  # relative change of an identified parameter
+# of the body per frame and increment of the identified model, on the mean of a rival's simulation (right ones take 2 to
+# 4, torn ones that were given up at last 38 to 90)
+MAX_BODY_EVALUATIONS = 12
+MIN_BODY_EVALUATIONS = 300  # of one simulation: half a dozen increments may fail in a short test
+MAX_FAILED_SIMULATIONS = 3  # of one search for a rival
+GIVEN_UP = "refit given up"  # in the problem of a refit whose simulations fail
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +71,11 @@ class Refit:
     @property
     def usable(self) -> bool:
         return self.choice is not None
+
+    @property
+    def given_up(self) -> bool:
+        """Whether it was given up because its simulations found no equilibrium: the data say nothing of it."""
+        return not self.usable and GIVEN_UP in self.problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,22 +107,31 @@ class EarlyStop:
 
 
 class _Stopped(Exception):
-    """The rival is given up."""
+    """The rival is given up: it cannot win, or finds no equilibrium."""
 
 
 class _Progress:
-    """Follows an identification, and ends it where it cannot win."""
+    """Follows an identification, and ends it where it cannot win, or where too many of its simulations fail.
 
-    def __init__(self, early_stop: EarlyStop | None):
-        self.early_stop, self.phis = early_stop, []
+    limited : whether failed simulations are counted
+    """
+
+    def __init__(self, early_stop: EarlyStop | None, limited: bool = False):
+        self.early_stop, self.limited, self.phis = early_stop, limited, []
 
     def __call__(self, state: LoopState) -> None:
+        failed = [entry for entry in state.history if entry["phi"] is None]
+        if self.limited and len(failed) >= MAX_FAILED_SIMULATIONS:
+            raise _Stopped(f"{GIVEN_UP}: {len(failed)} of {state.evaluations} simulations found no equilibrium, the "
+                           f"last: {failed[-1]['message']}")
         if state.estimator.kind != ORDINARY or state.accepted is None:
             return
         if not self.phis or state.accepted.phi != self.phis[-1]:
             self.phis.append(state.accepted.phi)
-        if self.early_stop is not None and self.early_stop.cannot_win(self.phis):
-            raise _Stopped
+        stop = self.early_stop
+        if stop is not None and stop.cannot_win(self.phis):
+            won = (stop.null - self.lowest) / (stop.null - stop.best)
+            raise _Stopped(f"given up at {won:.0%} of what the best explains")
 
     @property
     def left(self) -> bool:
@@ -124,7 +145,7 @@ class _Progress:
 
 def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], local: np.ndarray, grid: Grid,
           target: float = np.inf, early_stop: EarlyStop | None = None, estimator: str = ORDINARY,
-          unlimited: bool = False, whole_std: bool = False) -> Refit:
+          unlimited: bool = False, whole_std: bool = False, most_evaluations: int | None = None) -> Refit:
     """Identify a model from the best of a few starts and measure it.
 
     Parameters
@@ -139,27 +160,29 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
     estimator : to begin with; "generalised" from a start that is near
     unlimited : without the limit of evaluations of a model that is compared with others
     whole_std : the standard deviations also count what the model leaves unexplained: one more pass over the images
+    most_evaluations : of the body per frame, on the mean of one simulation; a simulation that needs more has failed,
+        and a search of which `MAX_FAILED_SIMULATIONS` fail is given up. None: any number
     """
     best, runs, problems, watch, lost = None, 0, [], _Progress(early_stop), None
+    limit = None if most_evaluations is None else Control(most_evaluations=most_evaluations)
     for start in starts[:MAX_STARTS]:
         if start.label == lost or (best is not None and start.label == best[2].label):
             continue
         try:
-            watch = _Progress(early_stop)
+            watch = _Progress(early_stop, limit is not None)
             most = MAX_EVALUATIONS if other and not unlimited else None
-            found = _identified(_started(start, most), _fitting(local, start.experiment), watch, estimator)
+            found = _identified(_started(start, most), _fitting(local, start.experiment), watch, estimator, limit)
             runs += found.state.evaluations
             if found.point is None or (start.borrowed and not (found.state.status == "converged" or watch.left)):
-                problems.append(f"{start.label}: {found.state.status}")
+                problems.append(f"{start.label}: {_no_answer(found, limit)}")
                 continue
             path = simulated(found, null=False)
             here = fit(residual_evidence(found, light=False, null=False, responses=path), grid)
         except (NotConverged, InputError, np.linalg.LinAlgError) as problem:  # the last: equations without a solution
             problems.append(f"{start.label}: {problem}")
             continue
-        except _Stopped:
-            won = (early_stop.null - watch.lowest) / (early_stop.null - early_stop.best)
-            problems.append(f"{start.label}: given up at {won:.0%} of what the best explains")
+        except _Stopped as reason:
+            problems.append(f"{start.label}: {reason}")
             lost = start.label
             continue
         if best is None or here.chi2 < best[1].chi2:
@@ -177,10 +200,18 @@ def refit(name: str, starts: Sequence[Start], other: Mapping[str, Experiment], l
                  found.local, found.steps, here, judged, runs, phi=phi, estimator=found.state.estimator.kind)
 
 
-def _identified(experiment: Experiment, local: np.ndarray | None, watch: _Progress, estimator: str) -> Identification:
+def _no_answer(found: Identification, limit: Control | None) -> str:
+    """Why a search ended without a point that counts."""
+    if found.point is None and limit is not None:
+        return f"{GIVEN_UP}: {found.state.history[-1]['message']}"
+    return found.state.status
+
+
+def _identified(experiment: Experiment, local: np.ndarray | None, watch: _Progress, estimator: str,
+                control: Control | None) -> Identification:
     """By generalised least squares from the first step where they are to begin with and may; otherwise as every one."""
     begin = estimator if estimator == GENERALISED and may_begin_generalised(experiment) else ORDINARY
-    return identify(experiment, local, progress=watch, estimator=begin)
+    return identify(experiment, local, progress=watch, estimator=begin, control=control)
 
 
 def warm_start(ranked: Ranked, values: Mapping[str, float]) -> dict[str, float]:

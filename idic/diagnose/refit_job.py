@@ -59,6 +59,7 @@ class RefitJob:
     borrowed : label of the start whose values were fitted to the copy that judges (`Start.borrowed`)
     estimator : of the first evaluation; unlimited : without the limit of evaluations
     whole_std : standard deviations count what the model leaves unexplained, for the model that is selected at last
+    most_evaluations : of the body per frame, beyond which a simulation has failed (`refit`); None: any number
     """
 
     name: str
@@ -77,6 +78,7 @@ class RefitJob:
     estimator: str = ORDINARY
     unlimited: bool = False
     whole_std: bool = False
+    most_evaluations: int | None = None
 
 
 Refits = Callable[[Sequence[RefitJob]], list[Refit]]  # runs jobs, side by side or not; answers in their order
@@ -120,7 +122,7 @@ def run_refit(job: RefitJob) -> Refit:
             experiment = thinned(experiment, JUDGEMENT if job.swapped else CHOICE, job.seed)
         starts.append(Start(label, experiment, values, label == job.borrowed))
     return refit(job.name, starts, other, job.local, job.grid, job.target, job.early_stop, job.estimator, job.unlimited,
-                 job.whole_std)
+                 job.whole_std, job.most_evaluations)
 
 
 def refit_of_one(source: ExperimentSource, name: str, null: Refit, grid: Grid, seed: int, **further) -> RefitJob:

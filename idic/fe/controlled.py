@@ -20,15 +20,15 @@ from idic.errors import NotConverged
 from idic.fe.assembly import assembly
 from idic.fe.assembly.assembly import Evaluation, System
 from idic.fe.boundary import Drives, with_amplitude
-from idic.fe.equilibrium import (LINE_SEARCH_PARTS, Control, Converged, admissible, balance, factorise_tangent,
-                                 negligible, where_unbalanced)
+from idic.fe.equilibrium import (LINE_SEARCH_PARTS, Control, Converged, Effort, admissible, balance,
+                                 factorise_tangent, negligible, where_unbalanced)
 from idic.fe.sensitivity import answer_to_control
 
 MIN_FELT = 1e-9  # of the largest displacement per unit of the controlled drive: the gauge must feel it
 
 
 def solve_controlled(system: System, params: Mapping[str, np.ndarray], start: Converged, drives: Drives,
-                     control: Control, line_search: bool = False) -> Converged:
+                     control: Control, line_search: bool = False, effort: Effort | None = None) -> Converged:
     """The equilibrium in which the gauge reads `drives.reading`, reached along the tangent from `start`.
 
     No extrapolated start: beyond the peak it would load parts that have to unload, and end on another branch.
@@ -43,6 +43,8 @@ def solve_controlled(system: System, params: Mapping[str, np.ndarray], start: Co
 
     def evaluate(u: np.ndarray, amplitude: float, guesses) -> tuple[Evaluation, Drives]:
         there = with_amplitude(model, drives, amplitude)
+        if effort is not None:
+            effort.evaluations += 1
         return assembly.evaluate(system, params, u, start.states, dt, there, guesses), there
 
     amplitude = start.drives.amplitude

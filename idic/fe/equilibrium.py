@@ -32,6 +32,9 @@ class Control:
     most_failures : int
         Between two frames. Where every other increment fails (a body that softens and tears), a thousand small ones
         take minutes and reach no equilibrium.
+    most_evaluations : int or None
+        Evaluations of the body per frame, on the mean of the whole test, failed increments included; None: any number.
+        A simulation that needs more is given up, an increment later.
     """
 
     tolerance: float = 1e-9
@@ -39,6 +42,14 @@ class Control:
     clamp: float = 0.1
     smallest_cut: float = 1 / 1024
     most_failures: int = 30
+    most_evaluations: int | None = None
+
+
+@dataclass
+class Effort:
+    """Evaluations of the body in one simulation so far, failed increments included; they grow during the march."""
+
+    evaluations: int = 0
 
 
 @dataclass(frozen=True)
@@ -69,7 +80,8 @@ class Converged:
 
 
 def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Converged, drives: Drives,
-                    predictor: np.ndarray | None, control: Control, line_search: bool = False) -> Converged:
+                    predictor: np.ndarray | None, control: Control, line_search: bool = False,
+                    effort: Effort | None = None) -> Converged:
     """The equilibrium under `drives`, reached from `start`.
 
     Parameters
@@ -79,6 +91,7 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
     line_search : bool
         Shorten a correction that makes the out-of-balance force grow. Slower where Newton's path must climb first
         (flat membranes), but it stops the oscillation of points between elastic and plastic.
+    effort : counts the evaluations
 
     Raises
     ------
@@ -89,6 +102,8 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
     limit, dt = control.clamp * system.size, drives.time - start.time
 
     def evaluate(u, guesses):
+        if effort is not None:
+            effort.evaluations += 1
         return assembly.evaluate(system, params, u, start.states, dt, drives, guesses)
 
     known, iterations = _Known.of(start), 0

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from idic.errors import InputError, NotConverged
+from idic.errors import GaveUp, InputError, NotConverged
 from idic.fe.assembly.assembly import System, discretise
 from idic.fe.boundary import drives_at
 from idic.fe.controlled import solve_controlled
-from idic.fe.equilibrium import Control, Converged, consistent_factor, serves, solve_increment
+from idic.fe.equilibrium import Control, Converged, Effort, consistent_factor, serves, solve_increment
 from idic.fe.increment_size import IncrementSize
 from idic.fe.model import Direction, Model, Reaction, validate
 from idic.fe.predictor import WarmStart, extrapolated
@@ -139,6 +139,8 @@ def march(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, dir
         At once, if the model cannot be solved as it stands.
     NotConverged
         While iterating, with the time reached, when an increment cannot be cut any further.
+    GaveUp
+        While iterating, where the test takes more than `Control.most_evaluations`.
     """
     times = np.asarray(times, dtype=float)
     control = Control() if control is None else control
@@ -226,7 +228,8 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
 
 def _increments(system: System, params, times, rest: Converged, differentiated: bool, frozen, substeps, control, warm,
                 may_cut) -> Iterator[_Increment]:
-    now, earlier, done, size = rest, None, [], IncrementSize()
+    now, earlier, done, size, effort = rest, None, [], IncrementSize(), Effort()
+    most = np.inf if control.most_evaluations is None else control.most_evaluations * substeps * (len(times) - 1)
     for frame in range(1, len(times)):
         newton, failures = 0, 0
         if warm is not None:
@@ -240,8 +243,10 @@ def _increments(system: System, params, times, rest: Converged, differentiated: 
             guess = extrapolated(now, earlier, drives) if size.extrapolates() else None
             if warm is not None and (now.time, target) == (times[frame - 1], times[frame]):
                 guess = warm.better(now.u, guess)
+            if effort.evaluations > most:
+                raise _too_slow(effort, now, frame)
             try:
-                new = _attempt(system, params, now, guess, drives, control)
+                new = _attempt(system, params, now, guess, drives, control, effort)
             except NotConverged as error:
                 size.part, failures = (target - now.time) / whole / 2, failures + 1
                 as_given = frozen is not None and not may_cut
@@ -283,19 +288,26 @@ def _next_target(t: float, frame_time: float, interval: float, frozen: np.ndarra
     return float(frame_time) if remaining <= 1 else t + (frame_time - t) / remaining
 
 
-def _attempt(system, params, now: Converged, guess: np.ndarray | None, drives, control) -> Converged:
+def _attempt(system, params, now: Converged, guess: np.ndarray | None, drives, control, effort: Effort) -> Converged:
     """Solve from a guess; if that fails from a tangent step, at last with a line search."""
     if system.model.control is not None:
         try:
-            return solve_controlled(system, params, now, drives, control)
+            return solve_controlled(system, params, now, drives, control, effort=effort)
         except NotConverged:
-            return solve_controlled(system, params, now, drives, control, line_search=True)
+            return solve_controlled(system, params, now, drives, control, line_search=True, effort=effort)
     for predictor in (None,) if guess is None else (guess, None):
         try:
-            return solve_increment(system, params, now, drives, predictor, control)
+            return solve_increment(system, params, now, drives, predictor, control, effort=effort)
         except NotConverged:
             continue
-    return solve_increment(system, params, now, drives, None, control, line_search=True)
+    return solve_increment(system, params, now, drives, None, control, line_search=True, effort=effort)
+
+
+def _too_slow(effort: Effort, now: Converged, frame: int) -> GaveUp:
+    stop = GaveUp(f"given up at {now.time:.6g} s, before frame {frame}, after {effort.evaluations} evaluations of "
+                        "the body: its equilibrium is hard to find")
+    stop.time, stop.frame = now.time, frame
+    return stop
 
 
 def _gave_up(error: NotConverged, now: Converged, frame: int, target: float, frozen: bool) -> NotConverged:

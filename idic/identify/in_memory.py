@@ -22,7 +22,8 @@ from idic.correlation.experiment_reference import build_reference, camera_at
 from idic.correlation.frame_equations import correlated_frames, frame_system, with_all_cameras
 from idic.correlation.shared_noise import closed_system, generalised_weights
 from idic.correlation.system import reduce_systems
-from idic.errors import InputError, NotConverged
+from idic.errors import GaveUp, InputError, NotConverged
+from idic.fe.equilibrium import Control
 from idic.fe.march import FrameState
 from idic.identify.discrepancy.normal_equations import DiscrepancySystem, discrepancy_system, reason_against
 from idic.identify.driver import MemoryPoints, next_local, run_loop
@@ -138,7 +139,7 @@ class Identification:
 def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.ndarray | None = None,
              progress: Callable[[LoopState], None] = lambda state: None,
              motion: Mapping[str, np.ndarray] | None = None, searched: bool = False,
-             estimator: str = ORDINARY) -> Identification:
+             estimator: str = ORDINARY, control: Control | None = None) -> Identification:
     """Identify the free parameters of an experiment whose image noise is known, in this process.
 
     Parameters
@@ -152,6 +153,7 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
         The first of two steps, where it has been made; otherwise a free FE-DIC makes it.
     searched : whether the start was found from far (`idic.identify.search`)
     estimator : to begin with; "generalised" only from a start within a few standard deviations of the answer
+    control : tolerances and limits of every increment, those of `idic.fe` by default; not of an external solver
 
     Raises
     ------
@@ -159,6 +161,8 @@ def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.
         If the noise of the images is not known, or the experiment makes no model.
     """
     setup = _prepare(experiment, motion)
+    if control is not None and isinstance(setup.forward, ForwardModel):
+        setup = replace(setup, forward=replace(setup.forward, control=control))
     local = np.zeros((experiment.n_frames, setup.forward.drives.n_local)) if local is None else local
     points = MemoryPoints(experiment, setup.weights.image_noise, start(experiment, searched, estimator),
                           _Point(None, local, steps), partial(_next_point, setup))
@@ -251,6 +255,8 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
                     keeper.path(context.parameters.as_values(), local, setup.moving, taken))
         except NotConverged as found:
             problem = found
+            if isinstance(found, GaveUp):
+                break
     return Evaluation(state.evaluations, None, None, str(problem)), None, None
 
 

@@ -6,18 +6,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from side_twins import Side, write_folder
+from side_twins import TOML, Side, write_folder
 
 from idic.diagnose.chain import unlimited_excess
-from idic.diagnose.refit import (MIN_NULL_SHARE, EarlyStop, Refit, Start, refit, refit_residual, residual_from_rest,
-                                 warm_start)
+from idic.diagnose.refit import (GIVEN_UP, MAX_BODY_EVALUATIONS, MIN_BODY_EVALUATIONS, MIN_NULL_SHARE, EarlyStop,
+                                 Refit, Start, refit, refit_residual, residual_from_rest, warm_start)
 from idic.diagnose.refit_job import RefitJob, run_refit
 from idic.diagnose.residual.heldout import Fit, grid_of, pooled
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT
 from idic.diagnose.selection.both_copies import judged_on_both, undecided
-from idic.diagnose.selection.rivals import MAX_PARALLEL_REFITS, alternatives, next_wave, refitted
+from idic.diagnose.selection.rivals import (MAX_PARALLEL_REFITS, alternatives, most_body_evaluations, next_wave,
+                                             refitted)
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import Ranked
 from idic.diagnose.residual.excess_left import ExcessLeft
@@ -107,7 +108,8 @@ def test_a_stored_refit_comes_back_as_it_was(tmp_path):
 
 @pytest.mark.parametrize("change", [{"values": ({"E": 1.0 + 1e-15},)}, {"edits": ({"x": 2.0},)}, {"seed": 4},
                                     {"local": np.ones((3, 1))}, {"labels": ("b",)}, {"copies": False},
-                                    {"early_stop": EarlyStop(2.0, 1.0)}, {"swapped": True}, {"borrowed": "a"},
+                                    {"early_stop": EarlyStop(2.0, 1.0)}, {"most_evaluations": 12}, {"swapped": True},
+                                    {"borrowed": "a"},
                                     {"grid": replace(GRID, cells=np.array([3, 3]))},
                                     {"source": Source("nowhere", {"y": 1})}])
 def test_another_job_is_not_taken_for_a_stored_one(change, tmp_path):
@@ -289,7 +291,7 @@ def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(
     """A search that stalls where it starts would be judged on the copy that it was fitted to."""
     experiment, found = clean
 
-    def search(*given, progress, estimator):
+    def search(*given, progress, estimator, control):
         for k in range(steps + 1):
             progress(LoopState(Trial({}), AcceptedPoint({}, k, phi=10.0 - k)))
         return replace(found, state=replace(found.state, status=status))
@@ -299,6 +301,50 @@ def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(
     grid = grid_of(residual_evidence(found))
     assert refit("a", starts, {"a": experiment}, found.local, grid).usable is counts
     assert refit("a", [replace(starts[0], borrowed=False)], {"a": experiment}, found.local, grid).usable
+
+
+@pytest.fixture(scope="module")
+def torn(clean, tmp_path_factory):
+    """The same test, whose model loses its stiffness at once beyond a strain: increments fail again and again."""
+    law = 'law = "elastic_damage"\nthreshold = 0.006\nsoftening = { value = 400.0, identify = true }'
+    path = write_folder(tmp_path_factory.mktemp("torn") / "test", Side(), toml=TOML.replace('law = "elastic"', law))
+    return load_experiment(path)
+
+
+def test_a_refit_that_finds_no_equilibrium_is_given_up_after_as_much_work_every_time(torn, clean):
+    """Without a limit a simulation goes on to fail 30 times between two frames."""
+    def given_up():
+        return refit("damage", [Start("a", torn, {})], {"a": torn}, clean[1].local, GRID, most_evaluations=12)
+
+    first, again = given_up(), given_up()
+    assert first.given_up and not first.usable and first.problem == again.problem
+    assert GIVEN_UP in first.problem and "evaluations of the body" in first.problem
+
+
+@pytest.mark.parametrize(("failures", "limit", "told"), [(2, 12, False), (3, 12, True), (3, None, False)])
+def test_a_search_is_given_up_when_three_of_its_simulations_failed(failures, limit, told, clean, monkeypatch):
+    """A step that fails is halved and often answers then: two failures are a part of a good search."""
+    experiment, found = clean
+
+    def search(*given, progress, estimator, control):
+        phis = [None if k < failures else 1.0 for k in range(9)]
+        history = tuple({"phi": phi, "message": "no equilibrium beyond 3 s"} for phi in phis)
+        progress(replace(found.state, history=history))
+        return found
+
+    monkeypatch.setattr("idic.diagnose.refit.identify", search)
+    start = Start("a", experiment, found.parameters.as_values())
+    made = refit("damage", [start], {}, found.local, grid_of(residual_evidence(found)), most_evaluations=limit)
+    assert made.usable is not told and made.given_up is told
+    assert not told or "3 of " in made.problem and "no equilibrium beyond 3 s" in made.problem
+
+
+def test_a_rival_may_work_harder_where_the_identified_model_does_and_where_frames_are_few():
+    def limit(intervals, increments):
+        return most_body_evaluations(made(local=np.zeros((intervals + 1, 1)), steps=np.arange(1.0, increments + 1)))
+
+    assert limit(50, 50) == MAX_BODY_EVALUATIONS and limit(50, 150) == 3 * MAX_BODY_EVALUATIONS
+    assert limit(10, 10) == MIN_BODY_EVALUATIONS / 10
 
 
 def test_a_model_that_is_compared_has_the_error_by_noise_and_the_selected_one_the_whole(clean):

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idic.diagnose.cautions import (formal_fit, refits_cut_short, rivals_not_ruled_out, search_cautions,
-                                    softening_caution, too_coarse)
+from idic.diagnose.cautions import (formal_fit, refits_cut_short, refits_given_up, rivals_not_ruled_out,
+                                    search_cautions, softening_caution, too_coarse)
 from idic.diagnose.findings import acts_everywhere, refitted_form
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect
-from idic.diagnose.refit import Refit
+from idic.diagnose.refit import GIVEN_UP, Refit
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.selection.rivals import same_family_rivals
 from idic.diagnose.screen.candidate import MESH_TOO_COARSE, Variant, candidates
@@ -310,6 +310,23 @@ def test_a_reader_is_told_where_refits_were_compared_before_their_end():
     far = ended("plasticity", 200.0, "max_iterations")
     for rivals in ([winner, far], [winner, ended("plasticity", 800.0, "converged")], [behind], []):
         assert refits_cut_short([round_of(screening(), rivals)]) == []
+
+
+def test_a_reader_is_told_of_a_rival_whose_simulations_found_no_equilibrium_where_it_may_be_near():
+    def torn(promised, problem=f"{GIVEN_UP}: 3 of 8 simulations found no equilibrium"):
+        found = rival("damage", promised, usable=False)
+        return replace(found, refitted=replace(found.refitted, problem=problem))
+
+    winner = rival("plasticity", 1000.0)
+
+    def won(*rivals):
+        return [replace(round_of(screening()), rivals=rivals, winner=winner)]
+
+    (told,) = refits_given_up(won(winner, torn(600.0)))
+    assert told.startswith("damage was not compared with plasticity") and "60%" in told and "nor excludes" in told
+    lagging = torn(600.0, "given up at 20% of what the best explains")
+    for one in (won(winner, torn(200.0)), won(winner, lagging), [round_of(screening())], won(winner)):
+        assert refits_given_up(one) == []
 
 
 @pytest.mark.parametrize("won, after, told", [("plasticity", False, 0), ("plasticity", True, 1),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from fe_bodies import PARAMETERS, body, grid, held, last, pressed_ring, quarter_ring, where
 
-from idic.errors import InputError, NotConverged
+from idic.errors import GaveUp, InputError, NotConverged
 from idic.fe.boundary import constrain, dofs_of
 from idic.fe.equilibrium import Control
 from idic.fe.fields import nodal_field
@@ -51,6 +51,16 @@ def test_a_march_that_fails_again_and_again_between_two_frames_is_given_up():
     model = pulled("j2_linear", "plane_stress")
     with pytest.raises(NotConverged, match="no equilibrium beyond"):
         frames(model, "j2_linear", control=Control(max_iterations=3, most_failures=0))
+
+
+def test_a_march_that_takes_more_evaluations_than_its_caller_allows_is_given_up():
+    """Failed increments count: what converges is not enough to see a march that crawls."""
+    model, cut = pulled("j2_linear", "plane_stress"), Control(max_iterations=3)
+    whole = frames(model, "j2_linear", control=replace(cut, most_evaluations=100))
+    assert whole[-1].steps == frames(model, "j2_linear", control=cut)[-1].steps
+    converged = sum(state.n_newton for state in whole) / (len(TIMES) - 1)
+    with pytest.raises(GaveUp, match=r"given up at .* evaluations of the body"):
+        frames(model, "j2_linear", control=replace(cut, most_evaluations=int(converged) + 1))
 
 
 @pytest.mark.parametrize("control", [Control(), Control(max_iterations=3), Control(max_iterations=3, most_failures=0)])

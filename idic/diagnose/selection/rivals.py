@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from idic.diagnose.refit import MAX_STARTS, EarlyStop, Refit, warm_start
+from idic.diagnose.refit import (MAX_BODY_EVALUATIONS, MAX_STARTS, MIN_BODY_EVALUATIONS, EarlyStop, Refit,
+                                 warm_start)
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.candidate import Candidate, Variant
@@ -239,7 +240,15 @@ def _job(source: ExperimentSource, null: Refit, ranked: Ranked, variants: Sequen
         begins.insert(0, (begins[0][0], begins[0][1], warm_start(ranked, null.values)))
     labels, edits, values = zip(*begins, strict=True)
     return RefitJob(ranked.candidate.name, source, labels, edits, values, null.local, grid,
-                    null.choice.chi2 - drop, seed, early_stop)
+                    null.choice.chi2 - drop, seed, early_stop, most_evaluations=most_body_evaluations(null))
+
+
+def most_body_evaluations(null: Refit) -> int:
+    """Evaluations of the body per frame, beyond which a simulation of a rival has failed: more where the identified
+    model takes several increments per frame itself, and where frames are few."""
+    intervals = max(1, len(null.local) - 1)
+    per_frame = 1.0 if null.steps is None else len(null.steps) / intervals
+    return round(max(MAX_BODY_EVALUATIONS * per_frame, MIN_BODY_EVALUATIONS / intervals))
 
 
 def _rival(ranked: Ranked, answer: Refit, null: Refit) -> Rival:

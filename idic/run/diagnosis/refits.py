@@ -104,6 +104,7 @@ def job_hash(job: RefitJob) -> str:
              "race": "None" if stop is None else f"Race(null={stop.null!r}, best={stop.best!r})", "copies": job.copies,
              "swapped": job.swapped, "borrowed": job.borrowed, "estimator": job.estimator,
              "to_its_end": job.unlimited, "seed": job.seed} | ({"whole_std": True} if job.whole_std else {})
+    plain |= {} if job.most_evaluations is None else {"most_evaluations": job.most_evaluations}
     text = json.dumps(plain, sort_keys=True, default=repr)
     error = job.source.motion_error
     arrays = (job.local, job.grid.at, job.grid.low, job.grid.extent, job.grid.cells,
