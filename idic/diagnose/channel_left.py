@@ -41,7 +41,13 @@ class ChannelLeft:
     @property
     def is_significant(self) -> bool:
         """Whether noise alone leaves as much less often than 5 standard deviations of a normal variable."""
-        return bool(stats.chi2.logsf((self.after**2).sum(), len(self.after)) < stats.norm.logsf(MIN_CHANNEL_Z))
+        return _beyond_noise(self.after)
+
+    @property
+    def was_off(self) -> bool:
+        """The same before the addition, and by more than discretisation."""
+        rms = self.noise_share * float(np.sqrt(max(excess(self.before), 0.0) / max(len(self.before), 1)))
+        return _beyond_noise(self.before) and rms > MIN_READING_SHARE
 
     @property
     def share(self) -> float:
@@ -62,6 +68,10 @@ class ChannelLeft:
     def matters(self) -> bool:
         """Whether that part is a good share of the excess before, too."""
         return self.is_left and self.share > MAX_CHANNEL_EXCESS_LEFT
+
+
+def _beyond_noise(z: np.ndarray) -> bool:
+    return bool(stats.chi2.logsf((z**2).sum(), len(z)) < stats.norm.logsf(MIN_CHANNEL_Z))
 
 
 def smallest_reading(residual: ResidualEvidence) -> float:

@@ -67,10 +67,12 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, exces
     """
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening
+    readings = bool(excess) and is_of_readings(excess[0], channels)
     share = share_recovered(before, after, camera_chi2) if won else float("nan")
     in_channels = tuple(one.column for one in channels
                         if one.matters or (share < MIN_RECOVERED_SHARE and one.is_left))
-    in_motions = (real and not won) or (bool(won) and any(_is_unexplained(one, share) for one in excess))
+    in_motions = (real and not won) or (bool(won) and any(
+        _is_unexplained(one, share, readings) for one in excess))
     word = _word(won, first, bool(in_channels) or in_motions)
     selected = tuple(r.winner.name for r in won)
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
@@ -111,14 +113,25 @@ def _under_load(screening: Screening) -> list[Ranked]:
     return [r for r in screening.ranked if r.candidate.side == "bulk" and r.candidate.kind.under_load]
 
 
-def _is_unexplained(excess: ExcessLeft, share: float) -> bool:
+def is_of_readings(excess: ExcessLeft, channels: Sequence[ChannelLeft]) -> bool:
+    """Whether a finding is one of readings alone: before any cause a channel was off, and motions by less than the
+    practical margin. What motions leave then is no finding, however many pixels make it significant: it is what
+    interpolation and discretisation leave of a complete model, and no cause of readings explains it.
+
+    excess : of the whole recording
+    """
+    return excess.before_px < excess.margin_px and any(one.was_off for one in channels)
+
+
+def _is_unexplained(excess: ExcessLeft, share: float, readings: bool = False) -> bool:
     """Whether the selected candidate is a formal fit: a large share of the residual, or of the motions, is left.
 
     What noise leaves forbids nothing, however large its share of a faint effect; of a share below
     `MIN_RECOVERED_SHARE` anything significant does, here and in the channels.
     Motions count apart from the whole share, as a force that many candidates can fit would outweigh them.
     """
-    if not excess.after.excess_z > MIN_EXCESS_Z or not np.isfinite(share) or excess.motion_px < excess.camera_px:
+    floor = max(excess.camera_px, excess.margin_px) if readings else excess.camera_px
+    if not excess.after.excess_z > MIN_EXCESS_Z or not np.isfinite(share) or excess.motion_px < floor:
         return False
     return share < MIN_RECOVERED_SHARE or excess.matters
 

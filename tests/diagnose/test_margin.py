@@ -10,6 +10,7 @@ from matrix_of_sides import SIDES
 from side_twins import write_folder
 from test_verdicts import POWER, left, rival, ranked, round_of, screening
 
+from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.locate.mismatch import locate
 from idic.diagnose.locate.nested_tests import without_channels
 from idic.diagnose.residual.excess import margin_chi2, power
@@ -25,6 +26,9 @@ from idic.dic.camera_floor import CameraFloor
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
 from idic.identify.in_memory import identify
+
+
+MANY = 1e9  # chi-square of one px of motion in many pixels
 
 
 def floor(px, nodes_px=np.ones(1)):
@@ -58,6 +62,20 @@ def test_motion_of_the_size_of_the_camera_does_not_make_a_candidate_a_formal_fit
     rounds = [round_of(screening(ranked("creep")), [rival("creep", 1000.0)])]
     excess = [ExcessLeft(left(400.0), left(300.0), POWER, margin_px=max(0.004, camera_px), camera_px=camera_px)]
     found = conclude(rounds, left(400.0), left(300.0), True, excess, camera_chi2=POWER * camera_px**2)
+    assert found.word == word
+
+
+@pytest.mark.parametrize(("off", "before_px", "word"), [(20.0, 0.0030, "single"), (20.0, 0.0041, "outside_library"),
+                                                        (0.1, 0.0030, "outside_library")])
+def test_motions_below_the_margin_do_not_unmake_a_cause_of_the_readings(off, before_px, word):
+    """A load cell 20 standard deviations off in every frame, explained, beside motions that stay."""
+    def fit(px, z):
+        return replace(left(MANY * px**2 / 10.0), channels=np.full((10, 1), z))
+
+    before, after = fit(before_px, off), fit(0.95 * before_px, 0.1)
+    rounds = [round_of(screening(ranked("force_drift")), [rival("force_drift", before.chi2 - after.chi2)])]
+    channel = ChannelLeft("F", np.full(10, off), np.full(10, 0.1), 1e-3)
+    found = conclude(rounds, before, after, True, [ExcessLeft(before, after, MANY)], channels=[channel])
     assert found.word == word
 
 

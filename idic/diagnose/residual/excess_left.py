@@ -47,6 +47,11 @@ class ExcessLeft:
         """Motion (px rms) that free motions still ask for beyond noise."""
         return effect(self.after, self.power)
 
+    @property
+    def before_px(self) -> float:
+        """Motion (px rms) that free motions asked for before."""
+        return effect(self.before, self.power)
+
 
 def effect(before: Fit, unit_motion_chi2: float) -> float:
     """Motion (px rms) that free motions ask for beyond noise; unit_motion_chi2 : chi-square of one px, all frames."""
