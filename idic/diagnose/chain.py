@@ -48,7 +48,7 @@ from idic.diagnose.selection.other_axis import fit_from_other_axes, is_another_a
 from idic.diagnose.selection.rival import Round
 from idic.diagnose.selection.rounds import (Clock, Group, Setting, Stage, Watch, has_state, null_refit, selected_rounds,
                                             silent, unwatched)
-from idic.diagnose.verdict import Verdict, conclude
+from idic.diagnose.verdict import Verdict, conclude, is_of_readings
 from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 from idic.model.motion_error import MotionError
@@ -201,8 +201,9 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
                 excesses[-1] = unlimited_excess(on_copy, source, null, refits, grid, seed)
     alone = rounds[0].winner is not None and null is rounds[0].winner.refitted
     heldout = rounds[0].heldout_fits(rounds[0].winner) if alone else (first.judgement, null.judgement)
+    floor_px = margin.px if is_of_readings(excesses[0], channels) else 0.0 if margin.floor is None else margin.floor.px
     verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_significant, excesses,
-                       unloads(found.experiment), _camera_chi2(margin, unit, rounds[0] if alone else None), channels)
+                       unloads(found.experiment), _floor_chi2(floor_px, unit, rounds[0] if alone else None), channels)
     blocks = () if after is None else judged_by_step(before, after, grid)
     corrected, without = None, None
     if not quick and after is None:
@@ -316,13 +317,11 @@ def _separating_test(groups: Sequence[Group], setting: Setting, notes: Notes) ->
     return None
 
 
-def _camera_chi2(margin: Margin, power_of_unit: float, judged: Round | None) -> float:
-    """Chi-square of the camera's floor on the copies that judge; judged : the round, where one candidate was
-    selected."""
-    if margin.floor is None:
-        return 0.0
+def _floor_chi2(floor_px: float, power_of_unit: float, judged: Round | None) -> float:
+    """Chi-square of motions of a size, which no model explains, on the copies that judge; judged : the round, where one
+    candidate was selected."""
     copies = 2 if judged is not None and judged.winner.crossed_judgement is not None else 1  # type: ignore[union-attr]
-    return copies * margin.floor.px**2 * power_of_unit / COPY_VARIANCE_FACTOR
+    return copies * floor_px**2 * power_of_unit / COPY_VARIANCE_FACTOR
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,7 +62,8 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, exces
         which a model with many unknowns cannot have adapted; of motions with the time course of the selected candidate
         (`idic.diagnose.screen.time_course`) or at its place (`idic.diagnose.screen.local_residual`)
     unloads : whether the load of the recording came back to zero after its largest value; None where no log says so
-    camera_chi2 : chi-square of the camera's own floor in `after`, which no model explains
+    camera_chi2 : chi-square of the camera's own floor in `after`, or of the practical margin where only readings were
+        off: what no model explains
     channels : what the last model leaves in them on the whole recording
     """
     won = [r for r in rounds if r.winner is not None]
