@@ -126,13 +126,21 @@ def neglected_cautions(diagnosis: Diagnosis) -> list[str]:
                              'finite strains (kinematics = "finite")')}
     found = []
     for effect, moves in absent.full.items():
+        values = {name: move for name, move in moves.items() if name in parameters}
         told = [f"{name} by {move / parameters[name].factor:+.2g} {parameters[name].unit}".rstrip()
-                for name, move in moves.items() if name in parameters]
+                for name, move in values.items() if "[" not in name]  # no knots of a course
+        if len(told) < len(values):
+            told.append("the course of " + ", ".join(dict.fromkeys(name.split("[")[0].removesuffix("_knot")
+                                                                    for name in values if "[" in name)))
         what, remedy = said[effect]
-        found.append(f"{what} would move {', '.join(told)}. By the recording it is so with a probability of "
-                     f"{absent.probability[effect]:.0%}; no error bar counts it (model.parameters_of_real_body does). "
-                     f"Identify again with {remedy}.")
+        found.append(f"{what} would move {', '.join(told)}. By the recording it is so with a probability "
+                     f"{_probability(absent.probability[effect])}; no error bar counts it "
+                     f"(model.parameters_of_real_body does). Identify again with {remedy}.")
     return found
+
+
+def _probability(p: float) -> str:
+    return "below 1 %" if p < 0.01 else "above 99 %" if p > 0.99 else f"of {100.0 * p:.0f} %"
 
 
 def other_axis_caution(diagnosis: Diagnosis) -> list[str]:
