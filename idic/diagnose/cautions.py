@@ -42,9 +42,9 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     outline = outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word)
     register = [] if diagnosis.register is None else [diagnosis.register.words]
     return [*register, *_quick(diagnosis), *too_coarse(diagnosis.rounds), *outline, *thickness_caution(diagnosis),
-            *mesh_caution(diagnosis), *neglected_cautions(diagnosis), *other_axis_caution(diagnosis), *search, *camera,
-            *formal_fit(diagnosis.excess_left), *channel_cautions(diagnosis.channels, diagnosis.verdict.in_channels),
-            *_few_elements(diagnosis),
+            *finite_caution(diagnosis), *mesh_caution(diagnosis), *neglected_cautions(diagnosis),
+            *other_axis_caution(diagnosis), *search, *camera, *formal_fit(diagnosis.excess_left),
+            *channel_cautions(diagnosis.channels, diagnosis.verdict.in_channels), *_few_elements(diagnosis),
             *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_given_up(diagnosis.rounds),
             *refits_cut_short(diagnosis.rounds),
             *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
@@ -98,6 +98,19 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
             f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
             f"shows it. The diagnosis counts the difference; the identified parameters do not{told}. "
             "Identify again with a mesh of bricks (kind = \"solid\")."]
+
+
+def finite_caution(diagnosis: Diagnosis) -> list[str]:
+    """Where finite strains were counted beside a cause, and are none by name."""
+    after = diagnosis.residual_after
+    if after is None or "geometric_nonlinearity" in diagnosis.verdict.selected:
+        return []
+    small = {one.element_set for one in diagnosis.found.experiment.materials if one.kinematics == "small"}
+    if not any(one.element_set in small and one.kinematics == "finite" for one in
+               after.context.experiment.materials):
+        return []
+    return ["The recording shows finite strains and rotations, which the identified model neglects. The diagnosis and "
+            "the enriched model count them; the identified parameters do not (kinematics = \"finite\")."]
 
 
 def mesh_caution(diagnosis: Diagnosis) -> list[str]:

@@ -36,6 +36,7 @@ from idic.diagnose.selection.block_step import holds, judged_by_step
 from idic.diagnose.selection.both_copies import judged_on_both, undecided
 from idic.diagnose.selection.imitation import with_imitated
 from idic.diagnose.selection.few_jumps import with_few_jumps
+from idic.diagnose.selection.finite_strains import with_finite_strains_counted
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.revision import Workplace, min_further_drop, revised
 from idic.diagnose.selection.rival import Round, judge
@@ -118,6 +119,7 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
     unit = float(power(whole.evidence).sum()) / COPY_VARIANCE_FACTOR if holds_motion(found.experiment) else np.inf
     for number in range(1, 2 if setting.quick else MAX_ROUNDS + 1):
         if rounds:
+            rounds, source, null, whole = _finite_strains(rounds, source, null, whole, setting)
             source, null, whole = with_new_error(source, null, whole, setting)
         far = effect(null.judgement, unit) > MAX_REGISTER_PX  # type: ignore[arg-type]
         one = _round(source, null, number, rounds, setting, bends, far)
@@ -135,6 +137,14 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
         source, null = last.source.with_edits(edits_of(last.winner, last.screening)), last.winner.refitted
     rounds = [with_imitated(one, whole.u) for one in rounds]
     return rounds, source, null, [_group(one) for one in rounds if one.winner is not None and one.equals]
+
+
+def _finite_strains(rounds: list[Round], source: ExperimentSource, null: Refit, whole: ResidualEvidence,
+                    setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, ResidualEvidence]:
+    """The model that a cause has joined with finite strains, where the recording asks for them."""
+    with setting.clock.step("mesh_s"):
+        counted = with_finite_strains_counted(rounds, null, whole, setting.refits, setting.grid, setting.seed)
+    return (rounds, source, null, whole) if counted is None else counted
 
 
 def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidence,
