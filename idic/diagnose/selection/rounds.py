@@ -13,6 +13,7 @@ import numpy as np
 
 from idic.diagnose.channel_left import smallest_reading
 from idic.diagnose.discretisation.known_error import known_error
+from idic.diagnose.discretisation.thickness_error import with_bricks
 from idic.diagnose.discretisation.weight import change_matters, error_column
 from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.refit import Refit, identification_at, residual_from_rest
@@ -119,8 +120,12 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
     unit = float(power(whole.evidence).sum()) / COPY_VARIANCE_FACTOR if holds_motion(found.experiment) else np.inf
     for number in range(1, 2 if setting.quick else MAX_ROUNDS + 1):
         if rounds:
-            rounds, source, null, whole = _finite_strains(rounds, source, null, whole, setting)
+            before = null
             source, null, whole = with_new_error(source, null, whole, setting)
+            rounds = [_knowing(one, source) for one in rounds]
+            rounds, source, null, whole = _finite_strains(rounds, source, null, whole, setting)
+            if len(rounds) > 1 and null is not before:
+                rounds, source, null, whole = _last_cause_again(rounds, source, null, whole, setting)
         far = effect(null.judgement, unit) > MAX_REGISTER_PX  # type: ignore[arg-type]
         one = _round(source, null, number, rounds, setting, bends, far)
         if one.winner is not None and not setting.quick:
@@ -139,6 +144,12 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
     return rounds, source, null, [_group(one) for one in rounds if one.winner is not None and one.equals]
 
 
+def _knowing(one: Round, source: ExperimentSource) -> Round:
+    """A round whose source knows the error of the last model, for its refits in a revision."""
+    error = source.motion_error
+    return one if error is None or one.source is None else replace(one, source=one.source.with_motion_error(error))
+
+
 def _finite_strains(rounds: list[Round], source: ExperimentSource, null: Refit, whole: ResidualEvidence,
                     setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, ResidualEvidence]:
     """The model that a cause has joined with finite strains, where the recording asks for them."""
@@ -147,17 +158,41 @@ def _finite_strains(rounds: list[Round], source: ExperimentSource, null: Refit, 
     return (rounds, source, null, whole) if counted is None else counted
 
 
+def _last_cause_again(rounds: list[Round], source: ExperimentSource, null: Refit, whole: ResidualEvidence,
+                      setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, ResidualEvidence]:
+    """Without the last cause, where bricks or finite strains that have joined since leave it less than a further cause
+    must explain.
+
+    null, whole : fit with it, and its residual on the recording itself
+    """
+    last, at_first = rounds[-1], rounds[0].null.judgement.chi2
+    setting.stage("the last cause tested beside bricks and finite strains")
+    with setting.clock.step("revision_s"):
+        (without,) = setting.refits([refit_of_one(last.source, "null", last.null, setting.grid,  # type: ignore[arg-type]
+                                                  setting.seed)])
+        lost = without.judgement.chi2 - null.judgement.chi2 if without.usable else np.inf
+        if lost >= min_further_drop(last.winner, at_first - null.judgement.chi2):  # type: ignore[arg-type]
+            return rounds, source, null, whole
+        after = residual_from_rest(last.source.load(), without)  # type: ignore[union-attr]
+    return (rounds, source, null, whole) if after is None else (rounds[:-1], last.source, without, after)  # type: ignore
+
+
 def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidence,
                    setting: Setting) -> tuple[ExperimentSource, Refit, ResidualEvidence]:
-    """The model that a cause has joined with the error of its own mesh, where that differs from the one before.
+    """The model that a cause has joined with the error of its own mesh, where that differs from the one before, and of
+    plane stress, where the recording asks for it now that the cause does not hide it: before, a further cause would
+    take it up.
 
     whole : its residual on the recording itself
     """
     with setting.clock.step("mesh_s"):
-        error = known_error(identification_at(source.load(), null.values, null.local, null.steps),
-                            source.motion_error)
-        if error is None or not change_matters(whole, source.motion_error, error):
-            return source, null, whole
+        known = source.motion_error
+        found = identification_at(source.load(), null.values, null.local, null.steps)
+        error = with_bricks(found, whole, setting.grid) if known is None or known.thickness is None else None
+        if error is None:
+            error = known_error(found, known)
+            if error is None or not change_matters(whole, known, error):
+                return source, null, whole
         there = source.with_motion_error(error)
         setting.stage("fit with the error of the mesh")
         (again,) = setting.refits([refit_of_one(there, "null", null, setting.grid, setting.seed)])
