@@ -110,7 +110,8 @@ def finite_caution(diagnosis: Diagnosis) -> list[str]:
                after.context.experiment.materials):
         return []
     return ["The recording shows finite strains and rotations, which the identified model neglects. The diagnosis and "
-            "the enriched model count them; the identified parameters do not (kinematics = \"finite\")."]
+            "the enriched experiment count them; the identified parameters do not. Identify again with finite strains "
+            "(kinematics = \"finite\")."]
 
 
 def mesh_caution(diagnosis: Diagnosis) -> list[str]:
