@@ -17,13 +17,13 @@ from idic.diagnose.locate.mismatch import Mismatch
 from idic.diagnose.refit import Refit
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.excess_left import ExcessLeft
-from idic.diagnose.residual.heldout import share_recovered
 from idic.diagnose.residual.margin import Margin
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.candidate import Situation
 from idic.diagnose.screen.enrich import elastic_pair, enriched, has_times, locked, new, plastic_strain, stress_levels
-from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Round
-from idic.diagnose.verdict import MIN_RECOVERED_SHARE, Verdict
+from idic.diagnose.selection.free_model import FreeModel
+from idic.diagnose.selection.rival import Round
+from idic.diagnose.verdict import Verdict
 from idic.materials.composed.free_curve import knots
 from idic.materials.composed.free_rubber import level_names
 from idic.materials.rate.free_relaxation import weight_names
@@ -81,31 +81,15 @@ class Base:
 
 
 @dataclass(frozen=True, eq=False)
-class FreeForm:
-    """A free law after its refit.
-
-    left : excess of the identified model and of this one on the copy that had no part in the fits
-    """
+class FreeForm(FreeModel):
+    """A free law after its refit."""
 
     law: FreeLaw
-    refitted: Refit
-    left: ExcessLeft
 
     @property
-    def share(self) -> float:
-        """Of the explainable residual, held out."""
-        return share_recovered(self.left.before, self.left.after)
-
-    @property
-    def heldout(self) -> float:
-        """Drop of chi-square, held out."""
-        return self.left.before.chi2 - self.left.after.chi2
-
-    @property
-    def describes(self) -> bool:
-        """Whether the curve describes the recording by the bars that a named cause has to pass."""
-        return (self.heldout > MIN_HELDOUT_DROP + len(self.law.names) and self.share >= MIN_RECOVERED_SHARE
-                and not self.left.matters)
+    def unknowns(self) -> Sequence[str]:
+        """Heights of its curve."""
+        return self.law.names
 
     def content(self) -> dict[str, Any]:
         """The entry of diagnosis.json."""
@@ -151,8 +135,8 @@ def free_form(bases: Sequence[Base], null: Refit, refits: Refits, grid: Grid, se
     jobs = [RefitJob(f"free_form_{k}", base.source, (law.title,), (law.edits,), (_without(base.fitted.values, law),),
                      base.fitted.local, grid, np.inf, seed, unlimited=True, whole_std=True)
             for k, (base, law) in enumerate(offered)]
-    found = [FreeForm(law, one, ExcessLeft(null.judgement, one.judgement, power,  # type: ignore[arg-type]
-                                           margin_px=margin.px, camera_px=margin.camera_px))
+    found = [FreeForm(one, ExcessLeft(null.judgement, one.judgement, power,  # type: ignore[arg-type]
+                                      margin_px=margin.px, camera_px=margin.camera_px), law)
              for (_, law), one in zip(offered, refits(jobs), strict=True) if one.judgement is not None]
     return max(found, key=lambda one: one.heldout, default=None)
 

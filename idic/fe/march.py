@@ -305,7 +305,7 @@ def _attempt(system, params, now: Converged, guess: np.ndarray | None, drives, c
 
 def _too_slow(effort: Effort, now: Converged, frame: int) -> GaveUp:
     stop = GaveUp(f"given up at {now.time:.6g} s, before frame {frame}, after {effort.evaluations} evaluations of "
-                        "the body: its equilibrium is hard to find")
+                  "the body: its equilibrium is hard to find")
     stop.time, stop.frame = now.time, frame
     return stop
 

@@ -55,7 +55,7 @@ def fitted(chi2, unknowns=(), usable_std=0.1):
 def freed(null, chi2, n):
     motion = EndMotion("RIGHT", {}, tuple(f"boundary.RIGHT.y.shape{k}" for k in range(n)), False)
     after = fitted(chi2, ("BODY.E", *motion.names))
-    return FreeEnd(motion, after, ExcessLeft(null.judgement, after.judgement, 1e6),
+    return FreeEnd(after, ExcessLeft(null.judgement, after.judgement, 1e6), motion,
                    null.choice.chi2 - after.choice.chi2)
 
 

@@ -20,14 +20,14 @@ from idic.diagnose.locate.mismatch import Mismatch
 from idic.diagnose.refit import Refit
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.excess_left import ExcessLeft
-from idic.diagnose.residual.heldout import share_recovered
 from idic.diagnose.residual.margin import Margin
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.candidate import Situation
 from idic.diagnose.screen.edits import driven, with_correction
 from idic.diagnose.screen.free_courses import KNOTTED
+from idic.diagnose.selection.free_model import FreeModel
 from idic.diagnose.selection.own_course import leaves_something
-from idic.diagnose.selection.rival import COPIES, MIN_DROP_DIFFERENCE, MIN_HELDOUT_DROP, MIN_SEPARATION_CHI2, Round
+from idic.diagnose.selection.rival import COPIES, MIN_DROP_DIFFERENCE, MIN_SEPARATION_CHI2, Round
 from idic.diagnose.verdict import MIN_RECOVERED_SHARE
 from idic.model.experiment import Column
 
@@ -48,39 +48,25 @@ class EndMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class FreeEnd:
+class FreeEnd(FreeModel):
     """A freed end after its refit.
 
-    left : excess of the identified model and of this one on the copy that had no part in the fits; achieved : drop of
-    chi-square where it was fitted; instead_of : candidates that it explains more than
+    achieved : drop of chi-square where it was fitted; instead_of : candidates that it explains more than
     """
 
     motion: EndMotion
-    refitted: Refit
-    left: ExcessLeft
     achieved: float
     instead_of: tuple[str, ...] = ()
 
     @property
-    def share(self) -> float:
-        """Of the explainable residual, held out."""
-        return share_recovered(self.left.before, self.left.after)
-
-    @property
-    def heldout(self) -> float:
-        """Drop of chi-square, held out."""
-        return self.left.before.chi2 - self.left.after.chi2
+    def unknowns(self) -> Sequence[str]:
+        """Amplitudes of its shapes."""
+        return self.motion.names
 
     @property
     def evidence(self) -> float:
         """As of a rival (`Rival.evidence`)."""
         return self.heldout + self.achieved - 2.0 * len(self.motion.names)
-
-    @property
-    def describes(self) -> bool:
-        """Whether it describes the recording by the bars that a named cause has to pass."""
-        return (self.heldout > MIN_HELDOUT_DROP + len(self.motion.names) and self.share >= MIN_RECOVERED_SHARE
-                and not self.left.matters)
 
     @property
     def shapes(self) -> list[dict[str, Any]]:
@@ -143,8 +129,8 @@ def free_end(source: ExperimentSource, situation: Situation, null: Refit, last: 
         jobs = [RefitJob(f"free_end_{number}{'_course' * motion.free_course}", source, (motion.nodes,),
                          (motion.edits,), (null.values,), null.local, grid, np.inf, seed)
                 for number, motion in enumerate(motions)]
-        return [FreeEnd(motion, one, ExcessLeft(null.judgement, one.judgement, power,  # type: ignore[arg-type]
-                                                margin_px=margin.px, camera_px=margin.camera_px),
+        return [FreeEnd(one, ExcessLeft(null.judgement, one.judgement, power,  # type: ignore[arg-type]
+                                        margin_px=margin.px, camera_px=margin.camera_px), motion,
                         null.choice.chi2 - one.choice.chi2, tuple(names))  # type: ignore[union-attr]
                 for motion, one in zip(motions, refits(jobs) if jobs else [], strict=True) if one.judgement is not None]
 

@@ -160,13 +160,13 @@ def _finite_strains(rounds: list[Round], source: ExperimentSource, null: Refit, 
 
 def _last_cause_again(rounds: list[Round], source: ExperimentSource, null: Refit, whole: ResidualEvidence,
                       setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, ResidualEvidence]:
-    """Without the last cause, where bricks or finite strains that have joined since leave it less than a further cause
-    must explain.
+    """Without the last cause, where bricks, finite strains or an error of the mesh that have joined since leave it less
+    than a further cause must explain.
 
     null, whole : fit with it, and its residual on the recording itself
     """
     last, at_first = rounds[-1], rounds[0].null.judgement.chi2
-    setting.stage("the last cause tested beside bricks and finite strains")
+    setting.stage("the last cause tested anew, as the model has changed beside it")
     with setting.clock.step("revision_s"):
         (without,) = setting.refits([refit_of_one(last.source, "null", last.null, setting.grid,  # type: ignore[arg-type]
                                                   setting.seed)])
