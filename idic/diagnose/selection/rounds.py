@@ -185,6 +185,7 @@ def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidenc
 
     whole : its residual on the recording itself
     """
+    setting.stage("mesh, bricks of the thickness and finite strains beside the cause")
     with setting.clock.step("mesh_s"):
         known = source.motion_error
         found = identification_at(source.load(), null.values, null.local, null.steps)
