@@ -22,6 +22,7 @@ from idic.diagnose.screen.candidate import MESH_TOO_COARSE
 from idic.diagnose.screen.edits import open_share
 from idic.diagnose.selection.rival import Round
 from idic.identify.judgement.significance import z_text
+from idic.materials import get_law
 from idic.model.drives import pixel_size
 
 MIN_CARRYING_ELEMENTS = 60  # elements that carry the active law: fewer do not resolve its course in space
@@ -101,13 +102,14 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
 
 
 def finite_caution(diagnosis: Diagnosis) -> list[str]:
-    """Where finite strains were counted beside a cause, and are none by name."""
+    """Where finite strains were counted beside a cause, and are none by name; a law that has no other form is not
+    counted."""
     after = diagnosis.residual_after
     if after is None or "geometric_nonlinearity" in diagnosis.verdict.selected:
         return []
     small = {one.element_set for one in diagnosis.found.experiment.materials if one.kinematics == "small"}
-    if not any(one.element_set in small and one.kinematics == "finite" for one in
-               after.context.experiment.materials):
+    if not any(one.element_set in small and one.kinematics == "finite"
+               and "small" in get_law(one.law).kinematics for one in after.context.experiment.materials):
         return []
     return ["The recording shows finite strains and rotations, which the identified model neglects. The diagnosis and "
             "the enriched experiment count them; the identified parameters do not. Identify again with finite strains "

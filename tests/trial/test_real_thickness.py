@@ -10,7 +10,7 @@ from idic.diagnose.discretisation.combinations import (BRICKS, FINITE_STRAINS, C
                                                        probabilities)
 from idic.diagnose.discretisation.neglected import neglected
 from idic.diagnose.discretisation.following import moved, remaining
-from idic.diagnose.discretisation.thickness_error import neglected_errors, thickness_error, turned
+from idic.diagnose.discretisation.thickness_error import in_turns, neglected_errors, thickness_error, turned
 from idic.diagnose.discretisation.weight import change_matters, counts
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.heldout import fit, grid_of
@@ -127,6 +127,16 @@ def test_a_step_of_the_parameters_that_is_too_long_is_halved_until_chi_square_fa
     assert (fit(residual_evidence(there, light=False), grid).chi2 < fit(residual, grid).chi2
             < fit(residual_evidence(moved(found, step), light=False), grid).chi2)
     np.testing.assert_allclose(error.u, thickness_error(there).u, atol=1e-12)
+    assert turned(found, residual, grid, -step)[1] is None  # every part leads away
+
+
+def test_bricks_are_not_lost_where_no_part_of_a_step_helps(tmp_path, monkeypatch):
+    scene = scene_of_world((0.0, 0.2))
+    found = at_truth(tmp_path, scene, solve(scene), E=1.05 * NULLS["elastic"].truth["E"])
+    monkeypatch.setattr("idic.diagnose.discretisation.thickness_error.PARTS_OF_STEP", ())
+    error, there = in_turns(found, None, grid_of(residual_evidence(found, light=False)))
+    assert there.parameters.as_values() == found.parameters.as_values()
+    np.testing.assert_allclose(error.thickness.u, thickness_error(found).u, atol=1e-12)
 
 
 def test_bricks_fill_the_body():

@@ -22,7 +22,7 @@ from idic.diagnose.discretisation.mesh_error import lacking
 from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.heldout import Fit, fit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
-from idic.diagnose.discretisation.weight import error_column
+from idic.diagnose.discretisation.weight import MIN_ERROR_CHI2, error_column
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.score import null_model, score
 from idic.errors import NotConverged
@@ -114,8 +114,9 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
     """The error of plane stress on top of that of the mesh, and the parameters that belong to it; None where bricks
     cannot be simulated, or where chi-square does not fall below the bar.
 
-    Every turn takes the whole step of the parameters, or the first of its halves that lowers chi-square and at which
-    bricks find an equilibrium: before the first turn a plate that yields may be seven standard deviations off.
+    Every turn takes the whole step of the parameters, or the first of its halves that does not raise chi-square and at
+    which bricks find an equilibrium: before the first turn a plate that yields may be seven standard deviations off.
+    Where no half does, the turns end with the error that has been found.
 
     first : the error of plane stress of `found`, where it has been computed
     """
@@ -132,14 +133,17 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
             return None
         if np.abs(step / std).max(initial=0.0) < TURNED_STD or turn == MAX_TURNS - 1:
             return error, moved(there, step)
-        there, thickness = turned(there, here, grid, step)
+        at_end, (there, thickness) = there, turned(there, here, grid, step)
+        if thickness is None:
+            return error, at_end
     return None
 
 
 def turned(there: Identification, here: ResidualEvidence, grid: Grid,
             step: np.ndarray) -> tuple[Identification, MotionError | None]:
-    """An identification after a step of its free parameters, or the first of its halves that lowers chi-square, with
-    the error of plane stress there; None where none does or bricks cannot be simulated.
+    """An identification after a step of its free parameters, or the first of its halves that does not raise chi-square
+    by more than an error that counts, with the error of plane stress there; None where none does or bricks cannot be
+    simulated.
 
     here : residual of the identification; step : (n,), in the order of `remaining`
     """
@@ -147,7 +151,7 @@ def turned(there: Identification, here: ResidualEvidence, grid: Grid,
     for part in PARTS_OF_STEP:
         tried = moved(there, part * step)
         try:
-            lower = fit(residual_evidence(tried, light=False), grid).chi2 < chi2
+            lower = fit(residual_evidence(tried, light=False), grid).chi2 < chi2 + MIN_ERROR_CHI2
         except NotConverged:
             continue
         thickness = thickness_error(tried) if lower else None
