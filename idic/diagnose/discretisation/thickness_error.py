@@ -91,17 +91,23 @@ def with_thickness(source: ExperimentSource, found: Identification, residual: Re
     return source.with_motion_error(error), there
 
 
-def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid) -> MotionError | None:
+def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid,
+                settled: bool = True) -> MotionError | None:
     """The known error with that of plane stress, where a model with a cause leaves what bricks explain: as
     `with_thickness`, to first order; None elsewhere.
 
     Before the cause was known it hid the difference: finite strains and bricks both stiffen a bent beam.
+
+    settled : with the parameters in turns; otherwise at the present ones, for a further round
     """
     errors = neglected_errors(found)
     if BRICKS not in errors or _drop_by_bricks(residual, errors) < least_drop(residual, fit(residual, grid)):
         return None
-    settled = in_turns(found, residual.context.experiment.motion_error, grid, first=errors[BRICKS])
-    return None if settled is None else settled[0]
+    mesh, bricks = residual.context.experiment.motion_error, errors[BRICKS]
+    if not settled:
+        return (mesh or MotionError(np.zeros_like(bricks.u), np.zeros_like(bricks.channels))).with_thickness(bricks)
+    end = in_turns(found, mesh, grid, first=bricks)
+    return None if end is None else end[0]
 
 
 def _drop_by_bricks(residual: ResidualEvidence, errors: Mapping[str, MotionError]) -> float:

@@ -189,7 +189,9 @@ def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidenc
     with setting.clock.step("mesh_s"):
         known = source.motion_error
         found = identification_at(source.load(), null.values, null.local, null.steps)
-        error = with_bricks(found, whole, setting.grid) if known is None or known.thickness is None else None
+        error = None
+        if known is None or known.thickness is None:
+            error = with_bricks(found, whole, setting.grid, settled=False)
         if error is None:
             error = known_error(found, known)
             if error is None or not change_matters(whole, known, error):
