@@ -3,18 +3,22 @@
 Python raises KeyboardInterrupt wherever the main thread is. Where that is the instant at which a lock has been taken
 and the block that gives it back has not yet begun, the lock is held for ever, and so is the thread that hands in the
 results of Zarr or Dask: the command would hang instead of writing what it has. There the interruption waits for some
-milliseconds.
+milliseconds. Where that is a callback of the garbage collector or a finaliser, Python reports the exception and drops
+it: the command would go on to its end as if nobody had asked. There the interruption is raised again.
 """
 
 from __future__ import annotations
 
+import _thread
 import concurrent.futures._base
 import logging
 import queue
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from types import FrameType
 
 RETRY_SECONDS, MAX_RETRIES = 0.005, 400
@@ -33,9 +37,12 @@ def interruptible() -> Iterator[None]:
     previous = {signal.SIGTERM: signal.signal(signal.SIGTERM, _interrupt)}
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # background jobs of a shell ignore it
         previous[signal.SIGINT] = signal.signal(signal.SIGINT, _interrupt)
+    report = sys.unraisablehook
+    sys.unraisablehook = partial(_raise_again, report)
     try:
         yield
     finally:
+        sys.unraisablehook = report
         for number, handler in previous.items():
             signal.signal(number, handler)
         if hasattr(signal, "setitimer") and signal.getsignal(signal.SIGALRM) is _interrupt:
@@ -55,6 +62,14 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
         return
     _retries = 0
     raise KeyboardInterrupt
+
+
+def _raise_again(report: Callable[[sys.UnraisableHookArgs], object], dropped: sys.UnraisableHookArgs) -> None:
+    """What a callback of the interpreter raised has no caller; an interruption is meant for the command."""
+    if not issubclass(dropped.exc_type, KeyboardInterrupt):
+        report(dropped)
+    elif not _call_again():
+        threading.Timer(RETRY_SECONDS, _thread.interrupt_main).start()
 
 
 def _call_again() -> bool:
