@@ -117,6 +117,26 @@ def test_a_spot_of_the_sheet_is_a_column_through_its_bricks(tmp_path):
     assert np.abs(real.u).max() > 1e-3
 
 
+def test_a_hole_of_another_size_goes_through_the_bricks(tmp_path):
+    """A hole that morphs is that of a mesh made with it: bricks were not compared beside a wrong hole."""
+    scene = scene_of_world((0.0, 0.2), specimen="hole")
+    mesh = true_mesh(scene.geometry)
+    stack = write_public(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)), Paint(1, 2))
+    file = tmp_path / "experiment.toml"
+    file.write_text(f'{file.read_text()}\n[[dof]]\nname = "geometry.hole_radius"\nidentify = true\n')
+    experiment = load_rendered(tmp_path, stack)
+    parameters = experiment.parameters.as_values()
+    larger = parameters | {"geometry.hole_radius": 1.05 * parameters["geometry.hole_radius"]}
+    local = np.zeros((experiment.n_frames, 1))
+    morphing = identification_at(experiment, larger, local, None)
+    made = replace(experiment.at_geometry(experiment.parameters.with_values(larger)), morphs=())
+    of_mesh = thickness_error(replace(morphing, experiment=made, forward=build_forward(made)))
+    error = thickness_error(morphing)
+    np.testing.assert_allclose(error.u, of_mesh.u, atol=1e-9)
+    np.testing.assert_allclose(error.channels, of_mesh.channels, rtol=1e-6)
+    assert np.abs(error.u - thickness_error(identification_at(experiment, parameters, local, None)).u).max() > 1e-5
+
+
 def test_a_step_of_the_parameters_that_is_too_long_is_halved_until_chi_square_falls(tmp_path):
     scene = scene_of_world((0.0, 0.2))
     found = at_truth(tmp_path, scene, solve(scene), E=1.05 * NULLS["elastic"].truth["E"])

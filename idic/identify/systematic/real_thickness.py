@@ -3,7 +3,7 @@
 A thick sheet is not in plane stress: bending bulges its surface across the beam, and a grip keeps it from contracting.
 The bricks reach from the seen surface to the plane of symmetry in the middle. An edge that is held or moved in both
 components is taken as gripped: it keeps its thickness. All other motions, temperatures and variations of the stiffness
-act through the thickness as they do on the sheet.
+act through the thickness as they do on the sheet, and holes and edges have their shape through it.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.fe.mesh.mesh import Mesh, make_mesh
+from idic.fe.mesh.morph import Morph
 from idic.model.experiment import (Channel, Column, Constant, Experiment, Prescribed, Temperature,
                                    TemperatureField)
 
@@ -28,7 +29,7 @@ def can_be_thick(experiment: Experiment) -> bool:
              and experiment.length_unit == "mm" and experiment.symmetry is None and experiment.surface_side == 0
              and "geometry.thickness" not in experiment.parameters)
     uneven = any(entry.form == "thickness" for entry in experiment.heterogeneities)
-    return (plain and not (experiment.loads or experiment.morphs or uneven)
+    return (plain and not (experiment.loads or uneven)
             and all(block.cell == "quad8" for block in experiment.mesh.blocks)
             and all(isinstance(entry.drive, (Constant, Column)) for entry in experiment.prescribed)
             and all(channel.kind == "reaction" for channel in experiment.channels))
@@ -45,8 +46,10 @@ def thick(experiment: Experiment) -> Experiment:
         components.setdefault(entry.nodes, set()).add(entry.component)
     flat = [MIDDLE, *(name for name, own in components.items() if own >= {"x", "y"})]
     prescribed = (*experiment.prescribed, *(Prescribed(name, "z", Constant(0.0)) for name in flat))
+    front = in_front(experiment.mesh, mesh)
     return replace(experiment, kind="solid", mesh=mesh, thickness=None, prescribed=prescribed, motion_error=None,
-                   temperatures=tuple(_through(entry, experiment.mesh, mesh) for entry in experiment.temperatures),
+                   temperatures=tuple(_through(entry, front) for entry in experiment.temperatures),
+                   morphs=tuple(_flat(morph, front) for morph in experiment.morphs),
                    channels=tuple(_of_both_halves(channel) for channel in experiment.channels))
 
 
@@ -81,14 +84,23 @@ def extruded(sheet: Mesh, depth: float) -> Mesh:
                      node_sets=through | {MIDDLE: own + layers * pitch}, element_sets=elements)
 
 
-def _through(entry: Temperature, sheet: Mesh, bricks: Mesh) -> Temperature:
+def in_front(sheet: Mesh, bricks: Mesh) -> np.ndarray:
+    """The node of the sheet in front of every node of its bricks (`extruded`)  # (n_nodes of the bricks,)"""
+    own, corners = np.arange(sheet.n_nodes), np.unique(np.concatenate([b.connectivity[:, :4] for b in sheet.blocks]))
+    layers = (bricks.n_nodes - len(own)) // (len(own) + len(corners))
+    return np.concatenate([own, *([corners, own] * layers)])
+
+
+def _through(entry: Temperature, front: np.ndarray) -> Temperature:
     """A temperature that does not change through the thickness; of a field every node behind one has its values."""
     if not isinstance(entry.drive, TemperatureField):
         return entry
-    own, corners = np.arange(sheet.n_nodes), np.unique(np.concatenate([b.connectivity[:, :4] for b in sheet.blocks]))
-    layers = (bricks.n_nodes - len(own)) // (len(own) + len(corners))  # in the order of `extruded`
-    front = np.concatenate([own, *([corners, own] * layers)])
     return replace(entry, drive=replace(entry.drive, values=entry.drive.values[:, front]))
+
+
+def _flat(morph: Morph, front: np.ndarray) -> Morph:
+    """A geometric degree of freedom that moves every node behind one along with it."""
+    return replace(morph, velocity=np.column_stack([morph.velocity[front], np.zeros(len(front))]))
 
 
 def _of_both_halves(channel: Channel) -> Channel:
