@@ -15,6 +15,7 @@ from idic.report.fit_words import (
 )
 from idic.report.stress_scale import held_stresses, in_ratios
 
+NO_SETS = {"camera", "channel", "boundary", "geometry", "time", "placement"}  # heads of other names
 MIN_SHOWN_PX, MIN_SHOWN_SHARE, MIN_SHOWN_ROUGH = 1e-4, 1e-5, 0.05  # of a discrepancy: less is zero to the reader
 
 STATUS = {
@@ -114,10 +115,9 @@ def _left_unexplained(found: Mapping, unit: str) -> str:
 
 
 def short_names(names) -> dict[str, str]:
-    """Names as they are shown: without the set where there is only one set."""
-    heads = {n.split(".", 1)[0] for n in names if "." in n}
-    single = len(heads) == 1 and not heads & {"camera", "channel", "boundary", "geometry", "time", "placement"}
-    return {n: n.split(".", 1)[1] if single and "." in n else n for n in names}
+    """Names as they are shown: without the set where there is only one set of elements."""
+    sets = {n.split(".", 1)[0] for n in names if "." in n} - NO_SETS
+    return {n: n.split(".", 1)[1] if len(sets) == 1 and n.split(".", 1)[0] in sets else n for n in names}
 
 
 def found(result: Mapping) -> str:

@@ -20,7 +20,7 @@ def content(verdict="multiple"):
 
 def test_two_forms_of_one_candidate_are_reported_separately_with_their_numbers():
     text = sentence(content(), TITLES)
-    assert "(inclusion) (inclusion.stiffness 0.50 ± 0.10)" in text
+    assert "(inclusion) (stiffness 0.50 ± 0.10)" in text
     assert "(gradient) (gradient.along x 0.200 ± 0.010) explain 80 %" in text
 
 

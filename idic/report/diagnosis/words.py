@@ -14,6 +14,7 @@ from idic.report.words import number, short_names, with_std
 MIN_GOOD_PROBABILITY = 0.9  # that the selected set holds the truth: good news
 MIN_EVEN_PROBABILITY = 0.5  # below, the truth is more probably elsewhere: bad news
 MIN_VALUE_STD = 2.0  # standard deviations: a value that is nearer to zero is not determined
+SAID_BY_TITLE = ("layers", "inclusion", "geometry")  # first parts of names
 MIN_COURSE_UNKNOWNS = 3  # unknowns of one kind, one per frame, from which on they are summed up
 OF_ANY_VALUE = (".layers.direction", ".layers.offset")  # parameters whose zero means no absence
 FORMS = {"void": "next to no stiffness: a void, a cut or a crack"}
@@ -151,7 +152,8 @@ def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> st
     if names is None:
         names = () if number else [n for n in after if n not in before]
     added = {n: after[n] for n in names if n in after}
-    shown = {n: said.replace("layers.", "") for n, said in short_names(after).items()}  # its title has said so
+    shown = {n: said.removeprefix(f"{said.partition('.')[0]}.") if said.partition(".")[0] in SAID_BY_TITLE else said
+             for n, said in short_names(after).items()}
     stems = dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
     courses = {stem: {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem} for stem in stems}
     courses = {stem: course for stem, course in courses.items() if len(course) >= MIN_COURSE_UNKNOWNS
