@@ -16,8 +16,10 @@ from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.experiment_file.load import load_rendered
-from idic.identify.systematic.real_thickness import MIDDLE, extruded
-from idic.fe.mesh.mesh import check_elements
+from idic.identify.systematic.real_thickness import MIDDLE, extruded, in_front
+from idic.fe.mesh.element import gradient, quadrature
+from idic.fe.mesh.halve import halve
+from idic.fe.mesh.mesh import boundary_faces, check_elements, make_mesh
 from idic.identify.in_memory import identify
 from idic.model.experiment import Prescribed
 from idic.model.forward import build_forward
@@ -159,10 +161,57 @@ def test_bricks_are_not_lost_where_no_part_of_a_step_helps(tmp_path, monkeypatch
     np.testing.assert_allclose(error.thickness.u, thickness_error(found).u, atol=1e-12)
 
 
-def test_bricks_fill_the_body():
+def in_triangles(sheet):
+    """Every eight-node quadrilateral as two six-node triangles, along one diagonal and along the other by turns."""
+    (block,) = sheet.blocks
+    cells, n = block.connectivity, sheet.n_nodes
+    other = np.arange(len(cells)) % 2 == 1
+    cells = np.where(other[:, None], cells[:, [1, 2, 3, 0, 5, 6, 7, 4]], cells)
+    centre = n + np.arange(len(cells))
+    nodes = np.vstack([sheet.nodes, sheet.nodes[cells[:, [0, 2]]].mean(axis=1)])
+    made = np.stack([np.column_stack([cells[:, [0, 1, 2]], cells[:, [4, 5]], centre]),
+                     np.column_stack([cells[:, [2, 3, 0]], cells[:, [6, 7]], centre])], axis=1).reshape(-1, 6)
+    sets = {name: (2 * np.asarray(members)[:, None] + [0, 1]).ravel() for name, members in sheet.element_sets.items()}
+    return make_mesh(nodes, [("tri6", made)], node_sets=dict(sheet.node_sets), element_sets=sets)
+
+
+def volume(mesh):
+    (block,) = mesh.blocks
+    points, weights = quadrature(block.cell)
+    jacobians = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], gradient(block.cell, points))
+    return float((np.linalg.det(jacobians) @ weights).sum())
+
+
+def test_triangles_have_solid_elements_that_move_as_the_bricks_of_quadrilaterals(tmp_path):
+    """A sheet of triangles was compared with nothing, without a word. On 533 nodes in the plane the difference to plane
+    stress is told to a fifth, on 2025 to a twelfth; bricks of quadrilaterals to 6 and 0.4 %."""
+    scene = scene_of_world((0.0, 0.2))
+    mesh = true_mesh(scene.geometry)
+    found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
+    coarse = found.experiment.mesh
+    fine, n = halve(coarse).mesh, coarse.n_nodes
+
+    def moved_otherwise(sheet):
+        made = replace(found.experiment, mesh=sheet)
+        error = thickness_error(replace(found, experiment=made, forward=build_forward(made)))
+        return error.u[1, np.argmin(((sheet.nodes[None] - coarse.nodes[:, None])**2).sum(axis=2), axis=1)]
+
+    known = moved_otherwise(fine)
+    off = [np.linalg.norm(moved_otherwise(in_triangles(sheet)) - known) / np.linalg.norm(known)
+           for sheet in (coarse, fine)]
+    assert known.shape == (n, 2) and off[0] < 0.25 and off[1] < 0.5 * off[0]
+
+
+@pytest.mark.parametrize("shape", ["quadrilaterals", "triangles"])
+def test_bricks_fill_the_body(shape):
     sheet = true_mesh(scene_of_world().geometry)
+    sheet = sheet if shape == "quadrilaterals" else in_triangles(sheet)
     body = extruded(sheet, 1.4)
     check_elements(body)
+    assert volume(body) == pytest.approx(1.4 * volume(sheet), rel=1e-9)
+    assert len(boundary_faces(body)) == 2 * len(sheet.blocks[0].connectivity) + len(boundary_faces(sheet)) * (
+        len(set(body.nodes[:, 2])) // 2) * (1 if shape == "quadrilaterals" else 2)
+    np.testing.assert_array_equal(body.nodes[:, :2], sheet.nodes[in_front(sheet, body)])
     np.testing.assert_allclose(body.nodes[:sheet.n_nodes, :2], sheet.nodes)
     assert set(body.nodes[:sheet.n_nodes, 2]) == {1.4}
     assert set(body.nodes[body.node_sets[MIDDLE], 2]) == {0.0}

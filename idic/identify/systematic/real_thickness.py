@@ -1,4 +1,4 @@
-"""The same test as bricks of the specimen's real thickness, where the model is a sheet in plane stress.
+"""The same test as solid elements of the specimen's real thickness, where the model is a sheet in plane stress.
 
 A thick sheet is not in plane stress: bending bulges its surface across the beam, and a grip keeps it from contracting.
 The bricks reach from the seen surface to the plane of symmetry in the middle. An edge that is held or moved in both
@@ -12,25 +12,31 @@ from dataclasses import replace
 
 import numpy as np
 
+from idic.fe.mesh.element import TET_EDGES
 from idic.fe.mesh.mesh import Mesh, make_mesh
 from idic.fe.mesh.morph import Morph
 from idic.model.experiment import (Channel, Column, Constant, Experiment, Prescribed, Temperature,
                                    TemperatureField)
 
 MIDDLE = "plane of symmetry"
+SOLID_CELLS = {"quad8": "hex20", "tri6": "tet10"}
+TRIANGLE_EDGES = ((0, 1), (0, 2), (1, 2))
+# of a prism whose corners are numbered upwards: (corner, 0 at the bottom or 1 at the top) of three tetrahedra
+DIVIDED_PRISM = (((0, 0), (1, 0), (2, 0), (2, 1)), ((0, 0), (1, 0), (2, 1), (1, 1)), ((0, 0), (1, 1), (2, 1), (0, 1)))
+MIRRORED_TET = [1, 0, 2, 3, 4, 6, 5, 8, 7, 9]  # the same tetrahedron, its first two corners exchanged
 LAYER_SHARE = 2.0  # depth of a layer over the size of an element, at most
 MAX_LAYERS = 3
 
 
 def can_be_thick(experiment: Experiment) -> bool:
-    """Whether bricks of its thickness can be made: a sheet of eight-node quadrilaterals in plane stress, of known
-    thickness, moved by its edges and its temperature alone."""
+    """Whether bricks of its thickness can be made: a sheet of eight-node quadrilaterals, or of six-node triangles, in
+    plane stress, of known thickness, moved by its edges and its temperature alone."""
     plain = (experiment.solver is None and experiment.kind == "plane_stress" and experiment.thickness is not None
              and experiment.length_unit == "mm" and experiment.symmetry is None and experiment.surface_side == 0
              and "geometry.thickness" not in experiment.parameters)
     uneven = any(entry.form == "thickness" for entry in experiment.heterogeneities)
     return (plain and not (experiment.loads or uneven)
-            and all(block.cell == "quad8" for block in experiment.mesh.blocks)
+            and {block.cell for block in experiment.mesh.blocks} in ({"quad8"}, {"tri6"})
             and all(isinstance(entry.drive, (Constant, Column)) for entry in experiment.prescribed)
             and all(channel.kind == "reaction" for channel in experiment.channels))
 
@@ -54,41 +60,84 @@ def thick(experiment: Experiment) -> Experiment:
 
 
 def extruded(sheet: Mesh, depth: float) -> Mesh:
-    """Twenty-node bricks behind eight-node quadrilaterals, down to the node set `MIDDLE` at z = 0.
+    """Solid elements behind those of a sheet, down to the node set `MIDDLE` at z = 0: twenty-node bricks behind
+    eight-node quadrilaterals, three ten-node tetrahedra behind a six-node triangle, which need a finer mesh.
 
-    Node sets reach through the depth; edge sets are left out.
+    The nodes of the sheet come first. Node sets reach through the depth; edge sets are left out.
     """
     cells = np.concatenate([block.connectivity for block in sheet.blocks])
     size = float(np.median(np.linalg.norm(sheet.nodes[cells[:, 0]] - sheet.nodes[cells[:, 1]], axis=1)))
     layers = int(np.clip(np.ceil(depth / (LAYER_SHARE * size)), 1, MAX_LAYERS))
-    corners = np.unique(cells[:, :4])
+    inner = _nodes_inside_a_layer(sheet)
     n, own = sheet.n_nodes, np.arange(sheet.n_nodes)
     between = np.full(n, -1)
-    between[corners] = np.arange(len(corners))
-    pitch, bricks = n + len(corners), []
+    between[inner] = np.arange(len(inner))
+    pitch, solid = n + len(inner), []
     points = [np.column_stack([sheet.nodes, np.full(n, depth)])]
     for layer in range(layers):
         top, bottom, half = own + layer * pitch, own + (layer + 1) * pitch, between + layer * pitch + n
         z = depth * (1.0 - (layer + np.array([0.5, 1.0])) / layers)
-        points += [np.column_stack([sheet.nodes[corners], np.full(len(corners), z[0])]),
+        points += [np.column_stack([sheet.nodes[inner], np.full(len(inner), z[0])]),
                    np.column_stack([sheet.nodes, np.full(n, z[1])])]
-        bricks.append(np.hstack([bottom[cells[:, :4]], top[cells[:, :4]], bottom[cells[:, 4:]], top[cells[:, 4:]],
-                                 half[cells[:, :4]]]))
+        solid.append((_bricks if _is_of_quadrilaterals(sheet) else _tetrahedra)(cells, bottom, half, top))
     through = {name: np.concatenate([nodes + layer * pitch for layer in range(layers + 1)]
                                     + [between[nodes][between[nodes] >= 0] + layer * pitch + n
                                        for layer in range(layers)])
                for name, nodes in sheet.node_sets.items()}
-    elements = {name: np.concatenate([np.asarray(members) + layer * len(cells) for layer in range(layers)])
+    behind = len(solid[0]) // len(cells)  # elements behind one, in a layer
+    elements = {name: np.concatenate([((np.asarray(members) + layer * len(cells))[:, None] * behind
+                                       + np.arange(behind)).ravel() for layer in range(layers)])
                 for name, members in sheet.element_sets.items()}
-    return make_mesh(np.concatenate(points), [("hex20", np.concatenate(bricks))],
+    return make_mesh(np.concatenate(points), [(SOLID_CELLS[sheet.blocks[0].cell], np.concatenate(solid))],
                      node_sets=through | {MIDDLE: own + layers * pitch}, element_sets=elements)
 
 
-def in_front(sheet: Mesh, bricks: Mesh) -> np.ndarray:
-    """The node of the sheet in front of every node of its bricks (`extruded`)  # (n_nodes of the bricks,)"""
-    own, corners = np.arange(sheet.n_nodes), np.unique(np.concatenate([b.connectivity[:, :4] for b in sheet.blocks]))
-    layers = (bricks.n_nodes - len(own)) // (len(own) + len(corners))
-    return np.concatenate([own, *([corners, own] * layers)])
+def in_front(sheet: Mesh, solid: Mesh) -> np.ndarray:
+    """The node of the sheet in front of every node of the solid behind it (`extruded`)  # (n_nodes of the solid,)"""
+    own, inner = np.arange(sheet.n_nodes), _nodes_inside_a_layer(sheet)
+    layers = (solid.n_nodes - len(own)) // (len(own) + len(inner))
+    return np.concatenate([own, *([inner, own] * layers)])
+
+
+def _is_of_quadrilaterals(sheet: Mesh) -> bool:
+    return sheet.blocks[0].cell == "quad8"
+
+
+def _nodes_inside_a_layer(sheet: Mesh) -> np.ndarray:
+    """Nodes of the sheet behind which there is one half way through a layer: corners, on the upright edges; of
+    triangles all, as the upright faces have diagonals."""
+    if not _is_of_quadrilaterals(sheet):
+        return np.arange(sheet.n_nodes)
+    return np.unique(np.concatenate([block.connectivity[:, :4] for block in sheet.blocks]))
+
+
+def _bricks(cells: np.ndarray, bottom: np.ndarray, half: np.ndarray, top: np.ndarray) -> np.ndarray:
+    """Bricks of a layer; bottom, half, top : node of the solid behind every node of the sheet  # (n_cells, 20)"""
+    return np.hstack([bottom[cells[:, :4]], top[cells[:, :4]], bottom[cells[:, 4:]], top[cells[:, 4:]],
+                      half[cells[:, :4]]])
+
+
+def _tetrahedra(cells: np.ndarray, bottom: np.ndarray, half: np.ndarray, top: np.ndarray) -> np.ndarray:
+    """Tetrahedra of a layer, as for `_bricks`: the diagonal of an upright face runs from the bottom of its corner with
+    the smaller number, so that neighbours share it  # (3 n_cells, 10)"""
+    order = np.argsort(cells[:, :3], axis=1)
+    odd = (order[:, 1] - order[:, 0]) % 3 != 1  # the corners in ascending order run clockwise
+    corners = np.take_along_axis(cells[:, :3], order, axis=1)
+    middles = np.take_along_axis(cells[:, 3:], np.stack([
+        np.where((order[:, i] + 1) % 3 == order[:, j], order[:, i], order[:, j]) for i, j in TRIANGLE_EDGES], axis=1),
+        axis=1)
+    found = []
+    for own in DIVIDED_PRISM:
+        nodes = [(bottom, top)[level][corners[:, corner]] for corner, level in own]
+        for i, j in TET_EDGES:
+            (one, low), (other, high) = own[i], own[j]
+            edge = (min(one, other), max(one, other))
+            on = corners[:, one] if one == other else middles[:, TRIANGLE_EDGES.index(edge)]
+            nodes.append((bottom if low == high == 0 else top if low == high else half)[on])
+        made = np.stack(nodes, axis=1)
+        made[odd] = made[odd][:, MIRRORED_TET]
+        found.append(made)
+    return np.stack(found, axis=1).reshape(-1, 10)
 
 
 def _through(entry: Temperature, front: np.ndarray) -> Temperature:
