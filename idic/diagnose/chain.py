@@ -260,8 +260,8 @@ def _free_end(source: ExperimentSource, null: Refit, residual: ResidualEvidence,
     setting.stage("free motion of every end, as a rival of what was selected")
     with setting.clock.step("free_end_s"):
         there = identification_at(source.load(), null.values, null.local, null.steps)
-        names = [one.winner.name for one in rounds if one.winner is not None]
-        return free_end(source, situation(there, residual, source.document()), null, last, names, setting.refits,
+        selected = [one.winner.ranked.candidate for one in rounds if one.winner is not None]
+        return free_end(source, situation(there, residual, source.document()), null, last, selected, setting.refits,
                         setting.grid, setting.seed, power_of_copy, setting.margin)
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+from dataclasses import replace
+
 import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
@@ -23,9 +26,26 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
                 edits = with_correction(situation, number, component,
                                         {"kind": "seating", "column": force.column, "seated_at": share * size}
                                         | channel_unit(situation, force.column))
-                found.append(Variant(f"{nodes} settles under the first {share * size:.3g} {force.unit}", edits, (name,),
+                found.append(Variant(_label(nodes, share * size, force.unit), edits, (name,),
                                      {name: 0.0}, {name: PROBE_PX * experiment.camera.pixel_size}, sign=1, exact=True))
     return tuple(found)
+
+
+def _label(nodes: str, seated_at: float, unit: str) -> str:
+    return f"{nodes} settles under the first {seated_at:.3g} {unit}"
+
+
+def rescaled(variant: Variant, factor: float) -> Variant:
+    """The same grip, settled under another force."""
+    (name,), tables = variant.new, copy.deepcopy(list(variant.edits["boundary"]))
+    label = variant.label
+    for table in tables:
+        for component in "xyz":
+            if name == f"boundary.{table['nodes']}.{component}.seating":
+                own = next(entry for entry in table[f"u{component}"]["corrections"] if entry["kind"] == "seating")
+                own["seated_at"] *= factor
+                label = _label(table["nodes"], own["seated_at"], variant.label.rpartition(" ")[2])
+    return replace(variant, label=label, edits=variant.edits | {"boundary": tables})
 
 
 register(Candidate(
@@ -37,4 +57,5 @@ register(Candidate(
     separating_tests=("load to a tenth and unload a few times before the test",
                       "measure the motion at the specimen: `measured` in [[boundary]]"),
     variants=variants,
+    rescaled=rescaled,
     paraphrase="a toe: grips and couplings settle under the first load"))

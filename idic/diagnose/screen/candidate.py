@@ -164,6 +164,7 @@ class Candidate:
     untestable : why a record cannot tell it from its rivals, "" where it can; it is not screened then, and not excluded
     everywhere : it acts all over the body, although other causes of its family have a place
     refitted_form : form of a variant after its refit, from the values of the parameters; None: the variant's own
+    rescaled : a variant with the scale that it holds times a factor; None: it holds none
     """
 
     name: str
@@ -182,6 +183,7 @@ class Candidate:
     everywhere: bool = False
     refitted_form: Callable[[Variant, Mapping[str, float]], str | None] | None = None
     untestable: Callable[[Situation], str] | None = None
+    rescaled: Callable[[Variant, float], Variant] | None = None
 
     @property
     def kind(self) -> Family:

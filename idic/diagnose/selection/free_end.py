@@ -4,7 +4,8 @@ A free motion of one end, the law kept, imitates an inclusion or a stiffness of 
 rotations imitate a bent end. So before a cause of the material, or several causes, are told, every end in turn moves
 by Legendre polynomials along itself (`EDGE_MODE_DEGREE`), in every component that the model prescribes: in proportion
 to the logged motion, or with a course that the data give. Such a model is refitted and judged as every candidate is;
-where it explains more than the selected causes, less what its unknowns could by chance, none of them is told.
+where it explains more than the selected causes, less what its unknowns could by chance, none of them is told. Where one
+cause of the boundary was selected, it must explain as much more as a further cause: less is a flaw of its course.
 """
 
 from __future__ import annotations
@@ -22,12 +23,13 @@ from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.margin import Margin
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.screen.candidate import Situation
+from idic.diagnose.screen.candidate import Candidate, Situation
 from idic.diagnose.screen.edits import driven, with_correction
 from idic.diagnose.screen.free_courses import KNOTTED
 from idic.diagnose.selection.free_model import FreeModel
 from idic.diagnose.selection.own_course import leaves_something
-from idic.diagnose.selection.rival import COPIES, MIN_DROP_DIFFERENCE, MIN_SEPARATION_CHI2, Round
+from idic.diagnose.selection.rival import (COPIES, MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE,
+                                           MIN_SEPARATION_CHI2, Round)
 from idic.diagnose.verdict import MIN_RECOVERED_SHARE
 from idic.model.experiment import Column
 
@@ -115,14 +117,14 @@ def may_be_an_end(mismatch: Mismatch | None, rounds: Sequence[Round], left: Exce
     return len(won) != 1 or won[0] in ("bulk", "boundary") or left.matters
 
 
-def free_end(source: ExperimentSource, situation: Situation, null: Refit, last: Refit, names: Sequence[str],
+def free_end(source: ExperimentSource, situation: Situation, null: Refit, last: Refit, selected: Sequence[Candidate],
              refits: Refits, grid: Grid, seed: int, power: float, margin: Margin) -> FreeEnd | None:
     """The freed end that explains more than the selected causes; None where none describes the recording so.
 
     Parameters
     ----------
     source, situation, null : the identified model and its fit to the copy for choosing
-    last : the model with the selected causes, fitted to the same copy; names : of these causes
+    last : the model with the selected causes, fitted to the same copy; selected : these causes
     power : chi-square of a motion of one px (rms) in all frames of a copy
     """
     def refitted(motions: Sequence[EndMotion]) -> list[FreeEnd]:
@@ -131,10 +133,10 @@ def free_end(source: ExperimentSource, situation: Situation, null: Refit, last: 
                 for number, motion in enumerate(motions)]
         return [FreeEnd(one, ExcessLeft(null.judgement, one.judgement, power,  # type: ignore[arg-type]
                                         margin_px=margin.px, camera_px=margin.camera_px), motion,
-                        null.choice.chi2 - one.choice.chi2, tuple(names))  # type: ignore[union-attr]
+                        null.choice.chi2 - one.choice.chi2, tuple(cause.name for cause in selected))  # type: ignore[union-attr]
                 for motion, one in zip(motions, refits(jobs) if jobs else [], strict=True) if one.judgement is not None]
 
-    motions = list(end_motions(source, situation))
+    motions, moves_an_end = list(end_motions(source, situation)), [one.side for one in selected] == ["boundary"]
     found = refitted([motion for motion in motions if not motion.free_course])
     best = max(found, key=lambda one: one.evidence, default=None)
     unsettled = last is null or leaves_something(last.choice)  # type: ignore[arg-type]
@@ -142,18 +144,20 @@ def free_end(source: ExperimentSource, situation: Situation, null: Refit, last: 
         found += refitted([motion for motion in motions if motion.free_course
                            and (best is None or motion.nodes == best.motion.nodes)])
         best = max(found, key=lambda one: one.evidence, default=None)
-    return best if best is not None and best.describes and explains_more(best, null, last) else None
+    return best if best is not None and best.describes and explains_more(best, null, last, moves_an_end) else None
 
 
-def explains_more(end: FreeEnd, null: Refit, last: Refit) -> bool:
+def explains_more(end: FreeEnd, null: Refit, last: Refit, moves_an_end: bool = False) -> bool:
     """Whether a freed end explains more than the selected causes on both copies, less twice its further unknowns, by
-    more than noise and the error of two simulations."""
+    more than noise and the error of two simulations; moves_an_end : where one cause of the boundary was selected, by as
+    much as a further cause must."""
     if last is null:
         return True
     achieved = null.choice.chi2 - last.choice.chi2  # type: ignore[union-attr]
     heldout = null.judgement.chi2 - last.judgement.chi2  # type: ignore[union-attr]
     own = achieved + heldout - 2.0 * (len(last.stds) - len(null.stds))
-    return end.evidence - own > COPIES * max(MIN_SEPARATION_CHI2, MIN_DROP_DIFFERENCE * achieved)
+    share = MIN_FURTHER_SHARE if moves_an_end else MIN_DROP_DIFFERENCE
+    return end.evidence - own > COPIES * max(MIN_SEPARATION_CHI2, share * achieved)
 
 
 def end_motions(source: ExperimentSource, situation: Situation) -> Iterator[EndMotion]:

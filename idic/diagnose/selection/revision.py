@@ -27,6 +27,7 @@ from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.select import Ranked, Screening
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
 from idic.diagnose.selection.own_course import has_own_course, with_own_course
+from idic.diagnose.selection.own_scale import with_own_scale
 from idic.diagnose.selection.rival import MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round
 
 MAX_EXCHANGES = 2  # rivals that are tried in the place of one cause
@@ -130,6 +131,7 @@ def _rebuilt(rounds: Sequence[Round], number: int, instead: Rival | None, place:
                                    _starts(later.winner.refitted.values, rounds[-1].winner.refitted.values))
         if not rival.refitted.usable:
             return None
+        rival = with_own_scale(source, model, rival, place.refits, place.grid, place.seed) or rival
         if has_own_course(later.winner):
             rival = with_own_course(source, model, rival, screening, place.refits, place.grid, place.seed) or rival
         others = here.rivals if fresh else ()

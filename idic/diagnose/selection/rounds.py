@@ -39,6 +39,7 @@ from idic.diagnose.selection.imitation import with_imitated
 from idic.diagnose.selection.few_jumps import with_few_jumps
 from idic.diagnose.selection.finite_strains import with_finite_strains_counted
 from idic.diagnose.selection.own_course import with_own_course
+from idic.diagnose.selection.own_scale import with_own_scale
 from idic.diagnose.selection.revision import Workplace, min_further_drop, revised
 from idic.diagnose.selection.rival import Round, judge
 from idic.diagnose.selection.rivals import edits_of, from_other_starts, refitted
@@ -237,8 +238,9 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
         with clock.step("refits_s"):
             freed = with_own_course(source, null, winner, screening, told, setting.grid, setting.seed)
             jumps = with_few_jumps(source, null, freed or winner, told, setting.grid, setting.seed)
-        if (other := jumps or freed) is not None:
-            plain, rivals = winner, tuple(other if r is winner else r for r in rivals)
+            rescaled = with_own_scale(source, null, winner, told, setting.grid, setting.seed)
+        if (other := jumps or freed or rescaled) is not None:
+            plain, rivals = None if other is rescaled else winner, tuple(other if r is winner else r for r in rivals)
             winner, equals = judge(rivals, screening)
     if before and winner is not None:
         drop = before[0].null.judgement.chi2 - winner.refitted.judgement.chi2

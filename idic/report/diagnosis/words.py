@@ -14,7 +14,7 @@ from idic.report.words import number, short_names, with_std
 MIN_GOOD_PROBABILITY = 0.9  # that the selected set holds the truth: good news
 MIN_EVEN_PROBABILITY = 0.5  # below, the truth is more probably elsewhere: bad news
 MIN_VALUE_STD = 2.0  # standard deviations: a value that is nearer to zero is not determined
-SAID_BY_TITLE = ("layers", "inclusion", "geometry")  # first parts of names
+SAID_BY_TITLE = ("layers", "inclusion", "geometry", "camera")  # first parts of names
 MIN_COURSE_UNKNOWNS = 3  # unknowns of one kind, one per frame, from which on they are summed up
 OF_ANY_VALUE = (".layers.direction", ".layers.offset")  # parameters whose zero means no absence
 FORMS = {"void": "next to no stiffness: a void, a cut or a crack"}
@@ -152,19 +152,28 @@ def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> st
     if names is None:
         names = () if number else [n for n in after if n not in before]
     added = {n: after[n] for n in names if n in after}
-    shown = {n: said.removeprefix(f"{said.partition('.')[0]}.") if said.partition(".")[0] in SAID_BY_TITLE else said
-             for n, said in short_names(after).items()}
+    shown = {n: _of_cause(said) for n, said in short_names(after).items()}
     stems = dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
     courses = {stem: {n: p for n, p in after.items() if n.endswith("]") and _stem(n) == stem} for stem in stems}
     courses = {stem: course for stem, course in courses.items() if len(course) >= MIN_COURSE_UNKNOWNS
                or stem.endswith(("_knot", "_jump"))}
-    said = [f"{shown[n].replace('_', ' ')} "
+    said = [f"{shown[n]} "
             + (with_std(p["value"], p["std"], p["unit"]) if p["std"] else "not determined")
             for n, p in added.items() if _stem(n) not in courses and not _is_open(n, p)]
-    left_open = [f"{shown[n].replace('_', ' ')} ≈ {with_std(_two_digits(p['value']), None, p['unit'])}"
+    left_open = [f"{shown[n]} ≈ {with_std(_two_digits(p['value']), None, p['unit'])}"
                  for n, p in added.items() if _stem(n) not in courses and _is_open(n, p)]
     parts = [*said, *(_course(stem, course) for stem, course in courses.items())]
     return ", ".join([*parts, *([f"{', '.join(left_open)}, not determined"] if left_open else [])])
+
+
+def _of_cause(name: str) -> str:
+    """A parameter of a cause beside its title: ``boundary.RIGHT.x.seating`` is ``seating of RIGHT in ux``."""
+    head, *others = name.split(".")
+    if head == "boundary" and len(others) == 3:
+        return f"{others[2].replace('_', ' ')} of {others[0]} in u{others[1]}"
+    if head == "channel" and len(others) == 2:
+        return f"{others[1].replace('_', ' ')} of {others[0]}"
+    return (".".join(others) if head in SAID_BY_TITLE and others else name).replace("_", " ")
 
 
 def _two_digits(value: float) -> float:
