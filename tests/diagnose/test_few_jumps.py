@@ -81,7 +81,7 @@ def test_a_jump_outside_the_test_is_refused(tmp_path):
 def test_jumps_are_said_with_their_frames():
     after = {f"{SLIP}_jump[{frame}]": {"value": size, "std": 2e-4, "unit": "mm"} for frame, size in JUMPS.items()}
     said = new_values({"model": {"parameters_before": {}, "parameters_after": after}}, list(after), 0)
-    assert said == ("boundary RIGHT x slip by 0.00400 ± 0.00020 mm in frame 3, 0.00600 ± 0.00020 mm in frame 6 and "
+    assert said == ("slip of RIGHT in ux by 0.00400 ± 0.00020 mm in frame 3, 0.00600 ± 0.00020 mm in frame 6 and "
                     "0.00300 ± 0.00020 mm in frame 9")
 
 

@@ -191,7 +191,8 @@ def _stem(name: str) -> str:
 
 def _course(stem: str, entries: Mapping[str, Mapping]) -> str:
     """Unknowns of many frames: root mean square and largest value."""
-    what = stem.removesuffix("_at").removesuffix("_knot").removesuffix("_jump").replace(".", " ").replace("_", " ")
+    name = stem.removesuffix("_at").removesuffix("_knot").removesuffix("_jump")
+    what = name.replace(".", " ").replace("_", " ") if name.startswith("camera.") else _of_cause(name)
     known = {name: p for name, p in entries.items() if p["std"]}
     if not known:
         return f"{what} not determined"
