@@ -93,4 +93,5 @@ register(Candidate(
     separating_tests=("load the specimen in another direction", "unload to zero once",
                       "measure the thickness on a grid"),
     variants=variants,
+    limits=("hole_geometry",),  # of a ring around a hole, next to no stiffness or a very high one
     paraphrase="an inclusion, a void or a gradient of stiffness", refitted_form=form_of_refit))

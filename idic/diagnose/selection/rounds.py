@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -41,8 +42,9 @@ from idic.diagnose.selection.finite_strains import with_finite_strains_counted
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.own_scale import with_own_scale
 from idic.diagnose.selection.revision import Workplace, min_further_drop, revised
-from idic.diagnose.selection.rival import Round, judge
+from idic.diagnose.selection.rival import Rival, Round, judge
 from idic.diagnose.selection.rivals import edits_of, from_other_starts, refitted
+from idic.diagnose.selection.rivals_again import judged_again, near_rivals, own_error
 from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 
@@ -121,10 +123,13 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
     unit = float(power(whole.evidence).sum()) / COPY_VARIANCE_FACTOR if holds_motion(found.experiment) else np.inf
     for number in range(1, 2 if setting.quick else MAX_ROUNDS + 1):
         if rounds:
-            before = null
+            before, near = null, near_rivals(rounds[-1])
             source, null, whole = with_new_error(source, null, whole, setting)
             rounds = [_knowing(one, source) for one in rounds]
-            rounds, source, null, whole = _finite_strains(rounds, source, null, whole, setting)
+            counted = _finite_strains(rounds, source, null, whole, setting)
+            is_finite, (rounds, source, null, whole) = counted[2] is not null, counted
+            if near and null is not before:
+                rounds, source, null, whole = _rivals_again(rounds, near, source, null, whole, is_finite, setting)
             if len(rounds) > 1 and null is not before:
                 rounds, source, null, whole = _last_cause_again(rounds, source, null, whole, setting)
         far = effect(null.judgement, unit) > MAX_REGISTER_PX  # type: ignore[arg-type]
@@ -157,6 +162,23 @@ def _finite_strains(rounds: list[Round], source: ExperimentSource, null: Refit, 
     with setting.clock.step("mesh_s"):
         counted = with_finite_strains_counted(rounds, null, whole, setting.refits, setting.grid, setting.seed)
     return (rounds, source, null, whole) if counted is None else counted
+
+
+def _rivals_again(rounds: list[Round], near: Sequence[Rival], source: ExperimentSource, null: Refit,
+                  whole: ResidualEvidence, is_finite: bool, setting: Setting,
+                  ) -> tuple[list[Round], ExperimentSource, Refit, ResidualEvidence]:
+    """The last cause and its nearest rivals judged anew, as bricks, finite strains or an error of the mesh have joined.
+
+    near : as they were before; whole : residual of the present model on the recording itself
+    """
+    setting.stage("rivals of the cause compared again, as the model has changed beside it")
+    known = source.motion_error
+    with setting.clock.step("refits_s"):
+        judged = judged_again(rounds, near, source, null, is_finite,
+                              None if known is None else partial(own_error, known=known), setting.refits, setting.grid,
+                              setting.seed)
+        after = whole if judged[2] is null else residual_from_rest(judged[1].load(), judged[2])
+    return (rounds, source, null, whole) if after is None else (*judged, after)
 
 
 def _last_cause_again(rounds: list[Round], source: ExperimentSource, null: Refit, whole: ResidualEvidence,
