@@ -15,10 +15,11 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from idic.diagnose.channel_left import ChannelLeft, channels_left
+from idic.diagnose.discretisation.following import is_at, remaining
 from idic.diagnose.discretisation.known_error import renewed_error, with_error
 from idic.diagnose.discretisation.neglected import Neglected, neglected
-from idic.diagnose.discretisation.thickness_error import (neglected_errors, std_factors, with_bricks,
-                                                          with_thickness)
+from idic.diagnose.discretisation.thickness_error import neglected_errors, with_bricks, with_thickness
+from idic.diagnose.discretisation.thickness_std import std_factors
 from idic.diagnose.discretisation.weight import MIN_SHIFT_STD, weighed
 from idic.diagnose.free_form import NEXT_TEST, Base, FreeForm, free_form, has_other_sides, is_offered
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
@@ -356,8 +357,9 @@ def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round], se
             return _Enriched(source, final)
         for turn in range(0 if setting.quick else MAX_RENEWALS):
             there = identification_at(source.load(), final.values, final.local, final.steps)
-            error = with_bricks(there, after, setting.grid) if turn == 0 else None
-            error = renewed_error(there, after, setting.grid) if error is None else error
+            error, of = with_bricks(there, after, setting.grid) if turn == 0 else None, None
+            if error is None and (new := renewed_error(there, after, setting.grid)) is not None:
+                error, of = new
             if error is None:
                 break
             renewed = source.with_motion_error(error)
@@ -366,6 +368,8 @@ def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round], se
             if left is None:
                 break
             source, final, after = renewed, again, left
+            if of is not None and is_at(final.values, of, remaining(after)[1]):
+                break
         other = None if setting.quick else fit_from_other_axes(source, final, rounds, setting.refits, setting.grid,
                                                                setting.seed)
         if other is not None and is_better(other, final):

@@ -9,11 +9,14 @@ import pytest
 from idic.diagnose.discretisation.combinations import (BRICKS, FINITE_STRAINS, Combination, drop_by,
                                                        probabilities)
 from idic.diagnose.discretisation.neglected import neglected
-from idic.diagnose.discretisation.following import moved, remaining
-from idic.diagnose.discretisation.thickness_error import in_turns, neglected_errors, thickness_error, turned
-from idic.diagnose.discretisation.weight import change_matters, counts
+from idic.diagnose.discretisation.following import is_at, moved
+from idic.diagnose.discretisation.bricks import bricks_of, thickness_error
+from idic.diagnose.discretisation.thickness_error import neglected_errors
+from idic.diagnose.discretisation.thickness_std import error_changes, std_factors
+from idic.diagnose.discretisation.turns import TURNED_STD, in_turns, sheet_at, turned
+from idic.diagnose.discretisation.weight import change_matters, counts, error_column
 from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.heldout import grid_of
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.experiment_file.load import load_rendered
 from idic.identify.systematic.real_thickness import MIDDLE, extruded, in_front
@@ -87,7 +90,7 @@ def test_a_bar_that_may_contract_is_in_plane_stress_whatever_its_thickness(tmp_p
 def test_bricks_of_a_large_mesh_are_simulated_where_motions_are_superposed(tmp_path, monkeypatch):
     """A plate of 1196 quadrilaterals has 8832 nodes of bricks, a second of work; it had none, and no caution."""
     scene = scene_of_world((0.0, 0.2))
-    monkeypatch.setattr("idic.diagnose.discretisation.thickness_error.MAX_BRICK_NODES", 1)
+    monkeypatch.setattr("idic.diagnose.discretisation.bricks.MAX_BRICK_NODES", 1)
     mesh = true_mesh(scene.geometry)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     finite = replace(found.experiment, materials=tuple(
@@ -139,23 +142,25 @@ def test_a_hole_of_another_size_goes_through_the_bricks(tmp_path):
     assert np.abs(error.u - thickness_error(identification_at(experiment, parameters, local, None)).u).max() > 1e-5
 
 
-def test_a_step_of_the_parameters_that_is_too_long_is_halved_until_chi_square_falls(tmp_path):
+def test_a_step_of_the_parameters_that_is_too_long_is_halved_until_they_have_less_to_move(tmp_path):
     scene = scene_of_world((0.0, 0.2))
     found = at_truth(tmp_path, scene, solve(scene), E=1.05 * NULLS["elastic"].truth["E"])
-    residual = residual_evidence(found, light=False)
-    grid, step = grid_of(residual), 3.0 * remaining(residual)[0]
-    there, error = turned(found, residual, grid, step)
-    assert there.parameters["BODY.E"].value == pytest.approx(found.parameters["BODY.E"].value + 0.5 * step[0])
-    assert (fit(residual_evidence(there, light=False), grid).chi2 < fit(residual, grid).chi2
-            < fit(residual_evidence(moved(found, step), light=False), grid).chi2)
-    np.testing.assert_allclose(error.u, thickness_error(there).u, atol=1e-12)
-    assert turned(found, residual, grid, -step)[1] is None  # every part leads away
+    sheet = sheet_at(found)
+    bricks = bricks_of(found, sheet.frames)
+    nothing = type(bricks.error)(np.zeros_like(bricks.error.u), np.zeros_like(bricks.error.channels))
+    here = sheet.left(nothing)
+    there, of_there = turned(sheet, here, bricks, 3.0 * here.step)
+    value = there.found.parameters["BODY.E"].value
+    assert value == pytest.approx(found.parameters["BODY.E"].value + 1.5 * here.step[0])
+    assert there.left(nothing).gain < here.gain
+    np.testing.assert_allclose(of_there.error.u, thickness_error(there.found).u, atol=1e-12)
+    assert turned(sheet, here, bricks, -here.step) is None  # every part leads away
 
 
 def test_bricks_are_not_lost_where_no_part_of_a_step_helps(tmp_path, monkeypatch):
     scene = scene_of_world((0.0, 0.2))
     found = at_truth(tmp_path, scene, solve(scene), E=1.05 * NULLS["elastic"].truth["E"])
-    monkeypatch.setattr("idic.diagnose.discretisation.thickness_error.PARTS_OF_STEP", ())
+    monkeypatch.setattr("idic.diagnose.discretisation.turns.PARTS_OF_STEP", ())
     error, there = in_turns(found, None, grid_of(residual_evidence(found, light=False)))
     assert there.parameters.as_values() == found.parameters.as_values()
     np.testing.assert_allclose(error.thickness.u, thickness_error(found).u, atol=1e-12)
@@ -200,6 +205,58 @@ def test_triangles_have_solid_elements_that_move_as_the_bricks_of_quadrilaterals
     off = [np.linalg.norm(moved_otherwise(in_triangles(sheet)) - known) / np.linalg.norm(known)
            for sheet in (coarse, fine)]
     assert known.shape == (n, 2) and off[0] < 0.25 and off[1] < 0.5 * off[0]
+
+
+@needs_calculix
+def test_turns_learn_how_the_error_follows_the_parameters(tmp_path, monkeypatch):
+    """A sheared plate of bricks, whose E is 7 standard deviations off: whole turns swing about the answer."""
+    scene = scene_of_world(specimen="shear")
+    found = identify(load_rendered(tmp_path, write_public(
+        tmp_path, scene, solve_with_calculix(as_solid(BENDING | {"specimen": "shear"}, scene)), Paint(1, 2))))
+    grid, simulated = grid_of(residual_evidence(found, light=False)), []
+
+    def counted(*arguments):
+        simulated.append(arguments)
+        return bricks_of(*arguments)
+
+    monkeypatch.setattr("idic.diagnose.discretisation.turns.bricks_of", counted)
+    _, there = in_turns(found, None, grid)
+    learning = len(simulated)
+    bricks = thickness_error(there)
+    left = sheet_at(there).left(type(bricks)(np.zeros_like(bricks.u), np.zeros_like(bricks.channels))
+                                .with_thickness(bricks))
+    assert np.abs(left.step / left.std).max() < TURNED_STD
+    monkeypatch.setattr("idic.diagnose.discretisation.turns.learned", lambda slope, *_: slope)
+    _, same = in_turns(found, None, grid)
+    assert learning <= 3 < len(simulated) - learning
+    for name, std in zip(there.parameters.free, left.std, strict=True):
+        assert abs(there.parameters[name].value - same.parameters[name].value) < 2.0 * TURNED_STD * std
+
+
+def test_the_error_of_plane_stress_is_differentiated_by_the_law(tmp_path):
+    scene = scene_of_world((0.0, 0.2))
+    plain = at_truth(tmp_path, scene, solve(scene))
+    found = with_bricks_known(plain, thickness_error(plain))
+    residual = residual_evidence(found, light=False)
+    changes = error_changes(found, residual, range(2))
+    assert changes.names == residual.null.names == ("BODY.E", "BODY.nu")
+    for j, step in enumerate((1.0, 1e-4)):  # 1 MPa, which moves nothing, and 0.0001
+        high, low = (thickness_error(moved(found, sign * step * np.eye(2)[j])) for sign in (1.0, -1.0))
+        known = error_column(residual, type(high)(high.u - low.u, high.channels - low.channels))
+        slope = known.fields[..., 0] / (2.0 * step)
+        np.testing.assert_allclose(changes.fields[..., j], slope, atol=1e-4 * np.abs(slope).max() + 1e-12)
+        np.testing.assert_allclose(changes.channels[..., j], known.channels[..., 0] / (2.0 * step), rtol=1e-4)
+    factors = std_factors(found, residual)
+    assert set(factors) == {"BODY.E", "BODY.nu"} and min(factors.values()) > 0.0
+    assert std_factors(plain, residual_evidence(plain, light=False)) == {}
+
+
+def test_an_error_found_nearby_is_not_found_anew(tmp_path):
+    scene = scene_of_world((0.0, 0.2))
+    found = at_truth(tmp_path, scene, solve(scene))
+    std, values = np.array([20.0, 0.01]), found.parameters.as_values()
+    assert is_at(values | {"BODY.E": values["BODY.E"] + 1.9}, found, std)
+    assert not is_at(values | {"BODY.nu": values["BODY.nu"] - 0.0011}, found, std)
 
 
 @pytest.mark.parametrize("shape", ["quadrilaterals", "triangles"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,8 @@ from idic.identify.in_memory import Identification
 from idic.identify.step.state import AcceptedPoint
 from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
+
+NEAR_STD = 0.1  # of a parameter: an error of the simulation that was found so near is not found anew
 
 
 def remaining(residual: ResidualEvidence) -> tuple[np.ndarray, np.ndarray, float]:
@@ -37,3 +40,10 @@ def at_values(found: Identification, experiment: Experiment, values: dict[str, f
     state = replace(found.state, accepted=AcceptedPoint(values) if accepted is None else replace(accepted,
                                                                                                values=values))
     return replace(found, experiment=experiment, forward=build_forward(experiment), state=state, path=None)
+
+
+def is_at(values: Mapping[str, float], other: Identification, std: np.ndarray) -> bool:
+    """Whether parameters are those of an identification within `NEAR_STD` standard deviations; std : (n,) of its free
+    parameters"""
+    apart = np.array([values[name] - other.parameters[name].value for name in other.parameters.free])
+    return bool((np.abs(apart) <= NEAR_STD * std).all())

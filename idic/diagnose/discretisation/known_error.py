@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.following import at_values, moved, remaining
 from idic.diagnose.discretisation.mesh_error import motion_error
-from idic.diagnose.discretisation.thickness_error import in_turns, thickness_error
+from idic.diagnose.discretisation.turns import in_turns
 from idic.diagnose.discretisation.weight import change_matters, counts
 from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
@@ -37,16 +38,23 @@ def known_error(found: Identification, old: MotionError | None) -> MotionError |
     return (error or nothing).with_thickness(thickness_error(found) or old.thickness)
 
 
-def renewed_error(found: Identification, residual: ResidualEvidence, grid: Grid) -> MotionError | None:
-    """The error of a model at its present values, where it differs from the known one (`change_matters`)."""
+def renewed_error(found: Identification, residual: ResidualEvidence,
+                  grid: Grid) -> tuple[MotionError, Identification] | None:
+    """The error of a model at its present values, where it differs from the known one (`change_matters`), and the
+    model at the values that it is of: in turns with an error of plane stress, which the parameters follow."""
     old = residual.context.experiment.motion_error
     if old is None:
         return None
-    new = motion_error(found)
-    if old.thickness is not None:
-        settled = in_turns(found, new, grid)
-        new = None if settled is None else settled[0]
-    return new if new is not None and change_matters(residual, old, new) else None
+    there, bricks = found, old.thickness
+    if bricks is not None:
+        settled = in_turns(found, old.of_mesh, grid)
+        if settled is None:
+            return None
+        bricks, there = settled[0].thickness, settled[1]
+    new = motion_error(there)
+    if bricks is not None:
+        new = (new or MotionError(np.zeros_like(old.u), np.zeros_like(old.channels))).with_thickness(bricks)
+    return (new, there) if new is not None and change_matters(residual, old, new) else None
 
 
 def _knowing(source: ExperimentSource, found: Identification,

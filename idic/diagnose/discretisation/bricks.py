@@ -1,0 +1,100 @@
+"""The error of plane stress: what bricks of the specimen's thickness move otherwise than the sheet.
+
+A thick sheet is not in plane stress: a bent beam of bricks, 3 mm wide and 2.8 mm thick, moves by 0.026 px otherwise.
+The test is simulated on bricks of the stated thickness (`idic.identify.systematic.real_thickness`) at the parameters of
+a model, with its increments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from idic.correlation.context import FrameResponse
+from idic.errors import NotConverged
+from idic.fe.superposition import is_linear
+from idic.identify.discrepancy.mesh_error import LOOSE
+from idic.identify.in_memory import Identification
+from idic.identify.kept_simulation import response_of
+from idic.identify.systematic.real_thickness import can_be_thick, thick
+from idic.model.forward import ForwardModel, build_forward
+from idic.model.motion_error import MotionError
+
+MAX_BRICK_NODES = 12_000  # of half the thickness: 40 CPU s under a load that yields, 36 frames of 9000
+MAX_LINEAR_BRICK_NODES = 40_000  # of a body whose motions are superposed: 9000 take a second
+
+
+@dataclass(frozen=True, eq=False)
+class Bricks:
+    """Bricks at the parameters of a sheet.
+
+    error : of the sheet; path : their motion in every simulated frame, (n_nodes, 3) mm, () where it is of no use to
+    the next one
+    """
+
+    error: MotionError
+    path: tuple[np.ndarray, ...] = ()
+
+
+def thickness_error(found: Identification) -> MotionError | None:
+    """What a simulation in plane stress lacks of the surface of bricks; None where none can be made or simulated."""
+    bricks = bricks_of(found, simulated_sheet(found))
+    return None if bricks is None else bricks.error
+
+
+def bricks_of(found: Identification, sheet: Iterable[FrameResponse], near: Bricks | None = None) -> Bricks | None:
+    """The bricks of an identification; None where none can be made or simulated.
+
+    sheet : its simulated frames without a known error, the reference first; near : bricks at similar parameters
+    """
+    model = brick_model(found)
+    if model is None:
+        return None
+    experiment, n, kept = found.experiment, found.experiment.mesh.n_nodes, []
+    u = np.zeros((experiment.n_frames, *experiment.mesh.nodes.shape))
+    channels = np.zeros((experiment.n_frames, len(experiment.channels)))
+    linear = is_linear(model.model)
+    states = model.march(found.parameters, (), found.local, found.steps,
+                         warm_start=near.path or None if near is not None else None, may_cut=True)
+    try:
+        for own, other in zip(sheet, states, strict=True):
+            u[own.frame] = other.u[:n, :2] - own.u
+            channels[own.frame] = other.channels - own.channels
+            if not linear:
+                kept.append(other.u)
+    except NotConverged:
+        return None
+    return Bricks(MotionError(u, channels), tuple(kept))
+
+
+def simulated_sheet(found: Identification, names: Sequence[str] = (),
+                    guesses: Iterable[np.ndarray] | None = None) -> Iterator[FrameResponse]:
+    """All frames of the model without a known error, the reference first.
+
+    names : to differentiate by; guesses : (n_nodes, 2) mm of every frame
+
+    Raises
+    ------
+    NotConverged
+        While iterating, if equilibrium is not found.
+    """
+    experiment = replace(found.experiment, motion_error=None)
+    forward = build_forward(experiment)
+    states = forward.march(found.parameters, names, found.local, found.steps,  # type: ignore[call-arg]
+                           bool(names) and forward.drives.n_local > 0, guesses, may_cut=True)
+    return (response_of(at, experiment.reference) for at in states)
+
+
+def brick_model(found: Identification) -> ForwardModel | None:
+    """The model of bricks, loosely solved; None where none can be made or it is too large."""
+    experiment = replace(found.experiment, motion_error=None)
+    if not can_be_thick(experiment):
+        return None
+    forward = build_forward(thick(experiment))
+    assert isinstance(forward, ForwardModel)  # a sheet of an external solver is not made thick
+    size = forward.experiment.mesh.n_nodes
+    if size > MAX_LINEAR_BRICK_NODES or (size > MAX_BRICK_NODES and not is_linear(forward.model)):
+        return None
+    return replace(forward, control=LOOSE)
