@@ -155,6 +155,16 @@ def test_rivals_of_the_best_candidates_family_are_refitted_whatever_first_order_
     assert same_family_rivals(screening(bend, pressure), [rival("kinematic_hardening", MIN_HELDOUT_DROP)]) == []
 
 
+@pytest.mark.parametrize("left, asked", [(400.0, True), (1.0, False)])
+def test_bends_are_refitted_where_another_law_passes_and_leaves_a_good_part(left, asked):
+    """Rate dependence had stood for a curve that saturates, which nobody refitted: it is of another family."""
+    bend, flow = ranked("hardening_curvature"), rival("rate_dependence", 1000.0, achieved=1000.0)
+    flow = replace(flow, refitted=replace(flow.refitted, choice=replace(flow.refitted.choice, gain=np.array([left]),
+                                                                        rank=np.array([0]))))
+    assert (bend in same_family_rivals(screening(bend), [flow], bends=True)) is asked
+    assert bend not in same_family_rivals(screening(bend), [flow])
+
+
 def test_the_family_of_the_best_fit_is_refitted_before_both_copies_judge():
     near = rival("creep", 6.0, achieved=37.0)
     assert same_family_rivals(screening(ranked("viscoelasticity"), ranked("damage")),

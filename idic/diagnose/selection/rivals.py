@@ -89,12 +89,14 @@ def same_family_rivals(screening: Screening, rivals: Sequence[Rival], bends: boo
 
     The best is the candidate with the largest drop where it was fitted, if no candidate passes on one copy.
 
-    bends : the null has a law that yields: if no candidate passes, bends of its hardening curve are refitted as well
+    bends : the null has a law that yields: bends of its hardening curve are refitted as well if no candidate passes, or
+    if the best one is another law that leaves something
 
     A straight line of hardening that was identified hides a bend to first order (drop of chi-square 28 promised, 128
     once it was refitted), and the back stress that imitates it was selected alone (93). Only where the way to the
     answer is not straight: laws, not channels and cameras. The same bend, clear, let warmth and a drift of the force
-    stand out instead (z 7.6 and 6.1, itself 2.7), which did not survive on the other copy.
+    stand out instead (z 7.6 and 6.1, itself 2.7), which did not survive on the other copy. Where another law passes and
+    leaves a good part, it may stand for a bend, too: a curve that saturates, reloaded, was told as rate dependence.
     """
     found = [r for r in rivals if r.passes]
     shown = found or [r for r in rivals if r.refitted.usable and r.achieved > r.min_heldout_drop]
@@ -104,7 +106,8 @@ def same_family_rivals(screening: Screening, rivals: Sequence[Rival], bends: boo
                                     and r.candidate.family == best.ranked.candidate.family
                                     and r.material == best.ranked.material]
     hidden = [r for r in laws if r.candidate.hidden_by_yield_law and r not in akin]
-    return akin + (hidden if bends and rivals and not found else [])
+    stands_in = bool(found) and best.ranked.candidate.changes_law and not explains_all(best)  # type: ignore[union-attr]
+    return akin + (hidden if bends and rivals and (not found or stands_in) else [])
 
 
 def other_laws(screening: Screening) -> list[Ranked]:
