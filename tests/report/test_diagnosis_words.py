@@ -1,5 +1,8 @@
 """What a reader is told first of a diagnosis, from the content of diagnosis.json."""
 
+import pytest
+
+from idic.report.diagnosis.headline import moves
 from idic.report.diagnosis.words import sentence, standing_of, strongest
 
 TITLES = {"heterogeneity": "heterogeneous stiffness"}
@@ -108,3 +111,11 @@ def test_the_course_of_a_warmth_is_told_with_the_expansion_that_was_supposed():
     said["model"] = said["model"] | {"parameters_after": knots}
     assert ("(temperature 37.7 ± 3.5 K at most, in frame 8, for an expansion of 1e-05 per K)"
             in sentence(said, {"thermal_expansion": "thermal expansion"}))
+
+
+@pytest.mark.parametrize("before, said", [(1.08, "8 % too high"), (0.5, "50 % too low"), (9.04, "9 times as high")])
+def test_a_value_that_was_several_times_too_high_is_told_so(before, said):
+    one = {"value": 1.0, "std": 0.01, "unit": "MPa"}
+    content = {"model": {"parameters_before": {"BODY.H": one | {"value": before}}, "parameters_after": {"BODY.H": one}}}
+    (text,) = moves(content)
+    assert text.startswith(f"H came out {said} (")

@@ -167,11 +167,17 @@ def moves(content: Mapping, of_model: str = "parameters_after") -> list[str]:
         if new is None or None in (old["value"], old["std"], new["value"]) or not new["value"]:
             continue
         if abs(new["value"] - old["value"]) > MIN_MOVE_STD * (new["std"] or old["std"]):
-            share = 100.0 * (old["value"] / new["value"] - 1.0)
-            found.append(f"{shown[name]} came out {abs(share):.2g} % too {'high' if share > 0 else 'low'} "
+            found.append(f"{shown[name]} came out {_too_much(old['value'] / new['value'])} "
                          f"({with_std(old['value'], None, old['unit'])} for "
                          f"{with_std(new['value'], new['std'], new['unit'])})")
     return found
+
+
+def _too_much(ratio: float) -> str:
+    """By how much a value was off: "8.3 % too low", "9 times as high"."""
+    share = 100.0 * (ratio - 1.0)
+    return (f"{ratio:.2g} times as high" if ratio >= 2.0
+            else f"{abs(share):.2g} % too {'high' if share > 0 else 'low'}")
 
 
 def per_cent(share: float | None) -> str:
