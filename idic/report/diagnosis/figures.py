@@ -49,7 +49,8 @@ def _residual_maps(record: DiagnosisRecord, camera: str, maps: Sequence[tuple[st
         figure.colorbar(drawn, ax=list(axes), label="residual [σ of noise]", shrink=0.8, aspect=30)
         return to_picture(figure, f"diagnosis_residual{camera and '_' + camera}",
                           f"Residual of frame {record.frame} in standard deviations{camera and ', camera ' + camera}",
-                          "The frame with the largest excess of the identified model, "
+                          "The frame with the largest excess, or with the largest motion where the identified model "
+                          "leaves more there, "
                           + ("before and after the enrichment, " if len(maps) > 2 else "")
                           + "and a draw of noise with an rms of 1 (independent from pixel to pixel; interpolation "
                           "smooths the noise of a residual).")

@@ -46,7 +46,7 @@ def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str],
               further: tuple[Picture, ...] = ()) -> DiagnosisRecord:
     """Everything the page shows, in the reader's units."""
     experiment, verdict = diagnosis.found.experiment, diagnosis.verdict
-    frame = verdict.before.worst_frame
+    frame = notes.attempt("the frame of the maps", _shown_frame, diagnosis, otherwise=verdict.before.worst_frame)
     return DiagnosisRecord(
         title=experiment.title, content=content, titles=titles, frame=frame,
         residuals=notes.attempt("the maps of the residual", _residuals, diagnosis, frame, otherwise=()),
@@ -56,6 +56,17 @@ def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str],
         abscissa=experiment.times, time_label=time_label(experiment.times), curves=_curves(diagnosis), further=further,
         windows=notes.attempt("the parameters over the frames", _windows, diagnosis, otherwise=()),
         laws=notes.attempt("the curves of the laws", law_pairs, diagnosis, otherwise=()))
+
+
+def _shown_frame(diagnosis: Diagnosis) -> int:
+    """Of the frames with the largest excess and the largest motion the one whose residual is larger.
+
+    The excess counts motion beside the mean of all frames, which the noise of the reference image may share: where a
+    seating bends every later frame, that of the first one at rest is the largest, and its residual is noise.
+    """
+    residual, worst = diagnosis.residual_before, diagnosis.verdict.before.worst_frame
+    moved = int(residual.evidence.frames[np.argmax(np.abs(residual.u).reshape(len(residual.u), -1).max(axis=1))])
+    return max((worst, moved), key=lambda frame: float(np.nanmean(maps_of_evidence(residual, frame)[0] ** 2)))
 
 
 def _windows(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:
