@@ -3,8 +3,8 @@
 Python raises KeyboardInterrupt wherever the main thread is. Where that is the instant at which a lock has been taken
 and the block that gives it back has not yet begun, the lock is held for ever, and so is the thread that hands in the
 results of Zarr or Dask: the command would hang instead of writing what it has. There the interruption waits for some
-milliseconds. Where that is a callback of the garbage collector or a finaliser, Python reports the exception and drops
-it: the command would go on to its end as if nobody had asked. There the interruption is raised again.
+milliseconds. In a callback of the garbage collector or in a finaliser Python reports the exception and drops it, and
+the command would run to its end. The interruption is raised again some milliseconds later.
 """
 
 from __future__ import annotations

@@ -157,7 +157,7 @@ def test_rivals_of_the_best_candidates_family_are_refitted_whatever_first_order_
 
 @pytest.mark.parametrize("left, asked", [(400.0, True), (1.0, False)])
 def test_bends_are_refitted_where_another_law_passes_and_leaves_a_good_part(left, asked):
-    """Rate dependence had stood for a curve that saturates, which nobody refitted: it is of another family."""
+    """Rate dependence was selected for a saturating hardening curve, whose candidate was not refitted."""
     bend, flow = ranked("hardening_curvature"), rival("rate_dependence", 1000.0, achieved=1000.0)
     flow = replace(flow, refitted=replace(flow.refitted, choice=replace(flow.refitted.choice, gain=np.array([left]),
                                                                         rank=np.array([0]))))

@@ -132,7 +132,7 @@ def turned(sheet: Sheet, here: Left, bricks: Bricks, step: np.ndarray) -> tuple[
     """Sheet and bricks after a step of the free parameters, or the first of its parts after which they would move less
     beside the error that is known; None where none does or bricks cannot be simulated.
 
-    here : what is left at the sheet; step : (n,), in the order of its
+    here : residual and remaining step at the sheet; step : (n,), in the order of its free parameters
     """
     for part in PARTS_OF_STEP:
         tried = moved(sheet.found, part * step)
@@ -149,9 +149,9 @@ def turned(sheet: Sheet, here: Left, bricks: Bricks, step: np.ndarray) -> tuple[
 
 
 def learned(slope: np.ndarray, taken: np.ndarray, change: np.ndarray, gram: np.ndarray) -> np.ndarray:
-    """The slope of what is left that maps the last step to its change, and is as before across it  # (n, n)
+    """Derivative of the remaining step by the step taken, true to the last step and unchanged across it  # (n, n)
 
-    taken, change : (n,) step, and by how much what is left became less; gram : (n, n) the metric
+    taken, change : (n,) step taken, and decrease of the remaining step; gram : (n, n) the metric
     """
     weight = gram @ taken
     return slope + np.outer(change - slope @ taken, weight) / max(float(taken @ weight), 1e-300)

@@ -1,8 +1,9 @@
 """The scale of a selected cause, where one of the few that are screened leaves something.
 
-A seating is screened with three forces under which the grips settle. The one that is selected is near the true one at
-best; what it leaves looks like a further cause. The scale s is found by refits: a parabola through chi-square over
-log s on the copy for choosing; the copy without a part in that choice decides. The scale is held afterwards.
+A seating is screened with three values of the force under which the grips settle. The selected value differs from the
+true one, and the residual of that difference looks like a further cause. So the scale s is found by refits: a parabola
+through chi-square over log s on the copy for choosing; the copy without a part in that choice decides. The scale is
+held afterwards, and no error bar counts its uncertainty.
 """
 
 from __future__ import annotations

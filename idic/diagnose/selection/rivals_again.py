@@ -1,9 +1,10 @@
 """Rivals of a selected cause compared again, once bricks, finite strains or an error of the mesh have joined it.
 
 A cause is selected while the model still lacks the thickness of the body and its strains, if the cause hid them. Of two
-that come near each other the one that takes up a part of these errors then wins: a beam of bricks that yields was told
-as creep with an exponent of ten, by 19 of 2400 of chi-square held out, before bricks brought 32. So the nearest rivals
-get the same errors, computed with their own motion, and all are judged anew.
+candidates with nearly the same chi-square the one that imitates a part of these errors is selected then: plasticity of
+a beam of bricks was told as creep with an exponent of ten, whose held-out chi-square was lower by 19 of 2400; bricks
+lowered it by another 32. So the nearest rivals get the same errors, computed with their own motion, and all are judged
+anew.
 """
 
 from __future__ import annotations

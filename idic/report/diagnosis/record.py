@@ -38,7 +38,7 @@ class DiagnosisRecord:
         Residual maps in standard deviations of noise, NaN outside: before, after, held out, a draw of noise; of every
         camera, whose name is "" where there is but one.
     frame : int
-        The frame of the maps, with the largest residual before.
+        The frame of the maps: with the largest excess before, or the largest motion where its residual is larger.
     excess_frames : (T,) int
     excess_before, excess_after : (T,) float
         Held-out excess of every frame.
