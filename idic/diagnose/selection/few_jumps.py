@@ -2,8 +2,10 @@
 
 A ramp or a course that is linear between knots describes several jumps badly, and says neither when they happened nor
 how far. The columns of jumps in all frames are one pattern times courses, so that they cost one response; of them the
-fewest are taken whose every one lowers chi-square by `MIN_JUMP_CHI2`, the best one after the other, each moved
-afterwards to where it explains most beside the others. The copy without a part in that choice decides.
+fewest are taken whose every one lowers chi-square by `MIN_JUMP_CHI2` and by `MIN_FURTHER_SHARE` of what they explain
+together, the best one after the other, each moved afterwards to where it explains most beside the others. A smaller
+share is a flaw of their description, or another cause that many jumps would follow. The copy without a part in that
+choice decides.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from idic.diagnose.screen.free_courses import free_edits
 from idic.diagnose.screen.score import Scores, null_model, score
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.selection.own_course import leaves_something, refitted_as
-from idic.diagnose.selection.rival import Rival
+from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, Rival
 from idic.model.free_course import jump_name, without_knot
 
 MIN_JUMP_CHI2 = 18.0  # that a jump must bring; the best of 100 frames reaches it under noise in 2 of 1000 recordings
@@ -66,8 +68,8 @@ def with_few_jumps(source: ExperimentSource, null: Refit, winner: Rival, refits:
 
 
 def few_jumps(scores: Scores) -> list[int]:
-    """The fewest columns of which each lowers chi-square by `MIN_JUMP_CHI2` beside the others, in their order; at most
-    `MAX_JUMPS`, none where more would be needed."""
+    """The fewest columns of which each lowers chi-square by `MIN_JUMP_CHI2`, and by a share of what they explain together,
+    beside the others, in their order; at most `MAX_JUMPS`, none where more would be needed."""
     everyone, chosen = range(len(scores.U)), []
 
     def gain(members: list[int]) -> float:
@@ -76,7 +78,8 @@ def few_jumps(scores: Scores) -> list[int]:
     while True:
         others = [k for k in everyone if k not in chosen and scores.own[k] > 0]
         best = max(others, key=lambda k: gain([*chosen, k]), default=None)
-        if best is None or gain([*chosen, best]) - gain(chosen) < MIN_JUMP_CHI2:
+        together = 0.0 if best is None else gain([*chosen, best])
+        if together - gain(chosen) < max(MIN_JUMP_CHI2, MIN_FURTHER_SHARE * together):
             return sorted(chosen)
         if len(chosen) == MAX_JUMPS:
             return []
