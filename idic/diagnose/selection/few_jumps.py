@@ -68,8 +68,8 @@ def with_few_jumps(source: ExperimentSource, null: Refit, winner: Rival, refits:
 
 
 def few_jumps(scores: Scores) -> list[int]:
-    """The fewest columns of which each lowers chi-square by `MIN_JUMP_CHI2`, and by a share of what they explain together,
-    beside the others, in their order; at most `MAX_JUMPS`, none where more would be needed."""
+    """The fewest columns of which each lowers chi-square by `MIN_JUMP_CHI2`, and by a share of what they explain
+    together, beside the others, in their order; at most `MAX_JUMPS`, none where more would be needed."""
     everyone, chosen = range(len(scores.U)), []
 
     def gain(members: list[int]) -> float:
