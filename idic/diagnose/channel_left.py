@@ -17,6 +17,7 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence
 
 MIN_CHANNEL_Z = 5.0  # standard deviations of a channel's excess that count as something
 MAX_CHANNEL_EXCESS_LEFT = 0.1  # of the excess before: a formal fit, not the cause
+MIN_EXPLAINED_SHARE = 0.7  # of the excess of a channel: a cause that explains less is not the one of its readings
 MIN_READING_SHARE = 1e-3  # of the largest reading, rms: below, simulations of one law on two meshes differ as much
 
 
@@ -72,6 +73,17 @@ class ChannelLeft:
 
 def _beyond_noise(z: np.ndarray) -> bool:
     return bool(stats.chi2.logsf((z**2).sum(), len(z)) < stats.norm.logsf(MIN_CHANNEL_Z))
+
+
+def explains_a_channel(first: np.ndarray, before: np.ndarray, after: np.ndarray) -> bool:
+    """Whether a channel is explained for the most part of which more than noise and a good share was left.
+
+    first, before, after : (T, n_channels) in standard deviations, without any cause, and without and with the one in
+    question
+    """
+    return any(_beyond_noise(one) and excess(one) > MAX_CHANNEL_EXCESS_LEFT * excess(start)
+               and excess(other) < (1.0 - MIN_EXPLAINED_SHARE) * excess(one)
+               for start, one, other in zip(first.T, before.T, after.T, strict=True))
 
 
 def smallest_reading(residual: ResidualEvidence) -> float:

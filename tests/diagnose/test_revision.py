@@ -11,7 +11,8 @@ import pytest
 from idic.diagnose.refit import Refit
 from idic.diagnose.refit_job import Told
 from idic.diagnose.residual.heldout import Fit
-from idic.diagnose.selection.revision import Workplace, exchangeable, is_needed, min_further_drop, revised
+from idic.diagnose.selection.revision import (Workplace, earns_its_place, exchangeable, is_needed, min_further_drop,
+                                               revised)
 from idic.diagnose.screen.candidate import Variant, candidates
 from idic.diagnose.screen.score_columns import ScoreColumn
 from idic.diagnose.screen.select import Ranked, Screening
@@ -152,6 +153,24 @@ def test_a_further_cause_has_a_bar_of_its_own_and_a_share_of_the_whole():
     (one,) = chosen(("magnification",), sets(((), 5000.0), (("magnification",), 1000.0)))
     assert min_further_drop(one.winner, 100.0) == MIN_HELDOUT_DROP + 1
     assert min_further_drop(one.winner, 1e5) == MIN_FURTHER_SHARE * 1e5
+
+
+@pytest.mark.parametrize(("name", "left", "free", "stays"), [
+    ("friction", 0.1, False, True), ("friction", 0.5, False, False), ("friction", 0.1, True, False),
+    ("magnification", 0.1, False, False)])
+def test_a_cause_of_readings_that_explains_the_force_needs_no_share_of_the_whole(name, left, free, stays):
+    """26 readings that are 4 standard deviations off are a hundredth of what the images show of another cause; left :
+    of their excess."""
+    def of_force(chi2, size):
+        return replace(fit(chi2), channels=size * np.ones((26, 1)))
+
+    (one,) = chosen((name,), sets(((), 5000.0), ((name,), 1000.0)))
+    variant = replace(one.winner.ranked.variant, free_course=free)
+    rival = replace(one.winner, ranked=replace(one.winner.ranked, variant=variant))
+    first, without, together = of_force(4e4, 5.0), of_force(100.0, 4.0), of_force(100.0, np.sqrt(1.0 + 15.0 * left))
+    assert without.chi2 - together.chi2 < min_further_drop(rival, 4e4)
+    assert earns_its_place(rival, first, without, together) is stays
+    assert not earns_its_place(rival, of_force(4e4, 15.0), without, together)  # a tenth of the excess is no finding
 
 
 def test_a_parameter_far_from_its_null_needs_no_refit_to_be_kept():

@@ -41,7 +41,7 @@ from idic.diagnose.selection.few_jumps import with_few_jumps
 from idic.diagnose.selection.finite_strains import with_finite_strains_counted
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.own_scale import with_own_scale
-from idic.diagnose.selection.revision import Workplace, min_further_drop, revised
+from idic.diagnose.selection.revision import Workplace, earns_its_place, revised
 from idic.diagnose.selection.rival import Rival, Round, judge
 from idic.diagnose.selection.rivals import edits_of, from_other_starts, refitted
 from idic.diagnose.selection.rivals_again import judged_again, near_rivals, own_error
@@ -188,13 +188,13 @@ def _last_cause_again(rounds: list[Round], source: ExperimentSource, null: Refit
 
     null, whole : fit with it, and its residual on the recording itself
     """
-    last, at_first = rounds[-1], rounds[0].null.judgement.chi2
+    last = rounds[-1]
     setting.stage("the last cause tested anew, as the model has changed beside it")
     with setting.clock.step("revision_s"):
         (without,) = setting.refits([refit_of_one(last.source, "null", last.null, setting.grid,  # type: ignore[arg-type]
                                                   setting.seed)])
-        lost = without.judgement.chi2 - null.judgement.chi2 if without.usable else np.inf
-        if lost >= min_further_drop(last.winner, at_first - null.judgement.chi2):  # type: ignore[arg-type]
+        if not without.usable or earns_its_place(last.winner, rounds[0].null.judgement,  # type: ignore[arg-type]
+                                                 without.judgement, null.judgement):
             return rounds, source, null, whole
         after = residual_from_rest(last.source.load(), without)  # type: ignore[union-attr]
     return (rounds, source, null, whole) if after is None else (rounds[:-1], last.source, without, after)  # type: ignore
@@ -265,9 +265,13 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
             plain, rivals = None if other is rescaled else winner, tuple(other if r is winner else r for r in rivals)
             winner, equals = judge(rivals, screening)
     if before and winner is not None:
-        drop = before[0].null.judgement.chi2 - winner.refitted.judgement.chi2
-        if winner.heldout < min_further_drop(winner, drop):
-            return Round(screening, null, rivals, None, (), crossed, source, winner)
+        first = before[0].null.judgement
+        earning = [r for r in rivals
+                   if r.passes and earns_its_place(r, first, null.judgement, r.refitted.judgement)]
+        if winner not in earning:
+            passed_over, plain = winner, None
+            winner, equals = judge(earning, screening)
+            return Round(screening, null, rivals, winner, equals, crossed, source, passed_over)
     return Round(screening, null, rivals, winner, equals, crossed, source, plain=plain)
 
 
