@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from idic.diagnose.channel_left import ChannelLeft, channels_left
-from idic.diagnose.discretisation.following import is_at, remaining
+from idic.diagnose.discretisation.following import is_at
 from idic.diagnose.discretisation.known_error import renewed_error, with_error
 from idic.diagnose.discretisation.neglected import Neglected, neglected
 from idic.diagnose.discretisation.thickness_error import neglected_errors, with_bricks, with_thickness
@@ -343,33 +343,38 @@ def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round], se
 
     The fit begins at the end of the fit to a copy, a few standard deviations away, with the estimator of that end. The
     known error of its simulation is that of the values on the copy; where those of the recording change it, or ask for
-    bricks now that the cause is known, the fit is repeated with it, and the source has it. A quick diagnosis ends with
-    the fit to the copy.
+    bricks now that the cause is known, the fit is repeated with it, and the source has it. Bricks that are known
+    already follow to the recording in turns first, and the fit begins where these end: it is repeated only where it
+    ends elsewhere. A quick diagnosis ends with the fit to the copy.
     """
     setting.stage("residual of the enriched model" if setting.quick
                   else "fit of the enriched model to the whole recording")
     with setting.clock.step("final_s"):
-        final = null if setting.quick else _whole_fit(source, null, setting)
+        turned = None if setting.quick else _turned(source, null, setting)
+        if turned is not None:
+            source, final, of = turned
+        else:
+            final, of = null if setting.quick else _whole_fit(source, null, setting), None
         if not final.usable:
             return _Enriched(source, final)
         after, active = residual_from_rest(source.load(), final), None
         if after is None:
             return _Enriched(source, final)
         for turn in range(0 if setting.quick else MAX_RENEWALS):
-            there = identification_at(source.load(), final.values, final.local, final.steps)
-            error, of = with_bricks(there, after, setting.grid) if turn == 0 else None, None
-            if error is None and (new := renewed_error(there, after, setting.grid)) is not None:
-                error, of = new
-            if error is None:
+            if of is not None and is_at(final.values, of, final.stds):
                 break
-            renewed = source.with_motion_error(error)
-            again = _whole_fit(renewed, final, setting)
+            there = identification_at(source.load(), final.values, final.local, final.steps)
+            bricks = with_bricks(there, after, setting.grid) if turn == 0 else None
+            new = bricks or renewed_error(there, after, setting.grid)
+            if new is None:
+                break
+            renewed = source.with_motion_error(new[0])
+            of = None if bricks else new[1]  # the error of the mesh is the old one
+            again = _whole_fit(renewed, final, setting, new[1])
             left = residual_from_rest(renewed.load(), again) if again.usable else None
             if left is None:
                 break
             source, final, after = renewed, again, left
-            if of is not None and is_at(final.values, of, remaining(after)[1]):
-                break
         other = None if setting.quick else fit_from_other_axes(source, final, rounds, setting.refits, setting.grid,
                                                                setting.seed)
         if other is not None and is_better(other, final):
@@ -383,9 +388,35 @@ def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round], se
     return _Enriched(source, final, after, active, None if same else other)
 
 
-def _whole_fit(source: ExperimentSource, near: Refit, setting: Setting) -> Refit:
-    """The model of a source fitted to the recording itself, from the end of another fit."""
-    (found,) = setting.refits([refit_of_one(source, "enriched", near, setting.grid, setting.seed, copies=False,
+def _turned(source: ExperimentSource, null: Refit, setting: Setting,
+            ) -> tuple[ExperimentSource, Refit, Identification] | None:
+    """The source with the error of plane stress that follows from a copy to the recording, the fit to the recording
+    beside it, and the model at the values that the error is of; None where bricks are not known, or this fails.
+
+    null : fit to the copy, which has converged: the turns take whole steps
+    """
+    known = source.motion_error
+    if known is None or known.thickness is None or null.status != "converged":
+        return None
+    residual = residual_from_rest(source.load(), null)
+    if residual is None:
+        return None
+    there = identification_at(source.load(), null.values, null.local, null.steps)
+    new = renewed_error(there, residual, setting.grid)
+    if new is None:
+        return None
+    renewed = source.with_motion_error(new[0])
+    final = _whole_fit(renewed, null, setting, new[1])
+    return (renewed, final, new[1]) if final.usable else None
+
+
+def _whole_fit(source: ExperimentSource, near: Refit, setting: Setting, at: Identification | None = None) -> Refit:
+    """The model of a source fitted to the recording itself, from the end of another fit, or from where turns ended.
+
+    at : that end
+    """
+    moved = None if at is None else {name: at.parameters[name].value - value for name, value in near.values.items()}
+    (found,) = setting.refits([refit_of_one(source, "enriched", near, setting.grid, setting.seed, moved, copies=False,
                                             estimator=near.estimator, whole_std=True)])
     return found
 

@@ -125,9 +125,16 @@ def run_refit(job: RefitJob) -> Refit:
                  job.whole_std, job.most_evaluations)
 
 
-def refit_of_one(source: ExperimentSource, name: str, null: Refit, grid: Grid, seed: int, **further) -> RefitJob:
+def refit_of_one(source: ExperimentSource, name: str, null: Refit, grid: Grid, seed: int,
+                 moved: Mapping[str, float] | None = None, **further) -> RefitJob:
     """The job that fits the present null model of a source again, from the end of its last fit.
 
+    moved : changes of parameters since that fit, to first order: the job begins with them, and at that end only where
+    the first start fails
     further : fields of `RefitJob`
     """
-    return RefitJob(name, source, (name,), ({},), (null.values,), null.local, grid, np.inf, seed, **further)
+    begins: tuple[Mapping[str, float], ...] = (null.values,)
+    if moved is not None:
+        begins = ({name: value + moved.get(name, 0.0) for name, value in null.values.items()}, null.values)
+    return RefitJob(name, source, (name,) * len(begins), ({},) * len(begins), begins, null.local, grid, np.inf, seed,
+                    **further)

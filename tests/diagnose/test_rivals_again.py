@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from test_revision import chosen, refit, sets, world
 
-from idic.diagnose.selection.rivals_again import NEAR_CHI2, NEAR_SHARE, judged_again, near_rivals
+from idic.diagnose.selection.rivals_again import NEAR_CHI2, NEAR_SHARE, Foreseen, judged_again, near_rivals
 
 SMALL = {"magnification": 52.0, "thermal_expansion": 71.0, "camera_motion": 400.0}  # chi-square without the errors
 
@@ -16,12 +16,13 @@ def one_round(drops=2400.0):
     return one
 
 
-def again(one, winner_left, rival_left):
+def again(one, winner_left, rival_left, foresee=None):
     """The round after errors have joined that leave so much beside its winner and beside a rival."""
     place, asked = world(sets((("thermal_expansion",), rival_left)))
     source = one.source.with_edits({"magnification": True})
     null = replace(refit(("magnification",), winner_left), label="null")
-    rounds, source, fitted = judged_again([one], near_rivals(one), source, null, False, None, place.refits, None, 0)
+    rounds, source, fitted = judged_again([one], near_rivals(one), source, null, False, foresee, place.refits,
+                                         None, 0, left=2.0 * winner_left)  # of the recording: both copies
     return rounds[0], source, fitted is null, asked
 
 
@@ -42,3 +43,16 @@ def test_the_rival_that_explains_more_beside_the_errors_takes_the_place(rival_le
     assert one.winner.heldout == pytest.approx(2400.0 - min(20.0, rival_left)) or winner == "magnification"
     assert {r.name: r.refitted.judgement.chi2 for r in one.rivals}["camera_motion"] == 400.0
     assert asked == [frozenset({"thermal_expansion"})]
+
+
+@pytest.mark.parametrize("promised, gain, refitted", [(60.0, 0.0, False), (60.0, 500.0, True), (51.0, 0.0, True)])
+def test_a_rival_that_first_order_leaves_behind_is_not_fitted_again(promised, gain, refitted):
+    """18 of chi-square are noise, and a fifth of what the parameters gain by following is an error of first order."""
+    moves = {"thermal_expansion.size": 0.3}
+    left = sets(((), 2400.0), (("magnification",), 20.0), (("thermal_expansion",), 21.0))
+    (before,) = chosen(("magnification",), left, rivals=("thermal_expansion",))
+    one, source, stays, asked = again(replace(before, equals=("thermal_expansion",)), 20.0, 60.0,
+                                      lambda there, rival: Foreseen(there, moves, promised, gain))
+    assert bool(asked) is refitted
+    assert one.winner.name == "magnification" and stays and one.equals == ()  # known to be behind either way
+    assert one.winner.heldout == pytest.approx(2380.0)

@@ -14,7 +14,9 @@ from idic.identify.step.state import AcceptedPoint
 from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
 
-NEAR_STD = 0.1  # of a parameter: an error of the simulation that was found so near is not found anew
+# of a parameter: an error of the simulation that was found so near is not found anew. Beside a new one the parameters
+# move by a part of this distance
+NEAR_STD = 0.25
 
 
 def remaining(residual: ResidualEvidence) -> tuple[np.ndarray, np.ndarray, float]:
@@ -23,6 +25,25 @@ def remaining(residual: ResidualEvidence) -> tuple[np.ndarray, np.ndarray, float
     null = null_model(residual.evidence, residual.null)
     return (null.remaining, np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300)),
             float(null.b @ null.remaining))
+
+
+def following(residual: ResidualEvidence) -> tuple[dict[str, float], float]:
+    """By how much the free parameters would still move, to first order, and the chi-square that it brings; those that
+    a bound holds back stay."""
+    parameters, null = residual.context.parameters, residual.null
+    while True:
+        free = null_model(residual.evidence, null)
+        steps = free.remaining
+        inside = [j for j, (name, step) in enumerate(zip(null.names, steps, strict=True))
+                  if not _leaves(parameters[name].value, step, parameters[name].bounds)]
+        if len(inside) == null.n:
+            return dict(zip(null.names, steps.tolist(), strict=True)), float(free.b @ steps)
+        null = null.pick(inside)
+
+
+def _leaves(value: float, step: float, bounds: tuple[float, float]) -> bool:
+    """Whether a step from a bound would leave it."""
+    return (value >= bounds[1] and step > 0.0) or (value <= bounds[0] and step < 0.0)
 
 
 def moved(found: Identification, step: np.ndarray) -> Identification:
@@ -42,8 +63,8 @@ def at_values(found: Identification, experiment: Experiment, values: dict[str, f
     return replace(found, experiment=experiment, forward=build_forward(experiment), state=state, path=None)
 
 
-def is_at(values: Mapping[str, float], other: Identification, std: np.ndarray) -> bool:
-    """Whether parameters are those of an identification within `NEAR_STD` standard deviations; std : (n,) of its free
-    parameters"""
-    apart = np.array([values[name] - other.parameters[name].value for name in other.parameters.free])
-    return bool((np.abs(apart) <= NEAR_STD * std).all())
+def is_at(values: Mapping[str, float], other: Identification, stds: Mapping[str, float | None]) -> bool:
+    """Whether parameters are those of an identification within `NEAR_STD` standard deviations; stds : of its free
+    parameters, None where one is open"""
+    return all(abs(values[name] - other.parameters[name].value) <= NEAR_STD * (stds.get(name) or np.inf)
+               for name in other.parameters.free)

@@ -66,9 +66,9 @@ def with_thickness(source: ExperimentSource, found: Identification, residual: Re
 
 
 def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid,
-                settled: bool = True) -> MotionError | None:
-    """The known error with that of plane stress, where a model with a cause leaves what bricks explain: as
-    `with_thickness`, to first order; None elsewhere.
+                settled: bool = True) -> tuple[MotionError, Identification] | None:
+    """The known error with that of plane stress, where a model with a cause leaves what bricks explain, and the model
+    at the values that it is of: as `with_thickness`, to first order; None elsewhere.
 
     Before the cause was known it hid the difference: finite strains and bricks both stiffen a bent beam.
 
@@ -82,9 +82,9 @@ def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid,
         return None
     mesh, bricks = known, errors[BRICKS]
     if not settled:
-        return (mesh or MotionError(np.zeros_like(bricks.u), np.zeros_like(bricks.channels))).with_thickness(bricks)
-    end = in_turns(found, mesh, grid, first=bricks)
-    return None if end is None else end[0]
+        nothing = MotionError(np.zeros_like(bricks.u), np.zeros_like(bricks.channels))
+        return (mesh or nothing).with_thickness(bricks), found
+    return in_turns(found, mesh, grid, first=bricks)
 
 
 def _drop_by_bricks(residual: ResidualEvidence, errors: Mapping[str, MotionError]) -> float:

@@ -47,6 +47,17 @@ def error_column(residual: ResidualEvidence, error: MotionError) -> Columns:
     return Columns(("mesh",), fields, error.channels[frames][..., None])
 
 
+def followed(residual: ResidualEvidence, old: MotionError | None, new: MotionError) -> dict[str, float]:
+    """By how much the identified parameters move as an error takes the place of another, to first order.
+
+    residual : of the model with the old one
+    """
+    change = new if old is None else MotionError(new.u - old.u, new.channels - old.channels)
+    null = null_model(residual.evidence, residual.null)
+    moves = score(residual.evidence, null, error_column(residual, change)).moves[:, 0]
+    return dict(zip(null.names, moves.tolist(), strict=True))
+
+
 def weighed(residual: ResidualEvidence, error: MotionError) -> tuple[float, float, float]:
     """Chi-square of an error beside the parameters, by how much it raises that of the recording, and its largest shift
     of a parameter in standard deviations."""

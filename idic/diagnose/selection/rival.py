@@ -166,5 +166,9 @@ def within_noise(rival: Rival, winner: Rival) -> bool:
     """Whether the difference of two refits is within noise, or within the error of time integration and convergence
     for a large drop (creep and an equivalent Maxwell body: 15 108 and 15 120).
     """
-    gap = abs(winner.evidence - rival.evidence)
-    return gap < COPIES * max(MIN_SEPARATION_CHI2, MIN_DROP_DIFFERENCE * winner.achieved)
+    return abs(winner.evidence - rival.evidence) < noise_of_evidence(winner)
+
+
+def noise_of_evidence(winner: Rival) -> float:
+    """The difference to a winner's evidence that is not told (`within_noise`)."""
+    return COPIES * max(MIN_SEPARATION_CHI2, MIN_DROP_DIFFERENCE * winner.achieved)

@@ -5,20 +5,31 @@ candidates with nearly the same chi-square the one that imitates a part of these
 a beam of bricks was told as creep with an exponent of ten, whose held-out chi-square was lower by 19 of 2400; bricks
 lowered it by another 32. So the nearest rivals get the same errors, computed with their own motion, and all are judged
 anew.
+
+A rival is fitted again only where this can matter. With its own error at the end of its last fit, its parameters follow
+by one step, and chi-square falls by b^T G^-1 b (`idic.diagnose.discretisation.following`). One that is behind the
+winner by more than noise and the error of first order stays behind: creep beside plasticity (3900 of 865 000 behind
+before bricks, 5700 after) took 178 CPU s for it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from idic.diagnose.discretisation.bricks import thickness_error
+from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
-from idic.diagnose.refit import Refit, identification_at
+from idic.diagnose.refit import Refit, identification_at, residual_from_rest
 from idic.diagnose.refit_job import ExperimentSource, Refits, refit_of_one
+from idic.diagnose.residual.heldout import fit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.selection.finite_strains import finite
-from idic.diagnose.selection.rival import Rival, Round, judge
-from idic.diagnose.selection.rivals import edits_of
+from idic.diagnose.selection.rival import Rival, Round, judge, noise_of_evidence
+from idic.diagnose.selection.rivals import FIRST_ORDER_ERROR_SHARE, edits_of
+from idic.identify.step.state import ORDINARY
 from idic.model.motion_error import MotionError
 
 MAX_RIVALS = 2  # that are compared again
@@ -26,33 +37,55 @@ MAX_RIVALS = 2  # that are compared again
 # help the one and harm the other
 NEAR_SHARE, NEAR_CHI2 = 0.05, 50.0
 
-ErrorOf = Callable[[ExperimentSource, Rival], MotionError]
+
+
+@dataclass(frozen=True, eq=False)
+class Foreseen:
+    """A model beside the errors that have joined, to first order from where it was fitted without them.
+
+    source : with its own error; moved : of its parameters since that fit; chi2 : of the recording then; gain : the part
+    of it that the parameters have taken by following
+    """
+
+    source: ExperimentSource
+    moved: Mapping[str, float]
+    chi2: float
+    gain: float
+
+
+# a rival whose source has the winner's error -> with its own; None where it finds no equilibrium from rest
+Foresee = Callable[[ExperimentSource, Rival], Foreseen | None]
 
 
 def judged_again(rounds: Sequence[Round], near: Sequence[Rival], source: ExperimentSource, null: Refit, is_finite: bool,
-                 error_of: ErrorOf | None, refits: Refits, grid: Grid,
-                 seed: int) -> tuple[list[Round], ExperimentSource, Refit]:
+                 foresee: Foresee | None, refits: Refits, grid: Grid, seed: int,
+                 left: float = -np.inf) -> tuple[list[Round], ExperimentSource, Refit]:
     """The rounds, the last source and its fit, after the nearest rivals of the last cause have been compared with it in
     the present model.
 
     near : the nearest rivals as they were before (`near_rivals`); source, null : of the model with that cause and the
-    errors that have joined; is_finite : finite strains are among them; error_of : of a rival's own simulation, None
-    where no other error is known
+    errors that have joined; is_finite : finite strains are among them; foresee : None fits all rivals again as they
+    are; left : chi-square of the recording beside the winner, after its parameters have followed
     """
     last, present = rounds[-1], (list(rounds), source, null)
     winner = refitted_again(last.winner, replace(null, label=last.winner.refitted.label))  # type: ignore
-    sources, again = {}, []
+    sources, again, behind = {}, [], False
     for rival in near if winner is not None else ():
         formed = finite(rival, last.screening) if is_finite else rival
         there = last.source.with_edits(edits_of(formed, last.screening))  # type: ignore[union-attr]
-        if error_of is not None:
-            there = there.with_motion_error(error_of(there, formed))
-        (fitted,) = refits([refit_of_one(there, rival.name, rival.refitted, grid, seed)])
+        known = None if foresee is None else foresee(there, formed)
+        if known is not None and is_behind(known, rival, winner, left):  # type: ignore[arg-type]
+            behind = True
+            continue
+        there, moved = (there, None) if known is None else (known.source, known.moved)
+        near_by = known is not None and not is_finite
+        (fitted,) = refits([refit_of_one(there, rival.name, rival.refitted, grid, seed, moved,
+                                         estimator=rival.refitted.estimator if near_by else ORDINARY)])
         made = refitted_again(formed, replace(fitted, label=rival.refitted.label)) if fitted.usable else None
         if made is not None:
             sources[made.ranked.key] = there
             again.append(made)
-    chosen, equals = judge([winner, *again], last.screening) if again else (None, ())  # type: ignore[list-item]
+    chosen, equals = judge([winner, *again], last.screening) if again or behind else (None, ())  # type: ignore
     if chosen is None:
         return present
     others = {one.ranked.key: one for one in (winner, *again)}  # type: ignore[union-attr]
@@ -60,6 +93,30 @@ def judged_again(rounds: Sequence[Round], near: Sequence[Rival], source: Experim
     if chosen is winner:
         return [*rounds[:-1], one], source, null
     return [*rounds[:-1], replace(one, plain=None)], sources[chosen.ranked.key], chosen.refitted
+
+
+def is_behind(known: Foreseen, rival: Rival, winner: Rival, left: float) -> bool:
+    """Whether a rival is behind the winner by more than noise and an error of first order.
+
+    left : see `judged_again`
+    """
+    gap = known.chi2 - left + 2.0 * (len(rival.own_unknowns) - len(winner.own_unknowns))
+    return gap > noise_of_evidence(winner) + FIRST_ORDER_ERROR_SHARE * known.gain
+
+
+def foreseen(there: ExperimentSource, rival: Rival, known: MotionError | None, before: MotionError | None,
+             grid: Grid) -> Foreseen | None:
+    """A rival beside its own error, from the end of its fit without it; None where it finds no equilibrium from rest.
+
+    known, before : error of the winner, and before the last ones joined
+    """
+    if known is not None:
+        there = there.with_motion_error(own_error(there, rival, known, before))
+    residual = residual_from_rest(there.load(), rival.refitted)
+    if residual is None:
+        return None
+    moved, gain = following(residual)
+    return Foreseen(there, moved, fit(residual, grid).chi2 - gain, gain)
 
 
 def near_rivals(one: Round) -> list[Rival]:
@@ -81,9 +138,14 @@ def refitted_again(rival: Rival, refitted: Refit) -> Rival | None:
                    achieved=rival.achieved + before.choice.chi2 - refitted.choice.chi2)  # type: ignore[union-attr]
 
 
-def own_error(source: ExperimentSource, rival: Rival, known: MotionError) -> MotionError:
+def own_error(source: ExperimentSource, rival: Rival, known: MotionError, before: MotionError | None) -> MotionError:
     """The error of a rival's own simulation, of the kind that is known of the winner; that of the winner where it
-    cannot be computed."""
+    cannot be computed. As of the winner, that of the mesh stays where bricks have just joined it.
+
+    before : error of both before
+    """
     fitted = rival.refitted
     found = identification_at(source.load(), fitted.values, fitted.local, fitted.steps)
+    if known.thickness is not None and (before is None or before.thickness is None):
+        return known.of_mesh.with_thickness(thickness_error(found) or known.thickness)
     return known_error(found, known) or known

@@ -13,15 +13,17 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.channel_left import smallest_reading
+from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.discretisation.thickness_error import with_bricks
-from idic.diagnose.discretisation.weight import change_matters, error_column
+from idic.diagnose.discretisation.weight import change_matters, error_column, followed
 from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.refit import Refit, identification_at, residual_from_rest
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.excess_left import effect
+from idic.diagnose.residual.heldout import fit
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subpixel_columns import RELATIVE_STD, subpixel_columns
@@ -44,9 +46,10 @@ from idic.diagnose.selection.own_scale import with_own_scale
 from idic.diagnose.selection.revision import Workplace, earns_its_place, revised
 from idic.diagnose.selection.rival import Rival, Round, judge
 from idic.diagnose.selection.rivals import edits_of, from_other_starts, refitted
-from idic.diagnose.selection.rivals_again import judged_again, near_rivals, own_error
+from idic.diagnose.selection.rivals_again import foreseen, judged_again, near_rivals
 from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
+from idic.model.motion_error import MotionError
 
 MAX_ROUNDS = 3
 YIELD_STATES = ("plastic_strain",)
@@ -123,13 +126,14 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
     unit = float(power(whole.evidence).sum()) / COPY_VARIANCE_FACTOR if holds_motion(found.experiment) else np.inf
     for number in range(1, 2 if setting.quick else MAX_ROUNDS + 1):
         if rounds:
-            before, near = null, near_rivals(rounds[-1])
+            before, near, known = null, near_rivals(rounds[-1]), source.motion_error
             source, null, whole = with_new_error(source, null, whole, setting)
             rounds = [_knowing(one, source) for one in rounds]
             counted = _finite_strains(rounds, source, null, whole, setting)
             is_finite, (rounds, source, null, whole) = counted[2] is not null, counted
             if near and null is not before:
-                rounds, source, null, whole = _rivals_again(rounds, near, source, null, whole, is_finite, setting)
+                rounds, source, null, whole = _rivals_again(rounds, near, source, null, whole, is_finite, known,
+                                                                setting)
             if len(rounds) > 1 and null is not before:
                 rounds, source, null, whole = _last_cause_again(rounds, source, null, whole, setting)
         far = effect(null.judgement, unit) > MAX_REGISTER_PX  # type: ignore[arg-type]
@@ -165,18 +169,18 @@ def _finite_strains(rounds: list[Round], source: ExperimentSource, null: Refit, 
 
 
 def _rivals_again(rounds: list[Round], near: Sequence[Rival], source: ExperimentSource, null: Refit,
-                  whole: ResidualEvidence, is_finite: bool, setting: Setting,
+                  whole: ResidualEvidence, is_finite: bool, error: MotionError | None, setting: Setting,
                   ) -> tuple[list[Round], ExperimentSource, Refit, ResidualEvidence]:
     """The last cause and its nearest rivals judged anew, as bricks, finite strains or an error of the mesh have joined.
 
-    near : as they were before; whole : residual of the present model on the recording itself
+    near : as they were before; whole : residual of the present model on the recording itself; error : before
     """
     setting.stage("rivals of the cause compared again, as the model has changed beside it")
-    known = source.motion_error
     with setting.clock.step("refits_s"):
-        judged = judged_again(rounds, near, source, null, is_finite,
-                              None if known is None else partial(own_error, known=known), setting.refits, setting.grid,
-                              setting.seed)
+        foresee = partial(foreseen, known=source.motion_error, before=error, grid=setting.grid)
+        left = fit(whole, setting.grid).chi2 - following(whole)[1]
+        judged = judged_again(rounds, near, source, null, is_finite, foresee, setting.refits, setting.grid,
+                              setting.seed, left)
         after = whole if judged[2] is null else residual_from_rest(judged[1].load(), judged[2])
     return (rounds, source, null, whole) if after is None else (*judged, after)
 
@@ -212,16 +216,19 @@ def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidenc
     with setting.clock.step("mesh_s"):
         known = source.motion_error
         found = identification_at(source.load(), null.values, null.local, null.steps)
-        error = None
+        bricks = None
         if known is None or known.thickness is None:
-            error = with_bricks(found, whole, setting.grid, settled=False)
+            bricks = with_bricks(found, whole, setting.grid, settled=False)
+        error = None if bricks is None else bricks[0]
         if error is None:
             error = known_error(found, known)
             if error is None or not change_matters(whole, known, error):
                 return source, null, whole
         there = source.with_motion_error(error)
         setting.stage("fit with the error of the mesh")
-        (again,) = setting.refits([refit_of_one(there, "null", null, setting.grid, setting.seed)])
+        (again,) = setting.refits([refit_of_one(there, "null", null, setting.grid, setting.seed,
+                                                followed(whole, known, error), estimator=null.estimator)])
+        again = replace(again, phi=null.phi) if np.isnan(again.phi) else again  # of ordinary least squares, before
         after = residual_from_rest(there.load(), again) if again.usable else None
         return (source, null, whole) if after is None else (there, again, after)
 

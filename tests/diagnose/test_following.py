@@ -1,0 +1,51 @@
+"""Parameters that follow to first order: where a fit begins that a new error has moved."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from side_twins import Side, write_folder
+
+from idic.diagnose.discretisation.following import following
+from idic.diagnose.discretisation.weight import followed
+from idic.diagnose.refit import identification_at
+from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.experiment_file.load import load_experiment
+from idic.identify.in_memory import identify
+from idic.model.motion_error import MotionError
+from idic.parameters import ParameterSet
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    return identify(load_experiment(write_folder(tmp_path_factory.mktemp("clean") / "run", Side())))
+
+
+def beside(found, values, bounds=None, error=None):
+    """The residual at other values: with bounds of some parameters, and a known error."""
+    experiment = replace(found.experiment, motion_error=error)
+    kept = [replace(one, bounds=(bounds or {}).get(name, one.bounds)) for name, one in experiment.parameters.items()]
+    experiment = replace(experiment, parameters=ParameterSet(kept))
+    return residual_evidence(identification_at(experiment, values, found.local, found.steps), light=False)
+
+
+def test_parameters_that_are_off_come_back_in_one_step_unless_a_bound_holds_them(found):
+    values = found.parameters.as_values()
+    name = found.parameters.free[0]
+    off = values | {name: 1.01 * values[name]}
+    moves, gain = following(beside(found, off))
+    assert off[name] + moves[name] == pytest.approx(values[name], rel=2e-3) and gain > 25.0
+    held, less = following(beside(found, off, {name: (off[name], 2.0 * off[name])}))
+    assert name not in held and less < gain
+
+
+def test_parameters_follow_an_error_before_it_is_simulated(found):
+    """The motion of a stiffer body, less that of the body itself, is an error that the stiffness takes up."""
+    values, name = found.parameters.as_values(), found.parameters.free[0]
+    here = beside(found, values)
+    ways = [list(identification_at(found.experiment, values | {name: part * values[name]}, found.local,
+                                   found.steps).march()) for part in (1.0, 1.002)]
+    error = MotionError(*(np.array([getattr(b, what) - getattr(a, what) for a, b in zip(*ways, strict=True)])
+                          for what in ("u", "channels")))
+    assert followed(here, None, error)[name] == pytest.approx(-0.002 * values[name], rel=0.02)
+    assert followed(here, error, error)[name] == pytest.approx(0.0, abs=1e-9 * values[name])
