@@ -28,7 +28,7 @@ from idic.diagnose.measured_motion import OutOfRegister
 from idic.diagnose.next_test import next_experiment, unloads
 from idic.diagnose.notes import Notes
 from idic.diagnose.probability import probability
-from idic.diagnose.refit import Refit, identification_at, refit_residual, residual_from_rest
+from idic.diagnose.refit import Refit, identification_at, is_residual_of, refit_residual, residual_from_rest
 from idic.diagnose.refit_job import ExperimentSource, Refits, refit_of_one
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.excess_left import ExcessLeft, effect
@@ -178,14 +178,14 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
             here, before, absent = there, residual_evidence(there, light=False), None
             whole, mismatch = fit(before, grid), located(there, before, margin)
     first, begun = null_refit(source, here, setting), source
-    rounds, source, null, groups = selected_rounds(source, here, first, before, setting)
+    rounds, source, null, groups, left = selected_rounds(source, here, first, before, setting)
     notes, unit = Notes(), float(power(before.evidence).sum())
     end = None if quick else notes.attempt("the free motion of an end", _free_end, begun, first, before, null, rounds,
                                            mismatch, setting, unit / COPY_VARIANCE_FACTOR)
     if end is not None:
         mismatch, rounds = told(end, mismatch, rounds)  # type: ignore[arg-type]
         source, null, groups = begun, first, []
-    last = _Enriched(source) if null is first else _enriched(source, null, rounds, setting)
+    last = _Enriched(source) if null is first else _enriched(source, null, left, rounds, setting)
     source, final, after, active = last.source, last.final, last.after, last.active
     of_camera = {"margin_px": margin.px, "camera_px": margin.camera_px}
     on_copy = ExcessLeft(first.judgement, null.judgement, unit / COPY_VARIANCE_FACTOR, **of_camera)
@@ -337,8 +337,8 @@ class _Enriched:
     other: Refit | None = None
 
 
-def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round], setting: Setting,
-              ) -> _Enriched:
+def _enriched(source: ExperimentSource, null: Refit, left: ResidualEvidence, rounds: Sequence[Round],
+              setting: Setting) -> _Enriched:
     """The last model fitted to the recording itself.
 
     The fit begins at the end of the fit to a copy, a few standard deviations away, with the estimator of that end. The
@@ -346,11 +346,13 @@ def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round], se
     bricks now that the cause is known, the fit is repeated with it, and the source has it. Bricks that are known
     already follow to the recording in turns first, and the fit begins where these end: it is repeated only where it
     ends elsewhere. A quick diagnosis ends with the fit to the copy.
+
+    left : residual on the recording, mostly of that end
     """
     setting.stage("residual of the enriched model" if setting.quick
                   else "fit of the enriched model to the whole recording")
     with setting.clock.step("final_s"):
-        turned = None if setting.quick else _turned(source, null, setting)
+        turned = None if setting.quick else _turned(source, null, left, setting)
         if turned is not None:
             source, final, of = turned
         else:
@@ -388,17 +390,17 @@ def _enriched(source: ExperimentSource, null: Refit, rounds: Sequence[Round], se
     return _Enriched(source, final, after, active, None if same else other)
 
 
-def _turned(source: ExperimentSource, null: Refit, setting: Setting,
+def _turned(source: ExperimentSource, null: Refit, left: ResidualEvidence, setting: Setting,
             ) -> tuple[ExperimentSource, Refit, Identification] | None:
     """The source with the error of plane stress that follows from a copy to the recording, the fit to the recording
     beside it, and the model at the values that the error is of; None where bricks are not known, or this fails.
 
-    null : fit to the copy, which has converged: the turns take whole steps
+    null : fit to the copy, which has converged: the turns take whole steps; left : see `_enriched`
     """
     known = source.motion_error
     if known is None or known.thickness is None or null.status != "converged":
         return None
-    residual = residual_from_rest(source.load(), null)
+    residual = left if is_residual_of(left, null, known) else residual_from_rest(source.load(), null)
     if residual is None:
         return None
     there = identification_at(source.load(), null.values, null.local, null.steps)

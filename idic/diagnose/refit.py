@@ -24,6 +24,7 @@ from idic.identify.step.estimator import may_begin_generalised
 from idic.identify.step.state import GENERALISED, ORDINARY, AcceptedPoint, LoopState, Trial
 from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
+from idic.model.motion_error import MotionError
 
 MAX_STARTS = 3  # at most, from different grid points
 # of a model that is compared with others: right ones converge in 3 to 7; the winner is fitted to its end
@@ -295,6 +296,12 @@ def refit_residual(experiment: Experiment, refitted: Refit) -> ResidualEvidence:
     except NotConverged:
         there = identification_at(experiment, refitted.values, refitted.local, None)
         return residual_evidence(there, light=False)
+
+
+def is_residual_of(residual: ResidualEvidence, refitted: Refit, error: MotionError | None) -> bool:
+    """Whether a residual was simulated at the end of a refit, with this known error."""
+    at = residual.context
+    return at.parameters.as_values() == dict(refitted.values) and at.experiment.motion_error is error
 
 
 def residual_from_rest(experiment: Experiment, refitted: Refit) -> ResidualEvidence | None:

@@ -49,7 +49,8 @@ class ResidualEvidence:
     """What the tests start from.
 
     evidence : the white residual; null : columns of the identified parameters; u : (T, n_nodes, dim) mm; channels :
-    (T, n_channels) simulated; cameras : whose images the evidence holds, the main camera first.
+    (T, n_channels) simulated; cameras : whose images the evidence holds, the main camera first; responses : that were
+    simulated, for another copy of the recording.
     """
 
     evidence: Evidence
@@ -57,6 +58,7 @@ class ResidualEvidence:
     u: np.ndarray
     channels: np.ndarray
     cameras: tuple[CameraResidual, ...]
+    responses: tuple[FrameResponse, ...] = ()
 
     @property
     def context(self) -> CorrelationContext:
@@ -224,7 +226,7 @@ def _assemble(contexts: Sequence[CorrelationContext], responses: Sequence[FrameR
                         sum(share.n_valid for one in passes for share in one.sums), tuple(parts), names, n_images)
     return ResidualEvidence(evidence, Columns(context.names, np.array(fields), np.array(channels)),
                     np.array([r.u for r in responses]), np.array([r.channels for r in responses]),
-                    tuple(CameraResidual(one.context, one.view, one.shared) for one in passes))
+                    tuple(CameraResidual(one.context, one.view, one.shared) for one in passes), tuple(responses))
 
 
 def _white_local(local: np.ndarray, kappa: np.ndarray, c: float) -> np.ndarray:

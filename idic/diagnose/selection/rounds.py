@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from idic.correlation.context import FrameResponse
 from idic.diagnose.channel_left import smallest_reading
 from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.discretisation.thickness_error import with_bricks
 from idic.diagnose.discretisation.weight import change_matters, error_column, followed
 from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
-from idic.diagnose.refit import Refit, identification_at, residual_from_rest
+from idic.diagnose.refit import Refit, identification_at, is_residual_of, residual_from_rest
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.excess import power
@@ -116,8 +117,9 @@ def null_refit(source: ExperimentSource, found: Identification, setting: Setting
 
 
 def selected_rounds(source: ExperimentSource, found: Identification, null: Refit, whole: ResidualEvidence,
-                    setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, list[Group]]:
-    """Additions to the model, its last source and refit, and the indistinguishable groups.
+                    setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, list[Group], ResidualEvidence]:
+    """Additions to the model, its last source and refit, the indistinguishable groups, and a residual on the recording:
+    of the last model, unless a revision changed it.
 
     whole : residual of the identified model on the recording itself
     """
@@ -137,7 +139,7 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
             if len(rounds) > 1 and null is not before:
                 rounds, source, null, whole = _last_cause_again(rounds, source, null, whole, setting)
         far = effect(null.judgement, unit) > MAX_REGISTER_PX  # type: ignore[arg-type]
-        one = _round(source, null, number, rounds, setting, bends, far)
+        one = _round(source, null, number, rounds, setting, bends, far, whole)
         if one.winner is not None and not setting.quick:
             one, whole = held_by_blocks(one, whole, setting, bool(rounds))
         if one.winner is None:
@@ -151,7 +153,7 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
         last = rounds[-1]
         source, null = last.source.with_edits(edits_of(last.winner, last.screening)), last.winner.refitted
     rounds = [with_imitated(one, whole.u) for one in rounds]
-    return rounds, source, null, [_group(one) for one in rounds if one.winner is not None and one.equals]
+    return rounds, source, null, [_group(one) for one in rounds if one.winner is not None and one.equals], whole
 
 
 def _knowing(one: Round, source: ExperimentSource) -> Round:
@@ -234,16 +236,18 @@ def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidenc
 
 
 def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[Round], setting: Setting,
-           bends: bool, far: bool) -> Round:
+           bends: bool, far: bool, whole: ResidualEvidence) -> Round:
     """One addition to the model, or none.
 
     before : the rounds before, whose causes are in the model; bends : a law of yielding was identified; far : the
-    null is pixels off the motion
+    null is pixels off the motion; whole : residual on the recording, mostly of the null: it is not simulated anew then
     """
     stage, clock, refits = setting.stage, setting.clock, setting.refits
     stage(f"screening of the library, round {number}")
     with clock.step("screening_s"):
-        screening = screened(source, null, setting.seed, setting.library, setting.watch, setting.margin, bool(before))
+        known = whole.responses if is_residual_of(whole, null, source.motion_error) else None
+        screening = screened(source, null, setting.seed, setting.library, setting.watch, setting.margin, bool(before),
+                             known)
     if not screening.shortlist:
         stage("no candidate is significant: no refit")
     with clock.step("refits_s"):
@@ -323,13 +327,14 @@ def _group(one: Round) -> Group:
 
 
 def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence[Candidate],
-             watch: Watch = unwatched, margin: Margin = ASSUMED, further: bool = False) -> Screening:
+             watch: Watch = unwatched, margin: Margin = ASSUMED, further: bool = False,
+             responses: Sequence[FrameResponse] | None = None) -> Screening:
     """Score every candidate against the null model on the copy for choosing.
 
-    further : the null holds a selected cause
+    further : the null holds a selected cause; responses : of the null, where it has been simulated
     """
     found = identification_at(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
-    residual = residual_evidence(found)
+    residual = residual_evidence(found, responses=responses)
     here = situation(found, residual, source.document())
     apply = [candidate for candidate in library if found.experiment.points is None or candidate.family != CAMERA]
     trials, untestable = [], []
