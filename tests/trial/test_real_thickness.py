@@ -12,8 +12,8 @@ from idic.diagnose.discretisation.neglected import neglected
 from idic.diagnose.discretisation.following import is_at, moved
 from idic.diagnose.discretisation.bricks import bricks_of, thickness_error
 from idic.diagnose.discretisation.thickness_error import neglected_errors
-from idic.diagnose.discretisation.thickness_std import error_changes, std_factors
-from idic.diagnose.discretisation.turns import TURNED_STD, in_turns, sheet_at, turned
+from idic.diagnose.discretisation.thickness_std import as_recorded, error_changes, std_factors
+from idic.diagnose.discretisation.turns import TURNED_STD, begun_at, in_turns, sheet_at, turned
 from idic.diagnose.discretisation.weight import change_matters, counts, error_column
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.heldout import grid_of
@@ -215,9 +215,9 @@ def test_turns_learn_how_the_error_follows_the_parameters(tmp_path, monkeypatch)
         tmp_path, scene, solve_with_calculix(as_solid(BENDING | {"specimen": "shear"}, scene)), Paint(1, 2))))
     grid, simulated = grid_of(residual_evidence(found, light=False)), []
 
-    def counted(*arguments):
+    def counted(*arguments, **named):
         simulated.append(arguments)
-        return bricks_of(*arguments)
+        return bricks_of(*arguments, **named)
 
     monkeypatch.setattr("idic.diagnose.discretisation.turns.bricks_of", counted)
     _, there = in_turns(found, None, grid)
@@ -229,8 +229,11 @@ def test_turns_learn_how_the_error_follows_the_parameters(tmp_path, monkeypatch)
     monkeypatch.setattr("idic.diagnose.discretisation.turns.learned", lambda slope, *_: slope)
     _, same = in_turns(found, None, grid)
     assert learning <= 3 < len(simulated) - learning
+    monkeypatch.undo()
+    _, differentiated = in_turns(found, None, grid, begun=begun_at(found))
     for name, std in zip(there.parameters.free, left.std, strict=True):
         assert abs(there.parameters[name].value - same.parameters[name].value) < 2.0 * TURNED_STD * std
+        assert abs(there.parameters[name].value - differentiated.parameters[name].value) < 2.0 * TURNED_STD * std
 
 
 def test_the_error_of_plane_stress_is_differentiated_by_the_law(tmp_path):
@@ -238,7 +241,8 @@ def test_the_error_of_plane_stress_is_differentiated_by_the_law(tmp_path):
     plain = at_truth(tmp_path, scene, solve(scene))
     found = with_bricks_known(plain, thickness_error(plain))
     residual = residual_evidence(found, light=False)
-    changes = error_changes(found, residual, range(2))
+    by_law = error_changes(found)
+    changes = as_recorded(residual, by_law)
     assert changes.names == residual.null.names == ("BODY.E", "BODY.nu")
     for j, step in enumerate((1.0, 1e-4)):  # 1 MPa, which moves nothing, and 0.0001
         high, low = (thickness_error(moved(found, sign * step * np.eye(2)[j])) for sign in (1.0, -1.0))
@@ -248,6 +252,7 @@ def test_the_error_of_plane_stress_is_differentiated_by_the_law(tmp_path):
         np.testing.assert_allclose(changes.channels[..., j], known.channels[..., 0] / (2.0 * step), rtol=1e-4)
     factors = std_factors(found, residual)
     assert set(factors) == {"BODY.E", "BODY.nu"} and min(factors.values()) > 0.0
+    assert std_factors(found, residual, by_law) == factors
     assert std_factors(plain, residual_evidence(plain, light=False)) == {}
 
 

@@ -31,11 +31,21 @@ class Bricks:
     """Bricks at the parameters of a sheet.
 
     error : of the sheet; path : their motion in every simulated frame, (n_nodes, 3) mm, () where it is of no use to
-    the next one
+    the next one; changes : derivatives of the error by parameters of the laws, None where none were asked for
     """
 
     error: MotionError
     path: tuple[np.ndarray, ...] = ()
+    changes: ErrorChanges | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorChanges:
+    """Derivatives of an error by parameters: u (n_frames, n_nodes, 2, n) mm, channels (n_frames, n_channels, n)."""
+
+    names: tuple[str, ...]
+    u: np.ndarray
+    channels: np.ndarray
 
 
 def thickness_error(found: Identification) -> MotionError | None:
@@ -44,10 +54,19 @@ def thickness_error(found: Identification) -> MotionError | None:
     return None if bricks is None else bricks.error
 
 
-def bricks_of(found: Identification, sheet: Iterable[FrameResponse], near: Bricks | None = None) -> Bricks | None:
+def law_parameters(found: Identification) -> tuple[str, ...]:
+    """The free parameters that the error of plane stress may follow: those of the laws."""
+    sets = {material.element_set for material in found.experiment.materials}
+    return tuple(name for name in found.parameters.free
+                 if name.partition(".")[0] in sets and found.forward.moves(name))  # type: ignore[union-attr]
+
+
+def bricks_of(found: Identification, sheet: Iterable[FrameResponse], near: Bricks | None = None,
+              of_sheet: Sequence[str] | None = None) -> Bricks | None:
     """The bricks of an identification; None where none can be made or simulated.
 
-    sheet : its simulated frames without a known error, the reference first; near : bricks at similar parameters
+    sheet : its simulated frames without a known error, the reference first; near : bricks at similar parameters;
+    of_sheet : parameters by which the sheet is differentiated, where the bricks are to be by those of the laws
     """
     model = brick_model(found)
     if model is None:
@@ -55,18 +74,24 @@ def bricks_of(found: Identification, sheet: Iterable[FrameResponse], near: Brick
     experiment, n, kept = found.experiment, found.experiment.mesh.n_nodes, []
     u = np.zeros((experiment.n_frames, *experiment.mesh.nodes.shape))
     channels = np.zeros((experiment.n_frames, len(experiment.channels)))
-    linear = is_linear(model.model)
-    states = model.march(found.parameters, (), found.local, found.steps,
+    linear, names = is_linear(model.model), () if of_sheet is None else law_parameters(found)
+    own_columns = [(of_sheet or ()).index(name) for name in names]
+    changes = None if of_sheet is None else ErrorChanges(names, np.zeros((*u.shape, len(names))),
+                                                         np.zeros((*channels.shape, len(names))))
+    states = model.march(found.parameters, names, found.local, found.steps,
                          warm_start=near.path or None if near is not None else None, may_cut=True)
     try:
         for own, other in zip(sheet, states, strict=True):
             u[own.frame] = other.u[:n, :2] - own.u
             channels[own.frame] = other.channels - own.channels
+            if changes is not None:
+                changes.u[own.frame] = other.du[:n, :2] - own.du[..., own_columns]
+                changes.channels[own.frame] = other.dchannels - own.dchannels[:, own_columns]
             if not linear:
                 kept.append(other.u)
     except NotConverged:
         return None
-    return Bricks(MotionError(u, channels), tuple(kept))
+    return Bricks(MotionError(u, channels), tuple(kept), changes)
 
 
 def simulated_sheet(found: Identification, names: Sequence[str] = (),

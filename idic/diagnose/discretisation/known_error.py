@@ -9,7 +9,7 @@ import numpy as np
 from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.following import at_values, moved, remaining
 from idic.diagnose.discretisation.mesh_error import motion_error
-from idic.diagnose.discretisation.turns import in_turns
+from idic.diagnose.discretisation.turns import Begun, in_turns
 from idic.diagnose.discretisation.weight import change_matters, counts
 from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
@@ -38,16 +38,19 @@ def known_error(found: Identification, old: MotionError | None) -> MotionError |
     return (error or nothing).with_thickness(thickness_error(found) or old.thickness)
 
 
-def renewed_error(found: Identification, residual: ResidualEvidence,
-                  grid: Grid) -> tuple[MotionError, Identification] | None:
+def renewed_error(found: Identification, residual: ResidualEvidence, grid: Grid,
+                  begun: Begun | None = None) -> tuple[MotionError, Identification] | None:
     """The error of a model at its present values, where it differs from the known one (`change_matters`), and the
-    model at the values that it is of: in turns with an error of plane stress, which the parameters follow."""
+    model at the values that it is of: in turns with an error of plane stress, which the parameters follow.
+
+    begun : where the turns begin, if that is known
+    """
     old = residual.context.experiment.motion_error
     if old is None:
         return None
     there, bricks = found, old.thickness
     if bricks is not None:
-        settled = in_turns(found, old.of_mesh, grid)
+        settled = in_turns(found, old.of_mesh, grid, begun=begun)
         if settled is None:
             return None
         bricks, there = settled[0].thickness, settled[1]

@@ -6,8 +6,9 @@ it that the new error takes back; what the turns show of
 
     s(p + d, e(p + d)) = s(p, e(p)) - (1 - D) d
 
-is learned by Broyden's rule (Math. Comput. 19 (1965) 577, doi:10.1090/S0025-5718-1965-0198670-6) in the metric of
-chi-square, in which it does not depend on the units of the parameters, and the next turn takes (1 - D)^-1 s.
+begins at the derivatives of the error, where they are known, and is learned by Broyden's rule (Math. Comput. 19 (1965)
+577, doi:10.1090/S0025-5718-1965-0198670-6) in the metric of chi-square, in which it does not depend on the units of the
+parameters, and the next turn takes (1 - D)^-1 s.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from idic.correlation.context import FrameResponse
 from idic.correlation.frame_equations import correlated_frames
 from idic.diagnose.discretisation.bricks import Bricks, bricks_of, simulated_sheet
 from idic.diagnose.discretisation.following import at_values, moved
+from idic.diagnose.discretisation.thickness_std import taken_back
 from idic.diagnose.residual.heldout import fit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import Grid
@@ -56,10 +58,11 @@ class Left:
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A model simulated in plane stress, with derivatives, once for all errors; found : without an error"""
+    """A model simulated in plane stress, with derivatives by `names`, once for all errors; found : without an error"""
 
     found: Identification
     frames: tuple[FrameResponse, ...]
+    names: tuple[str, ...]
 
     def guesses(self, other: Identification, names: Sequence[str]) -> Iterator[np.ndarray]:
         """First guesses at other parameters, which the frames are differentiated by: to first order  # (n_nodes, 2)"""
@@ -89,11 +92,30 @@ def sheet_at(found: Identification, near: Sheet | None = None) -> Sheet:
     """
     there = at_values(found, replace(found.experiment, motion_error=None), found.parameters.as_values())
     names = tuple(name for name in there.parameters.free if there.forward.moves(name))
-    return Sheet(there, tuple(simulated_sheet(there, names, None if near is None else near.guesses(there, names))))
+    guesses = None if near is None else near.guesses(there, names)
+    return Sheet(there, tuple(simulated_sheet(there, names, guesses)), names)
+
+
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """A model in plane stress and its bricks, with the derivatives of the error."""
+
+    sheet: Sheet
+    bricks: Bricks
+
+
+def begun_at(found: Identification) -> Begun | None:
+    """Where turns may begin; None where one of the two cannot be simulated."""
+    try:
+        sheet = sheet_at(found)
+    except NotConverged:
+        return None
+    bricks = bricks_of(sheet.found, sheet.frames, of_sheet=sheet.names)
+    return None if bricks is None else Begun(sheet, bricks)
 
 
 def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: float = np.inf,
-             first: MotionError | None = None) -> tuple[MotionError, Identification] | None:
+             first: MotionError | None = None, begun: Begun | None = None) -> tuple[MotionError, Identification] | None:
     """The error of plane stress on top of that of the mesh, and the parameters that belong to it; None where bricks
     cannot be simulated, or where chi-square does not fall below the bar.
 
@@ -101,17 +123,22 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
     move and at which bricks find an equilibrium: before the first turn a plate that yields may be seven standard
     deviations off. Where no part does, the turns end with the error that has been found.
 
-    first : the error of plane stress of `found`, where it has been computed
+    first : the error of plane stress of `found`, where it has been computed; begun : with its derivatives
     """
-    try:
-        sheet = sheet_at(found)
-    except NotConverged:
-        return None
-    bricks = bricks_of(sheet.found, sheet.frames) if first is None else Bricks(first)
+    if begun is None:
+        try:
+            sheet = sheet_at(found)
+        except NotConverged:
+            return None
+        bricks = bricks_of(sheet.found, sheet.frames) if first is None else Bricks(first)
+    else:
+        sheet, bricks = begun.sheet, begun.bricks
     if bricks is None:
         return None
     left = sheet.left(_on_top(mesh, bricks))
     scale, slope = left.std, np.eye(len(left.step))
+    if bricks.changes is not None:
+        slope -= taken_back(left.residual, null_model(left.residual.evidence, left.residual.null), bricks.changes)
     for _ in range(1, MAX_TURNS):
         if np.abs(left.reached(left.step)).max(initial=0.0) < TURNED_STD:
             break
