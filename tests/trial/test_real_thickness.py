@@ -10,7 +10,7 @@ from idic.diagnose.discretisation.combinations import (BRICKS, FINITE_STRAINS, C
                                                        probabilities)
 from idic.diagnose.discretisation.neglected import neglected
 from idic.diagnose.discretisation.following import is_at, moved
-from idic.diagnose.discretisation.bricks import bricks_of, thickness_error
+from idic.diagnose.discretisation.bricks import bricks_of, simulated_sheet, thickness_error
 from idic.diagnose.discretisation.thickness_error import neglected_errors
 from idic.diagnose.discretisation.thickness_std import as_recorded, error_changes, std_factors
 from idic.diagnose.discretisation.turns import TURNED_STD, begun_at, in_turns, sheet_at, turned
@@ -24,8 +24,10 @@ from idic.fe.mesh.element import gradient, quadrature
 from idic.fe.mesh.halve import halve
 from idic.fe.mesh.mesh import boundary_faces, check_elements, make_mesh
 from idic.identify.in_memory import identify
-from idic.model.experiment import Prescribed
+from idic.model.drives import boundary_parameters
+from idic.model.experiment import Measured, Parametrised, Prescribed
 from idic.model.forward import build_forward
+from idic.parameters import ParameterSet
 from idic.validation.trial.scenes.calculix import solve_with_calculix
 from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS
@@ -140,6 +142,69 @@ def test_a_hole_of_another_size_goes_through_the_bricks(tmp_path):
     np.testing.assert_allclose(error.u, of_mesh.u, atol=1e-9)
     np.testing.assert_allclose(error.channels, of_mesh.channels, rtol=1e-6)
     assert np.abs(error.u - thickness_error(identification_at(experiment, parameters, local, None)).u).max() > 1e-5
+
+
+def with_ends(found, drive_of, thickness=None):
+    """Both ends moved by another drive, in both components; thickness : of the specimen, in mm, with its force."""
+    experiment = found.experiment
+    ends = tuple(Prescribed(name, c, drive_of(name, c)) for name in ("LEFT", "RIGHT") for c in "xy")
+    share = 1.0 if thickness is None else thickness / experiment.thickness
+    shapes = (replace(one, value=0.02 * (-1) ** k * (k % 3)) for k, one in enumerate(boundary_parameters(ends, 0.05)))
+    parameters = ParameterSet((*found.parameters.values(), *shapes))
+    made = replace(experiment, prescribed=ends, thickness=share * experiment.thickness, parameters=parameters,
+                   channels=tuple(replace(one, factor=share * one.factor) for one in experiment.channels))
+    local = np.zeros((made.n_frames, build_forward(made).drives.n_local))
+    return identification_at(made, parameters.as_values(), local, None)
+
+
+def test_bricks_move_along_with_edges_that_are_measured(tmp_path):
+    """The ends of a sheet are measured where it is bent: they lie within the specimen and may change their thickness.
+    Bricks of a hundredth of the thickness move as the sheet does."""
+    scene = scene_of_world((0.0, 0.2))
+    mesh = true_mesh(scene.geometry)
+    held = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
+    *_, sheet = simulated_sheet(held)
+    errors = []
+    for thickness in (None, 0.02):
+        found = with_ends(held, lambda name, c: Measured(), thickness)
+        drives = found.forward.drives
+        local = np.zeros((2, drives.n_local))
+        rows = [int(drives.dofs[np.flatnonzero(drives.basis[:, k])[0]]) for k in drives.local]
+        local[1] = sheet.u.ravel()[rows]
+        found = replace(found, local=local)
+        *_, again = simulated_sheet(found)
+        np.testing.assert_allclose(again.u, sheet.u, atol=1e-9)
+        errors.append(thickness_error(found))
+    real, thin = errors
+    assert np.abs(thin.u).max() < 0.05 * np.abs(real.u).max() and np.abs(real.u).max() > 1e-3
+    assert np.abs(real.u.reshape(2, -1)[:, rows]).max() < 1e-12
+    assert np.abs(real.u - thickness_error(held).u).max() > 1e-4  # held ends keep their thickness
+
+
+@pytest.mark.parametrize("kind", ["bspline", "polynomial"])
+def test_bricks_move_along_with_the_shapes_of_an_edge(tmp_path, kind):
+    scene = scene_of_world((0.0, 0.2))
+    mesh = true_mesh(scene.geometry)
+    held = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
+    found, thinner = (with_ends(held, lambda name, c: Parametrised(kind, 4, 1), share) for share in (None, 0.02))
+    real, thin = thickness_error(found), thickness_error(thinner)
+    ends = np.concatenate([found.experiment.mesh.node_sets[name] for name in ("LEFT", "RIGHT")])
+    assert np.abs(thin.u).max() < 0.05 * np.abs(real.u).max()
+    assert np.abs(real.u).max() > 1e-4 and np.abs(real.u[:, ends]).max() < 1e-12
+
+
+def test_an_extensometer_reads_the_seen_surface_of_the_bricks(tmp_path):
+    scene = scene_of_world((0.0, 0.2))
+    mesh = true_mesh(scene.geometry)
+    found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
+    (force,) = found.experiment.channels
+    sets = found.experiment.mesh.node_sets | {"GAUGE": np.arange(5, 9)}
+    gauge = replace(force, column="gauge_mm", kind="displacement", nodes="GAUGE", component="y", factor=1.0)
+    experiment = replace(found.experiment, mesh=replace(found.experiment.mesh, node_sets=sets),
+                         channels=(force, gauge))
+    error = thickness_error(replace(found, experiment=experiment, forward=build_forward(experiment)))
+    np.testing.assert_allclose(error.channels[:, 1], error.u[:, 5:9, 1].mean(axis=1), atol=1e-12)
+    np.testing.assert_allclose(error.channels[:, 0], thickness_error(found).channels[:, 0], rtol=1e-9, atol=1e-9)
 
 
 def test_a_step_of_the_parameters_that_is_too_long_is_halved_until_they_have_less_to_move(tmp_path):

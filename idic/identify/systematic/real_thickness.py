@@ -2,8 +2,10 @@
 
 A thick sheet is not in plane stress: bending bulges its surface across the beam, and a grip keeps it from contracting.
 The bricks reach from the seen surface to the plane of symmetry in the middle. An edge that is held or moved in both
-components is taken as gripped: it keeps its thickness. All other motions, temperatures and variations of the stiffness
-act through the thickness as they do on the sheet, and holes and edges have their shape through it.
+components is taken as gripped: it keeps its thickness. An edge whose motion the images give lies within the specimen:
+its thickness is free, and what is behind the seen surface moves along with it. All other motions, temperatures and
+variations of the stiffness act through the thickness as they do on the sheet, and holes and edges have their shape
+through it. Extensometers sit on the seen surface.
 """
 
 from __future__ import annotations
@@ -13,12 +15,14 @@ from dataclasses import replace
 import numpy as np
 
 from idic.fe.mesh.element import TET_EDGES
-from idic.fe.mesh.mesh import Mesh, make_mesh
+from idic.fe.mesh.mesh import Mesh, boundary_faces, face_set_nodes, make_mesh
 from idic.fe.mesh.morph import Morph
-from idic.model.experiment import (Channel, Column, Constant, Experiment, Prescribed, Temperature,
-                                   TemperatureField)
+from idic.model.drives import mode_shapes, set_nodes
+from idic.model.experiment import (Channel, Constant, Controlled, Experiment, Measured, Parametrised,
+                                   Prescribed, Temperature, TemperatureField)
 
 MIDDLE = "plane of symmetry"
+SEEN = "seen surface"
 SOLID_CELLS = {"quad8": "hex20", "tri6": "tet10"}
 TRIANGLE_EDGES = ((0, 1), (0, 2), (1, 2))
 # of a prism whose corners are numbered upwards: (corner, 0 at the bottom or 1 at the top) of three tetrahedra
@@ -37,8 +41,7 @@ def can_be_thick(experiment: Experiment) -> bool:
     uneven = any(entry.form == "thickness" for entry in experiment.heterogeneities)
     return (plain and not (experiment.loads or uneven)
             and {block.cell for block in experiment.mesh.blocks} in ({"quad8"}, {"tri6"})
-            and all(isinstance(entry.drive, (Constant, Column)) for entry in experiment.prescribed)
-            and all(channel.kind == "reaction" for channel in experiment.channels))
+            and all(channel.kind in ("reaction", "displacement") for channel in experiment.channels))
 
 
 def thick(experiment: Experiment) -> Experiment:
@@ -47,23 +50,25 @@ def thick(experiment: Experiment) -> Experiment:
     experiment : of which `can_be_thick` holds
     """
     mesh = extruded(experiment.mesh, 0.5 * float(experiment.thickness))  # type: ignore[arg-type]
-    components: dict[str, set[str]] = {}
+    front, components = in_front(experiment.mesh, mesh), {}
     for entry in experiment.prescribed:
-        components.setdefault(entry.nodes, set()).add(entry.component)
+        if not isinstance(entry.drive, (Measured, Parametrised)):
+            components.setdefault(entry.nodes, set()).add(entry.component)
     flat = [MIDDLE, *(name for name, own in components.items() if own >= {"x", "y"})]
-    prescribed = (*experiment.prescribed, *(Prescribed(name, "z", Constant(0.0)) for name in flat))
-    front = in_front(experiment.mesh, mesh)
+    prescribed = (*(_moved_through(experiment, entry, mesh, front) for entry in experiment.prescribed),
+                  *(Prescribed(name, "z", Constant(0.0)) for name in flat))
     return replace(experiment, kind="solid", mesh=mesh, thickness=None, prescribed=prescribed, motion_error=None,
-                   temperatures=tuple(_through(entry, front) for entry in experiment.temperatures),
+                   surface=SEEN, temperatures=tuple(_through(entry, front) for entry in experiment.temperatures),
                    morphs=tuple(_flat(morph, front) for morph in experiment.morphs),
-                   channels=tuple(_of_both_halves(channel) for channel in experiment.channels))
+                   channels=tuple(_of_solid(channel) for channel in experiment.channels))
 
 
 def extruded(sheet: Mesh, depth: float) -> Mesh:
     """Solid elements behind those of a sheet, down to the node set `MIDDLE` at z = 0: twenty-node bricks behind
     eight-node quadrilaterals, three ten-node tetrahedra behind a six-node triangle, which need a finer mesh.
 
-    The nodes of the sheet come first. Node sets reach through the depth; edge sets are left out.
+    The nodes of the sheet come first. Node sets reach through the depth, those that `as_seen` names lie on the seen
+    surface, the edge set `SEEN`; edge sets of the sheet are left out.
     """
     cells = np.concatenate([block.connectivity for block in sheet.blocks])
     size = float(np.median(np.linalg.norm(sheet.nodes[cells[:, 0]] - sheet.nodes[cells[:, 1]], axis=1)))
@@ -88,8 +93,18 @@ def extruded(sheet: Mesh, depth: float) -> Mesh:
     elements = {name: np.concatenate([((np.asarray(members) + layer * len(cells))[:, None] * behind
                                        + np.arange(behind)).ravel() for layer in range(layers)])
                 for name, members in sheet.element_sets.items()}
-    return make_mesh(np.concatenate(points), [(SOLID_CELLS[sheet.blocks[0].cell], np.concatenate(solid))],
-                     node_sets=through | {MIDDLE: own + layers * pitch}, element_sets=elements)
+    seen = {as_seen(name): np.asarray(nodes) for name, nodes in sheet.node_sets.items()}
+    sets = {"node_sets": through | seen | {MIDDLE: own + layers * pitch}, "element_sets": elements}
+    body = np.concatenate(points), [(SOLID_CELLS[sheet.blocks[0].cell], np.concatenate(solid))]
+    closed = make_mesh(*body, **sets)
+    faces = boundary_faces(closed)
+    at_front = [bool((face_set_nodes(closed, face[None]) < n).all()) for face in faces]
+    return make_mesh(*body, **sets, edge_sets={SEEN: faces[at_front]})
+
+
+def as_seen(name: str) -> str:
+    """The node set of a solid on the seen surface, of a node set of its sheet."""
+    return f"{name} on the {SEEN}"
 
 
 def in_front(sheet: Mesh, solid: Mesh) -> np.ndarray:
@@ -152,5 +167,25 @@ def _flat(morph: Morph, front: np.ndarray) -> Morph:
     return replace(morph, velocity=np.column_stack([morph.velocity[front], np.zeros(len(front))]))
 
 
-def _of_both_halves(channel: Channel) -> Channel:
-    return replace(channel, factor=2.0 * channel.factor)
+def _of_solid(channel: Channel) -> Channel:
+    """Both halves give a reaction; an extensometer sits on the seen surface."""
+    if channel.kind == "reaction":
+        return replace(channel, factor=2.0 * channel.factor)
+    return replace(channel, nodes=as_seen(channel.nodes),
+                   minus=None if channel.minus is None else as_seen(channel.minus))
+
+
+def _moved_through(experiment: Experiment, entry: Prescribed, solid: Mesh, front: np.ndarray) -> Prescribed:
+    """A motion of the sheet through the thickness: shapes of an edge as in front, gauges on the seen surface."""
+    drive = entry.drive
+    if isinstance(drive, Controlled):
+        return replace(entry, drive=replace(drive, nodes=as_seen(drive.nodes),
+                                            minus=None if drive.minus is None else as_seen(drive.minus)))
+    if not isinstance(drive, Parametrised):
+        return entry
+    own = set_nodes(experiment, entry.nodes)
+    shapes, courses = mode_shapes(experiment, own, drive, f"boundary.{entry.nodes}.{entry.component}")
+    place = np.full(experiment.mesh.n_nodes, -1)
+    place[own] = np.arange(len(own))
+    return replace(entry, drive=replace(drive, shapes=shapes[place[front[solid.node_sets[entry.nodes]]]],
+                                        courses=courses))
