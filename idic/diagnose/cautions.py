@@ -22,6 +22,7 @@ from idic.diagnose.screen.candidate import MESH_TOO_COARSE
 from idic.diagnose.screen.edits import open_share
 from idic.diagnose.selection.rival import Round
 from idic.identify.judgement.significance import z_text
+from idic.identify.systematic.real_thickness import gripped_ends
 from idic.materials import get_law
 from idic.model.drives import pixel_size
 
@@ -136,8 +137,9 @@ def neglected_cautions(diagnosis: Diagnosis) -> list[str]:
         return []
     parameters = experiment.parameters if diagnosis.residual_after is None else (
         diagnosis.residual_after.context.experiment.parameters)
+    ends = " with ends that keep theirs" if gripped_ends(experiment) else ""
     said = {BRICKS: (f"Plane stress is an assumption: bricks of the specimen's thickness ({experiment.thickness:.3g} "
-                     "mm) with ends that keep theirs", 'a mesh of bricks (kind = "solid")'),
+                     f"mm){ends}", 'a mesh of bricks (kind = "solid")'),
             FINITE_STRAINS: ("Small strains are an assumption: the same law with finite strains and rotations",
                              'finite strains (kinematics = "finite")')}
     found = []

@@ -50,17 +50,22 @@ def thick(experiment: Experiment) -> Experiment:
     experiment : of which `can_be_thick` holds
     """
     mesh = extruded(experiment.mesh, 0.5 * float(experiment.thickness))  # type: ignore[arg-type]
-    front, components = in_front(experiment.mesh, mesh), {}
-    for entry in experiment.prescribed:
-        if not isinstance(entry.drive, (Measured, Parametrised)):
-            components.setdefault(entry.nodes, set()).add(entry.component)
-    flat = [MIDDLE, *(name for name, own in components.items() if own >= {"x", "y"})]
+    front, flat = in_front(experiment.mesh, mesh), [MIDDLE, *gripped_ends(experiment)]
     prescribed = (*(_moved_through(experiment, entry, mesh, front) for entry in experiment.prescribed),
                   *(Prescribed(name, "z", Constant(0.0)) for name in flat))
     return replace(experiment, kind="solid", mesh=mesh, thickness=None, prescribed=prescribed, motion_error=None,
                    surface=SEEN, temperatures=tuple(_through(entry, front) for entry in experiment.temperatures),
                    morphs=tuple(_flat(morph, front) for morph in experiment.morphs),
                    channels=tuple(_of_solid(channel) for channel in experiment.channels))
+
+
+def gripped_ends(experiment: Experiment) -> list[str]:
+    """Node sets that keep their thickness: held or moved in both components, not measured."""
+    components: dict[str, set[str]] = {}
+    for entry in experiment.prescribed:
+        if not isinstance(entry.drive, (Measured, Parametrised)):
+            components.setdefault(entry.nodes, set()).add(entry.component)
+    return [name for name, own in components.items() if own >= {"x", "y"}]
 
 
 def extruded(sheet: Mesh, depth: float) -> Mesh:
