@@ -142,7 +142,8 @@ class Load:
     """A load on an edge (2D) or face (3D) set.
 
     kind "pressure": MPa, positive pushes onto the body, ``follower`` turns with it; kind "traction": MPa along
-    ``component``; kind "force": N in total along ``component``, spread evenly over the edge set.
+    ``component``; kind "force": N in total along ``component``, spread evenly over the edge set. share : of a force
+    that acts on this body, 0.5 of one half of it.
     """
 
     edges: str
@@ -151,6 +152,7 @@ class Load:
     component: str | None = None
     follower: bool = False
     identify_scale: bool = False  # its scale is a degree of freedom: a gauge that is not calibrated
+    share: float = 1.0
 
 
 @dataclass(frozen=True)

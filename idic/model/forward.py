@@ -415,5 +415,5 @@ def _dead_load(experiment: Experiment, load: Load, edges: np.ndarray) -> np.ndar
         return dead_pressure(mesh, edges, thickness)
     vector = np.eye(experiment.n_dim)[COMPONENTS.index(load.component)]
     if load.kind == "force":
-        vector = vector / face_area(mesh, edges, thickness)
+        vector = load.share * vector / face_area(mesh, edges, thickness)
     return traction(mesh, edges, vector, thickness)

@@ -25,7 +25,7 @@ from idic.fe.mesh.halve import halve
 from idic.fe.mesh.mesh import boundary_faces, check_elements, make_mesh
 from idic.identify.in_memory import identify
 from idic.model.drives import boundary_parameters
-from idic.model.experiment import Measured, Parametrised, Prescribed
+from idic.model.experiment import Column, Constant, Load, Measured, Parametrised, Prescribed
 from idic.model.forward import build_forward
 from idic.parameters import ParameterSet
 from idic.validation.trial.scenes.calculix import solve_with_calculix
@@ -191,6 +191,36 @@ def test_bricks_move_along_with_the_shapes_of_an_edge(tmp_path, kind):
     ends = np.concatenate([found.experiment.mesh.node_sets[name] for name in ("LEFT", "RIGHT")])
     assert np.abs(thin.u).max() < 0.05 * np.abs(real.u).max()
     assert np.abs(real.u).max() > 1e-4 and np.abs(real.u[:, ends]).max() < 1e-12
+
+
+@pytest.mark.parametrize(("kind", "component"), [("pressure", None), ("traction", "x"), ("force", "x")])
+@pytest.mark.parametrize("shape", ["quadrilaterals", "triangles"])
+def test_a_load_acts_through_the_thickness(tmp_path, kind, component, shape):
+    """A bar that may contract is in plane stress under it; held at the other end it is not, where it is thick."""
+    scene = scene_of_world((0.0, 0.2))
+    mesh = true_mesh(scene.geometry)
+    found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
+    sheet = found.experiment.mesh if shape == "quadrilaterals" else in_triangles(found.experiment.mesh)
+    end = set(sheet.node_sets["RIGHT"].tolist())
+    loaded = [edge for edge in boundary_faces(sheet) if set(sheet.face_nodes(edge).tolist()) <= end]
+    sheet = replace(sheet, edge_sets={"PULLED": np.array(loaded)})
+    load = Load("PULLED", kind, Column("load", np.array([0.0, 5.0])), component)
+    held = replace(found.experiment, mesh=sheet, loads=(load,), channels=(), prescribed=tuple(
+        Prescribed("LEFT", c, Constant(0.0)) for c in "xy"))
+    corner = replace(sheet, node_sets=sheet.node_sets | {"CORNER": sheet.node_sets["LEFT"][:1]})
+    free = replace(held, mesh=corner, prescribed=(Prescribed("LEFT", "x", Constant(0.0)),
+                                                  Prescribed("CORNER", "y", Constant(0.0))))
+
+    def share(experiment):
+        there = replace(found, experiment=experiment, forward=build_forward(experiment),
+                        local=np.zeros((2, build_forward(experiment).drives.n_local)))
+        *_, plain = simulated_sheet(there)
+        return np.abs(thickness_error(there).u).max() / np.abs(plain.u).max()
+
+    assert share(free) < 1e-8
+    assert share(held) > 1e-3
+    of_mesh = {"quadrilaterals": 0.1, "triangles": 0.3}[shape]  # two diagonals in the corners; tetrahedra 0.01 mm flat
+    assert share(replace(held, thickness=0.02)) < of_mesh * share(held)
 
 
 def test_an_extensometer_reads_the_seen_surface_of_the_bricks(tmp_path):

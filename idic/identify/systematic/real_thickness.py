@@ -3,8 +3,8 @@
 A thick sheet is not in plane stress: bending bulges its surface across the beam, and a grip keeps it from contracting.
 The bricks reach from the seen surface to the plane of symmetry in the middle. An edge that is held or moved in both
 components is taken as gripped: it keeps its thickness. An edge whose motion the images give lies within the specimen:
-its thickness is free, and what is behind the seen surface moves along with it. All other motions, temperatures and
-variations of the stiffness act through the thickness as they do on the sheet, and holes and edges have their shape
+its thickness is free, and what is behind the seen surface moves along with it. All other motions, loads, temperatures
+and variations of the stiffness act through the thickness as they do on the sheet, and holes and edges have their shape
 through it. Extensometers sit on the seen surface.
 """
 
@@ -14,8 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.fe.mesh.element import TET_EDGES
-from idic.fe.mesh.mesh import Mesh, boundary_faces, face_set_nodes, make_mesh
+from idic.fe.mesh.element import TET_EDGES, face_corners
+from idic.fe.mesh.mesh import Mesh, boundary_faces, make_mesh
 from idic.fe.mesh.morph import Morph
 from idic.model.drives import mode_shapes, set_nodes
 from idic.model.experiment import (Channel, Constant, Controlled, Experiment, Measured, Parametrised,
@@ -34,14 +34,13 @@ MAX_LAYERS = 3
 
 def can_be_thick(experiment: Experiment) -> bool:
     """Whether bricks of its thickness can be made: a sheet of eight-node quadrilaterals, or of six-node triangles, in
-    plane stress, of known thickness, moved by its edges and its temperature alone."""
+    plane stress, of known thickness."""
     plain = (experiment.solver is None and experiment.kind == "plane_stress" and experiment.thickness is not None
              and experiment.length_unit == "mm" and experiment.symmetry is None and experiment.surface_side == 0
              and "geometry.thickness" not in experiment.parameters)
     uneven = any(entry.form == "thickness" for entry in experiment.heterogeneities)
-    return (plain and not (experiment.loads or uneven)
-            and {block.cell for block in experiment.mesh.blocks} in ({"quad8"}, {"tri6"})
-            and all(channel.kind in ("reaction", "displacement") for channel in experiment.channels))
+    return (plain and not uneven
+            and {block.cell for block in experiment.mesh.blocks} in ({"quad8"}, {"tri6"}))
 
 
 def thick(experiment: Experiment) -> Experiment:
@@ -54,7 +53,8 @@ def thick(experiment: Experiment) -> Experiment:
     prescribed = (*(_moved_through(experiment, entry, mesh, front) for entry in experiment.prescribed),
                   *(Prescribed(name, "z", Constant(0.0)) for name in flat))
     return replace(experiment, kind="solid", mesh=mesh, thickness=None, prescribed=prescribed, motion_error=None,
-                   surface=SEEN, temperatures=tuple(_through(entry, front) for entry in experiment.temperatures),
+                   surface=SEEN, loads=tuple(replace(load, share=0.5 * load.share) for load in experiment.loads),
+                   temperatures=tuple(_through(entry, front) for entry in experiment.temperatures),
                    morphs=tuple(_flat(morph, front) for morph in experiment.morphs),
                    channels=tuple(_of_solid(channel) for channel in experiment.channels))
 
@@ -73,7 +73,7 @@ def extruded(sheet: Mesh, depth: float) -> Mesh:
     eight-node quadrilaterals, three ten-node tetrahedra behind a six-node triangle, which need a finer mesh.
 
     The nodes of the sheet come first. Node sets reach through the depth, those that `as_seen` names lie on the seen
-    surface, the edge set `SEEN`; edge sets of the sheet are left out.
+    surface, the edge set `SEEN`; edge sets of the sheet are the upright faces behind their edges.
     """
     cells = np.concatenate([block.connectivity for block in sheet.blocks])
     size = float(np.median(np.linalg.norm(sheet.nodes[cells[:, 0]] - sheet.nodes[cells[:, 1]], axis=1)))
@@ -102,9 +102,24 @@ def extruded(sheet: Mesh, depth: float) -> Mesh:
     sets = {"node_sets": through | seen | {MIDDLE: own + layers * pitch}, "element_sets": elements}
     body = np.concatenate(points), [(SOLID_CELLS[sheet.blocks[0].cell], np.concatenate(solid))]
     closed = make_mesh(*body, **sets)
-    faces = boundary_faces(closed)
-    at_front = [bool((face_set_nodes(closed, face[None]) < n).all()) for face in faces]
-    return make_mesh(*body, **sets, edge_sets={SEEN: faces[at_front]})
+    return make_mesh(*body, **sets, edge_sets=_face_sets(sheet, closed))
+
+
+def _face_sets(sheet: Mesh, solid: Mesh) -> dict[str, np.ndarray]:
+    """The seen surface, and the faces behind every edge set of the sheet  # each (n, 2) [element, local face]"""
+    front, faces = in_front(sheet, solid), boundary_faces(solid)
+    corners = face_corners(solid.blocks[0].cell)
+    places = [front[solid.face_nodes(face)[:corners]] for face in faces]
+    seen = [bool((solid.face_nodes(face) < sheet.n_nodes).all()) for face in faces]
+    behind: dict[frozenset[int], list[int]] = {}
+    for number, place in enumerate(places):
+        if len(set(place.tolist())) == 2:
+            behind.setdefault(frozenset(place.tolist()), []).append(number)
+    found = {SEEN: faces[seen]}
+    for name, edges in sheet.edge_sets.items():
+        ends = [frozenset(sheet.face_nodes(edge)[:2].tolist()) for edge in edges]
+        found[name] = faces[[number for pair in ends for number in behind.get(pair, ())]]
+    return found
 
 
 def as_seen(name: str) -> str:
@@ -174,8 +189,8 @@ def _flat(morph: Morph, front: np.ndarray) -> Morph:
 
 def _of_solid(channel: Channel) -> Channel:
     """Both halves give a reaction; an extensometer sits on the seen surface."""
-    if channel.kind == "reaction":
-        return replace(channel, factor=2.0 * channel.factor)
+    if channel.kind != "displacement":
+        return replace(channel, factor=2.0 * channel.factor) if channel.kind == "reaction" else channel
     return replace(channel, nodes=as_seen(channel.nodes),
                    minus=None if channel.minus is None else as_seen(channel.minus))
 
