@@ -15,7 +15,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from idic.diagnose.channel_left import ChannelLeft, channels_left
-from idic.diagnose.discretisation.bricks import ErrorChanges
 from idic.diagnose.discretisation.following import is_at
 from idic.diagnose.discretisation.known_error import renewed_error, with_error
 from idic.diagnose.discretisation.neglected import Neglected, neglected
@@ -287,14 +286,9 @@ def _with_known_error(source: ExperimentSource, residual: ResidualEvidence, null
         return _with_its_std(source, found, refit_residual(source.load(), found)) if found.usable else None
 
 
-def _with_its_std(source: ExperimentSource, found: Refit, residual: ResidualEvidence,
-                  changes: ErrorChanges | None = None) -> Refit:
-    """A fit to the recording whose standard deviations know that the error of plane stress follows the law.
-
-    changes : derivatives of that error, where they are known
-    """
-    there = identification_at(source.load(), found.values, found.local, found.steps)
-    factors = std_factors(there, residual, changes)
+def _with_its_std(source: ExperimentSource, found: Refit, residual: ResidualEvidence) -> Refit:
+    """A fit to the recording whose standard deviations know that the error of plane stress follows the law."""
+    factors = std_factors(identification_at(source.load(), found.values, found.local, found.steps), residual)
     return replace(found, stds={name: None if std is None else std * factors.get(name, 1.0)
                                 for name, std in found.stds.items()})
 
@@ -361,9 +355,9 @@ def _enriched(source: ExperimentSource, null: Refit, left: ResidualEvidence, rou
     with setting.clock.step("final_s"):
         turned = None if setting.quick else _turned(source, null, left, setting)
         if turned is not None:
-            source, final, of, changes = turned
+            source, final, of = turned
         else:
-            final, of, changes = null if setting.quick else _whole_fit(source, null, setting), None, None
+            final, of = null if setting.quick else _whole_fit(source, null, setting), None
         if not final.usable:
             return _Enriched(source, final)
         after, active = residual_from_rest(source.load(), final), None
@@ -383,13 +377,13 @@ def _enriched(source: ExperimentSource, null: Refit, left: ResidualEvidence, rou
             left = residual_from_rest(renewed.load(), again) if again.usable else None
             if left is None:
                 break
-            source, final, after, changes = renewed, again, left, None
+            source, final, after = renewed, again, left
         other = None if setting.quick else fit_from_other_axes(source, final, rounds, setting.refits, setting.grid,
                                                                setting.seed)
         if other is not None and is_better(other, final):
             left = residual_from_rest(source.load(), other)
             other, final, after = (None, final, after) if left is None else (final, other, left)
-        final = final if setting.quick else _with_its_std(source, final, after, changes)
+        final = final if setting.quick else _with_its_std(source, final, after)
         if rounds[0].winner.ranked.candidate.kind.active:
             with suppress(NotConverged):  # with these increments: the residual chose its own
                 active = activity(identification_at(source.load(), final.values, final.local, final.steps))
@@ -398,10 +392,9 @@ def _enriched(source: ExperimentSource, null: Refit, left: ResidualEvidence, rou
 
 
 def _turned(source: ExperimentSource, null: Refit, left: ResidualEvidence, setting: Setting,
-            ) -> tuple[ExperimentSource, Refit, Identification, ErrorChanges | None] | None:
+            ) -> tuple[ExperimentSource, Refit, Identification] | None:
     """The source with the error of plane stress that follows from a copy to the recording, the fit to the recording
-    beside it, the model at the values that the error is of, and its derivatives near by; None where bricks are not
-    known, or this fails.
+    beside it, and the model at the values that the error is of; None where bricks are not known, or this fails.
 
     null : fit to the copy, which has converged: the turns take whole steps; left : see `_enriched`
     """
@@ -418,7 +411,7 @@ def _turned(source: ExperimentSource, null: Refit, left: ResidualEvidence, setti
         return None
     renewed = source.with_motion_error(new[0])
     final = _whole_fit(renewed, null, setting, new[1])
-    return (renewed, final, new[1], begun.bricks.changes) if final.usable else None
+    return (renewed, final, new[1]) if final.usable else None
 
 
 def _whole_fit(source: ExperimentSource, near: Refit, setting: Setting, at: Identification | None = None) -> Refit:

@@ -336,8 +336,7 @@ def test_the_error_of_plane_stress_is_differentiated_by_the_law(tmp_path):
     plain = at_truth(tmp_path, scene, solve(scene))
     found = with_bricks_known(plain, thickness_error(plain))
     residual = residual_evidence(found, light=False)
-    by_law = error_changes(found)
-    changes = as_recorded(residual, by_law)
+    changes = as_recorded(residual, error_changes(found))
     assert changes.names == residual.null.names == ("BODY.E", "BODY.nu")
     for j, step in enumerate((1.0, 1e-4)):  # 1 MPa, which moves nothing, and 0.0001
         high, low = (thickness_error(moved(found, sign * step * np.eye(2)[j])) for sign in (1.0, -1.0))
@@ -347,7 +346,6 @@ def test_the_error_of_plane_stress_is_differentiated_by_the_law(tmp_path):
         np.testing.assert_allclose(changes.channels[..., j], known.channels[..., 0] / (2.0 * step), rtol=1e-4)
     factors = std_factors(found, residual)
     assert set(factors) == {"BODY.E", "BODY.nu"} and min(factors.values()) > 0.0
-    assert std_factors(found, residual, by_law) == factors
     assert std_factors(plain, residual_evidence(plain, light=False)) == {}
 
 
