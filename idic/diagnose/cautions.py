@@ -12,6 +12,7 @@ import numpy as np
 
 from idic.diagnose.chain import Diagnosis
 from idic.diagnose.channel_left import ChannelLeft
+from idic.diagnose.discretisation.bricks import reason_against_bricks
 from idic.diagnose.discretisation.combinations import BRICKS, FINITE_STRAINS
 from idic.diagnose.next_test import reason_against_continuation
 from idic.diagnose.refit import MAX_EVALUATIONS, MAX_FAILED_SIMULATIONS
@@ -21,6 +22,7 @@ from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.screen.candidate import MESH_TOO_COARSE
 from idic.diagnose.screen.edits import open_share
 from idic.diagnose.selection.rival import Round
+from idic.identify.in_memory import Identification
 from idic.identify.judgement.significance import z_text
 from idic.identify.systematic.real_thickness import gripped_ends
 from idic.materials import get_law
@@ -45,6 +47,7 @@ def cautions(diagnosis: Diagnosis) -> list[str]:
     register = [] if diagnosis.register is None else [diagnosis.register.words]
     return [*register, *_quick(diagnosis), *too_coarse(diagnosis.rounds), *outline, *thickness_caution(diagnosis),
             *finite_caution(diagnosis), *mesh_caution(diagnosis), *neglected_cautions(diagnosis),
+            *([] if diagnosis.quick else untested_thickness(diagnosis.found)),
             *other_axis_caution(diagnosis), *search, *camera, *formal_fit(diagnosis.excess_left),
             *channel_cautions(diagnosis.channels, diagnosis.verdict.in_channels), *_few_elements(diagnosis),
             *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_given_up(diagnosis.rounds),
@@ -100,6 +103,15 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
             f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
             f"shows it. The diagnosis counts the difference; the identified parameters do not{told}. "
             "Identify again with a mesh of bricks (kind = \"solid\")."]
+
+
+def untested_thickness(found: Identification) -> list[str]:
+    """Where bricks of the specimen's thickness were not compared with plane stress."""
+    why = reason_against_bricks(found)
+    if why is None:
+        return []
+    return [f"Plane stress was not tested: {why}. Bricks of the specimen's thickness ({found.experiment.thickness:.3g} "
+            "mm) may move otherwise, most at grips, notches and in bending; no error bar counts it."]
 
 
 def finite_caution(diagnosis: Diagnosis) -> list[str]:

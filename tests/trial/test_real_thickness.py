@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from idic.diagnose.cautions import untested_thickness
 from idic.diagnose.discretisation.combinations import (BRICKS, FINITE_STRAINS, Combination, drop_by,
                                                        probabilities)
 from idic.diagnose.discretisation.neglected import neglected
@@ -99,6 +100,25 @@ def test_bricks_of_a_large_mesh_are_simulated_where_motions_are_superposed(tmp_p
         replace(material, kinematics="finite") for material in found.experiment.materials))
     assert np.abs(thickness_error(found).u).max() > 1e-3
     assert thickness_error(replace(found, experiment=finite, forward=build_forward(finite))) is None
+
+
+def test_a_sheet_without_bricks_is_told(tmp_path, monkeypatch):
+    scene = scene_of_world((0.0, 0.2))
+    mesh = true_mesh(scene.geometry)
+    found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
+    assert untested_thickness(found) == []
+    sheet = found.experiment.mesh
+    (block,) = sheet.blocks
+    others = {"mixes": [("quad8", block.connectivity[:-1]), ("tri6", block.connectivity[-1:, :6])],
+              "first order": [("quad4", block.connectivity[:, :4])]}
+    for said, cells in others.items():
+        made = replace(found.experiment, mesh=make_mesh(sheet.nodes, cells, node_sets=dict(sheet.node_sets),
+                                                        element_sets=dict(sheet.element_sets)))
+        (caution,) = untested_thickness(replace(found, experiment=made))
+        assert said in caution and "2.81 mm" in caution
+    monkeypatch.setattr("idic.diagnose.discretisation.bricks.MAX_LINEAR_BRICK_NODES", 1000)
+    assert "more than 1000" in untested_thickness(found)[0]
+    assert thickness_error(found) is None
 
 
 def test_bricks_know_the_temperature_of_the_sheet(tmp_path):

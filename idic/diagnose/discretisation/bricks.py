@@ -18,7 +18,7 @@ from idic.fe.superposition import is_linear
 from idic.identify.discrepancy.mesh_error import LOOSE
 from idic.identify.in_memory import Identification
 from idic.identify.kept_simulation import response_of
-from idic.identify.systematic.real_thickness import can_be_thick, thick
+from idic.identify.systematic.real_thickness import can_be_thick, extruded, thick
 from idic.model.forward import ForwardModel, build_forward
 from idic.model.motion_error import MotionError
 
@@ -110,6 +110,22 @@ def simulated_sheet(found: Identification, names: Sequence[str] = (),
     states = forward.march(found.parameters, names, found.local, found.steps,  # type: ignore[call-arg]
                            bool(names) and forward.drives.n_local > 0, guesses, may_cut=True)
     return (response_of(at, experiment.reference) for at in states)
+
+
+def reason_against_bricks(found: Identification) -> str | None:
+    """Why a sheet of known thickness is not compared with bricks; None where it is, or where there is no such sheet."""
+    experiment, cells = found.experiment, {block.cell for block in found.experiment.mesh.blocks}
+    if experiment.solver is not None or experiment.kind != "plane_stress" or experiment.thickness is None:
+        return None
+    if len(cells) > 1:
+        return "the mesh mixes quadrilaterals and triangles"
+    if cells <= {"quad4", "tri3"}:
+        return "the elements are of first order"
+    if not can_be_thick(experiment):
+        return None
+    nodes = extruded(experiment.mesh, 0.5 * float(experiment.thickness)).n_nodes
+    limit = MAX_LINEAR_BRICK_NODES if is_linear(found.forward.model) else MAX_BRICK_NODES  # type: ignore[union-attr]
+    return f"they would have {nodes} nodes, more than {limit}" if nodes > limit else None
 
 
 def brick_model(found: Identification) -> ForwardModel | None:
