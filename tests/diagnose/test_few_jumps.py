@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from side_twins import TIMES, TRUTH, Side, write_folder
+from test_revision import chosen, refit, sets, world
 
 import idic
 from idic.diagnose.refit import identification_at
@@ -17,7 +18,7 @@ from idic.diagnose.screen.edits import with_correction
 from idic.diagnose.screen.score import null_model, score
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.screen.situation import situation
-from idic.diagnose.selection.few_jumps import few_jumps
+from idic.diagnose.selection.few_jumps import few_jumps, without_idle_jumps
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
@@ -71,6 +72,30 @@ def test_a_small_motion_of_something_else_makes_no_jumps(tmp_path):
     beside = 0.003 * (TIMES / TIMES[-1]) ** 2
     frames, scores = jump_scores(tmp_path / "test", lagging(0.012 * (TIMES >= 6) + beside))
     assert [frames[k] for k in few_jumps(scores)] == [6]
+
+
+@pytest.mark.parametrize(("size", "loss", "kept"), [(-6.6e-5, 5.0, [7]), (-6.6e-5, 30.0, [1, 7]), (-3e-4, 5.0, [1, 7])])
+def test_a_jump_that_bricks_make_idle_is_taken_out(size, loss, kept):
+    """Of two jumps, 0.008 mm and one of 1.5 standard deviations beside the bricks; it stays where the whole needs it,
+    or where it is 6.7 standard deviations large."""
+    names = (f"{SLIP}_jump[1]", f"{SLIP}_jump[7]")
+    drive = {"column": "grip_mm", "corrections": [{"kind": "slip", "course": "jumps", "jump_frames": [1, 7]}]}
+    (one,) = chosen(("grip_slip",), sets(((), 5000.0), (("grip_slip",), 100.0)))
+    tables = [{"nodes": "LEFT", "ux": 0.0}, {"nodes": "RIGHT", "ux": drive}]
+    variant = Variant("RIGHT slips in 2 jumps", {"boundary": tables}, names, dict.fromkeys(names, 0.0),
+                      dict.fromkeys(names, 1.0), free_course=True)
+    winner = replace(one.winner, ranked=replace(one.winner.ranked, variant=variant),
+                     refitted=replace(one.winner.refitted, label=variant.label))
+    values = dict(zip(names, (size, 0.008), strict=True))
+    null = replace(refit(("grip_slip",), 50.0), values=values, stds=dict.fromkeys(names, 4.5e-5))
+    place, _ = world({frozenset({"boundary"}): 50.0 + loss})
+    found = without_idle_jumps(replace(one, winner=winner, rivals=(winner,)), None, null, place.refits, None, 0)
+    assert (found is None) is (kept == [1, 7])
+    if found is not None:
+        made, source, _ = found
+        assert made.winner.ranked.variant.new == names[1:] and made.rivals == (made.winner,)
+        assert source.edits["boundary"][1]["ux"]["corrections"][0]["jump_frames"] == kept
+    assert drive["corrections"][0]["jump_frames"] == [1, 7]
 
 
 def test_a_jump_outside_the_test_is_refused(tmp_path):

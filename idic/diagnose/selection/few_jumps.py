@@ -6,16 +6,20 @@ fewest are taken whose every one lowers chi-square by `MIN_JUMP_CHI2` and by `MI
 together, the best one after the other, each moved afterwards to where it explains most beside the others. A smaller
 share is a flaw of their description, or another cause that many jumps would follow. The copy without a part in that
 choice decides.
+
+A jump that bricks, finite strains or an error of the mesh make idle is taken out again: beside plasticity a plate of
+bricks under a grip that slips once had another jump in its first frame, of 1.5 standard deviations in the end.
 """
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from idic.diagnose.refit import Refit, identification_at
-from idic.diagnose.refit_job import ExperimentSource, Refits
+from idic.diagnose.refit_job import ExperimentSource, Refits, refit_of_one
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, thinned
@@ -24,8 +28,10 @@ from idic.diagnose.screen.free_courses import free_edits
 from idic.diagnose.screen.score import Scores, null_model, score
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.selection.own_course import leaves_something, refitted_as
-from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, Rival
-from idic.model.free_course import jump_name, without_knot
+from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, Rival, Round
+from idic.diagnose.selection.rivals import edits_of
+from idic.diagnose.selection.rivals_again import refitted_again
+from idic.model.free_course import jump_frame, jump_name, without_knot
 
 MIN_JUMP_CHI2 = 18.0  # that a jump must bring; the best of 100 frames reaches it under noise in 2 of 1000 recordings
 MAX_JUMPS = 5  # more are a course
@@ -88,6 +94,47 @@ def few_jumps(scores: Scores) -> list[int]:
             rest = chosen[:place] + chosen[place + 1:]
             chosen[place] = max((k for k in everyone if k not in rest and scores.own[k] > 0),
                                 key=lambda k: gain([*rest, k]))
+
+
+def without_idle_jumps(one: Round, source: ExperimentSource, null: Refit, refits: Refits, grid: Grid,
+                       seed: int) -> tuple[Round, ExperimentSource, Refit] | None:
+    """A round whose winner slips in fewer jumps, its source and its fit; None where every jump is needed.
+
+    source, null : of the model with that winner, and its last fit; a jump is idle where it stands below the root of
+    `MIN_JUMP_CHI2` standard deviations from zero, and the whole loses no more than that without it
+    """
+    winner = one.winner
+    jumps = [name for name in winner.ranked.variant.new if jump_frame(name) is not None]  # type: ignore[union-attr]
+    idle = [name for name in jumps if null.stds.get(name)
+            and (null.values[name] / null.stds[name]) ** 2 < MIN_JUMP_CHI2]  # type: ignore[operator]
+    if not idle or len(idle) == len(jumps):
+        return None
+    variant = winner.ranked.variant  # type: ignore[union-attr]
+    kept = tuple(name for name in variant.new if name not in idle)
+    label = f"{variant.label}, {len(idle)} of them idle"
+    fewer = replace(variant, label=label, edits=_without_frames(variant.edits, {jump_frame(name) for name in idle}),
+                    new=kept, **{part: {name: value for name, value in getattr(variant, part).items() if name in kept}
+                                 for part in ("null", "probe")})
+    rival = replace(winner, ranked=replace(winner.ranked, variant=fewer, label=label),  # type: ignore[union-attr]
+                    refitted=replace(winner.refitted, label=label))  # type: ignore[union-attr]
+    there = one.source.with_edits(edits_of(rival, one.screening))  # type: ignore[union-attr]
+    near = replace(null, values={name: value for name, value in null.values.items() if name not in idle})
+    (fitted,) = refits([refit_of_one(there, winner.name, near, grid, seed)])  # type: ignore[union-attr]
+    made = refitted_again(rival, replace(fitted, label=label)) if fitted.usable else None
+    if made is None or fitted.judgement.chi2 - null.judgement.chi2 > MIN_JUMP_CHI2 * len(idle):
+        return None
+    rivals = tuple(made if r is winner else r for r in one.rivals)
+    return replace(one, winner=made, rivals=rivals), there, made.refitted
+
+
+def _without_frames(edits: Mapping[str, Any], frames: set[int | None]) -> dict[str, Any]:
+    """Edits whose jumps happen in all of their frames but these."""
+    tables = copy.deepcopy(list(edits["boundary"]))
+    for drive in (drive for table in tables for drive in table.values() if isinstance(drive, dict)):
+        for entry in drive.get("corrections", ()):
+            if "jump_frames" in entry:
+                entry["jump_frames"] = [frame for frame in entry["jump_frames"] if frame not in frames]
+    return {**edits, "boundary": tables}
 
 
 def _jumping(winner: Rival, edits: Mapping[str, Any], names: list[str]) -> Variant:

@@ -40,7 +40,7 @@ from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.block_step import holds, judged_by_step
 from idic.diagnose.selection.both_copies import judged_on_both, undecided
 from idic.diagnose.selection.imitation import with_imitated
-from idic.diagnose.selection.few_jumps import with_few_jumps
+from idic.diagnose.selection.few_jumps import with_few_jumps, without_idle_jumps
 from idic.diagnose.selection.finite_strains import with_finite_strains_counted
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.own_scale import with_own_scale
@@ -119,7 +119,7 @@ def null_refit(source: ExperimentSource, found: Identification, setting: Setting
 def selected_rounds(source: ExperimentSource, found: Identification, null: Refit, whole: ResidualEvidence,
                     setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, list[Group], ResidualEvidence]:
     """Additions to the model, its last source and refit, the indistinguishable groups, and a residual on the recording:
-    of the last model, unless a revision changed it.
+    of the last model, unless it finds no equilibrium from rest.
 
     whole : residual of the identified model on the recording itself
     """
@@ -138,6 +138,8 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
                                                                 setting)
             if len(rounds) > 1 and null is not before:
                 rounds, source, null, whole = _last_cause_again(rounds, source, null, whole, setting)
+            if null is not before:
+                rounds, source, null, whole = _without_idle_jumps(rounds, source, null, whole, setting)
         far = effect(null.judgement, unit) > MAX_REGISTER_PX  # type: ignore[arg-type]
         one = _round(source, null, number, rounds, setting, bends, far, whole)
         if one.winner is not None and not setting.quick:
@@ -149,11 +151,19 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
         if len(rounds) > 1:
             setting.stage("every selected cause tested for removal and exchange")
             with setting.clock.step("revision_s"):
-                rounds = revised(rounds, place)
+                rounds, selected = revised(rounds, place), [one.winner for one in rounds]
+                if [one.winner for one in rounds] != selected:
+                    whole = _residual_of_last(rounds[-1]) or whole
         last = rounds[-1]
         source, null = last.source.with_edits(edits_of(last.winner, last.screening)), last.winner.refitted
     rounds = [with_imitated(one, whole.u) for one in rounds]
     return rounds, source, null, [_group(one) for one in rounds if one.winner is not None and one.equals], whole
+
+
+def _residual_of_last(one: Round) -> ResidualEvidence | None:
+    """Residual of a round's winner on the recording; None where it finds no equilibrium from rest."""
+    there = one.source.with_edits(edits_of(one.winner, one.screening))  # type: ignore[union-attr, arg-type]
+    return residual_from_rest(there.load(), one.winner.refitted)  # type: ignore[union-attr]
 
 
 def _knowing(one: Round, source: ExperimentSource) -> Round:
@@ -204,6 +214,15 @@ def _last_cause_again(rounds: list[Round], source: ExperimentSource, null: Refit
             return rounds, source, null, whole
         after = residual_from_rest(last.source.load(), without)  # type: ignore[union-attr]
     return (rounds, source, null, whole) if after is None else (rounds[:-1], last.source, without, after)  # type: ignore
+
+
+def _without_idle_jumps(rounds: list[Round], source: ExperimentSource, null: Refit, whole: ResidualEvidence,
+                        setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, ResidualEvidence]:
+    """Without jumps of the last cause that bricks, finite strains or an error of the mesh have made idle."""
+    with setting.clock.step("revision_s"):
+        found = without_idle_jumps(rounds[-1], source, null, setting.refits, setting.grid, setting.seed)
+        after = None if found is None else residual_from_rest(found[1].load(), found[2])
+    return (rounds, source, null, whole) if after is None else ([*rounds[:-1], found[0]], *found[1:], after)  # type: ignore
 
 
 def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidence,
