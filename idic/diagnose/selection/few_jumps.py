@@ -14,7 +14,7 @@ bricks under a grip that slips once had another jump in its first frame, of 1.5 
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -111,7 +111,7 @@ def without_idle_jumps(one: Round, source: ExperimentSource, null: Refit, refits
         return None
     variant = winner.ranked.variant  # type: ignore[union-attr]
     kept = tuple(name for name in variant.new if name not in idle)
-    label = f"{variant.label}, {len(idle)} of them idle"
+    label = _label(kept)
     fewer = replace(variant, label=label, edits=_without_frames(variant.edits, {jump_frame(name) for name in idle}),
                     new=kept, **{part: {name: value for name, value in getattr(variant, part).items() if name in kept}
                                  for part in ("null", "probe")})
@@ -139,7 +139,11 @@ def _without_frames(edits: Mapping[str, Any], frames: set[int | None]) -> dict[s
 
 def _jumping(winner: Rival, edits: Mapping[str, Any], names: list[str]) -> Variant:
     """The variant of a winner with jumps."""
+    return replace(winner.ranked.variant, label=_label(names), edits=edits, new=tuple(names),
+                   null=dict.fromkeys(names, 0.0), probe=dict.fromkeys(names, 1.0), sign=0, refit={}, exact=True,
+                   direct=False, free_course=True)
+
+
+def _label(names: Sequence[str]) -> str:
     last = names[0].rpartition(".")[0].removeprefix("boundary.")
-    return replace(winner.ranked.variant, label=f"{last} slips in {len(names)} jump{'s' if len(names) > 1 else ''}",
-                   edits=edits, new=tuple(names), null=dict.fromkeys(names, 0.0), probe=dict.fromkeys(names, 1.0),
-                   sign=0, refit={}, exact=True, direct=False, free_course=True)
+    return f"{last} slips in {len(names)} jump{'s' if len(names) > 1 else ''}"
