@@ -15,6 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from idic.diagnose.channel_left import ChannelLeft, channels_left
+from idic.diagnose.courses import Course, courses_of
 from idic.diagnose.discretisation.following import is_at
 from idic.diagnose.discretisation.known_error import renewed_error, with_error
 from idic.diagnose.discretisation.neglected import Neglected, neglected
@@ -57,6 +58,7 @@ from idic.model.motion_error import MotionError
 
 SEED = 20260
 MAX_RENEWALS = 3  # of the known error of the last model: it depends on the parameters, and they on it
+NO_CAUSE = "geometric_nonlinearity"  # candidate that belongs to the description of every body
 DRAW_FIRST = ("draw the outline of the specimen (outline_mm in mesh) and diagnose again; the outline of the points "
               "may explain the whole finding")
 
@@ -124,20 +126,37 @@ class Diagnosis:
     free_end: FreeEnd | None = None
 
     @property
+    def first_cause(self) -> Round | None:
+        """The round of the first selected candidate, None without one; finite strains belong to the description, and
+        are no cause where there is another."""
+        won = [one for one in self.rounds if one.winner is not None]
+        causes = [one for one in won if one.winner.name != NO_CAUSE]  # type: ignore[union-attr]
+        return next(iter(causes or won), None)
+
+    @property
     def selected_effect(self) -> SelectedEffect | None:
-        """Side and onset of the first selected candidate, None without one.
+        """Side and onset of the first cause, None without one.
 
         It acts from the start unless it, or a candidate indistinguishable from it, has an onset.
         """
-        first = self.rounds[0]
-        if first.winner is None:
+        first = self.first_cause
+        if first is None:
             return None
-        candidate, active = first.winner.ranked.candidate, self.active
+        candidate, active = first.winner.ranked.candidate, self.active  # type: ignore[union-attr]
         has_onset = any(rival.ranked.candidate.has_onset for rival in first.rivals
                         if rival is first.winner or rival.name in first.equals)
         modifies = active is not None and not candidate.shows_at_reversal and has_state(self.found, ACTIVE_STATES)
+        began = [course.onset for course in self.courses(first) if course.onset and course.onset[0] > 0]
         return SelectedEffect(candidate.side, not has_onset, None if active is None else active.first_frame,
-                              modifies)
+                              modifies, min(began, default=None) if has_onset else None)
+
+    def courses(self, one: Round) -> list[Course]:
+        """Courses of the winner of a round, with their error bands; [] of a material."""
+        if self.final is None or not self.final.usable or self.residual_after is None:
+            return []
+        return courses_of(one.winner.name, self.residual_after.context.experiment,  # type: ignore[union-attr]
+                          self.found.experiment, one.winner.ranked.variant.new,  # type: ignore[union-attr]
+                          self.final.values, self.final.stds)
 
 
 def diagnose(source: ExperimentSource, found: Identification, refits: Refits, stage: Stage = silent, seed: int = SEED,

@@ -21,7 +21,7 @@ MAX_PLACES = 3  # that are reported
 def mismatch_content(diagnosis: Diagnosis) -> dict:
     """The entry ``mismatch`` of diagnosis.json: side, onset, place; null where nothing could be located.
 
-    The side is that of the first selected candidate, if there is one. ``elements`` are those in which a selected law of
+    The side is that of the first cause, if there is one. ``elements`` are those in which a selected law of
     yielding, flow or damage acts in the enriched model; ``pushing_elements`` are the source elements of the residual.
     ``p_value`` counts two families of tests (Bonferroni): the location and the screening.
     """
@@ -114,8 +114,8 @@ def place_in_words(diagnosis: Diagnosis) -> str | None:
 
 
 def _everywhere(diagnosis: Diagnosis) -> bool:
-    winner = diagnosis.rounds[0].winner
-    return winner is not None and diagnosis.selected_effect.from_start and acts_everywhere(winner.ranked)
+    first = diagnosis.first_cause
+    return first is not None and diagnosis.selected_effect.from_start and acts_everywhere(first.winner.ranked)
 
 
 def acts_everywhere(ranked: Ranked) -> bool:

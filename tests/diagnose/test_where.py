@@ -257,6 +257,15 @@ def test_growth_after_the_corner_widens_the_interval():
     assert Mismatch.reported_onset(unseen, SelectedEffect("bulk", False, 3)) == (3, (3, 3))
 
 
+def test_a_slip_begins_where_its_course_does():
+    """Error of the mesh before it hides the corner in the growth."""
+    early = SimpleNamespace(is_significant=True, onset_frame=0, onset_ci=(0, 9), onset=SimpleNamespace(from_start=True))
+    slip = SelectedEffect("boundary", False, course_onset=(13, 14))
+    assert Mismatch.reported_onset(early, slip) == (14, (0, 14))
+    unseen = SimpleNamespace(is_significant=False, onset_frame=None, onset_ci=None)
+    assert Mismatch.reported_onset(unseen, slip) == (14, (13, 14))
+
+
 def test_two_zones_at_the_sides_of_a_hole_are_two_places():
     mesh = strip_with_hole(10.0, 6.0, 1.0, "quad8", 3, 4, 3, name="BODY")
     centres = element_centres(mesh)

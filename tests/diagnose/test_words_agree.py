@@ -56,7 +56,8 @@ def content_of(known, cause, rest):
     verdict = conclude(rounds, before, after, real, [ExcessLeft(before, after, POWER)], channels=channels)
     diagnosis = SimpleNamespace(
         found=found, whole_before=whole, mismatch=mismatch, effect_px=0.0, rounds=rounds, verdict=verdict, active=None,
-        channels=channels, selected_effect=SelectedEffect("force", True) if cause else None)
+        channels=channels, selected_effect=SelectedEffect("force", True) if cause else None,
+        first_cause=rounds[0] if cause else None)
     content = CONTENT | {
         "verdict": verdict.word, "named": list(verdict.selected), "mismatch": mismatch_content(diagnosis),
         "unexplained": list(unexplained(diagnosis)), "excluded": [], "cannot_tell": [],

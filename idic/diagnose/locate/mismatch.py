@@ -39,12 +39,14 @@ class SelectedEffect:
     modifies_yield_law : whether it changes a law of yielding, flow or damage that was identified. The parameters of
     that
         law imitate the change for many frames, so that the recording shows it late.
+    course_onset : frames between which its amplitude begins, of a cause with an onset that is no material
     """
 
     side: str
     from_start: bool
     active_frame: int | None = None
     modifies_yield_law: bool = False
+    course_onset: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +103,10 @@ class Mismatch:
         without_corner = self.onset_frame is not None and self.onset.from_start
         if selected.from_start if selected else without_corner:
             return 0, (0, 0 if selected else self.onset_ci[1])
+        if selected and selected.course_onset:
+            low, high = self.onset_ci or selected.course_onset
+            last_at_zero, begun = selected.course_onset
+            return begun, (min(low, last_at_zero), max(high, begun))
         active = selected.active_frame if selected else None
         if active is not None and (selected.modifies_yield_law or self.onset_frame is None or without_corner):
             low, high = self.onset_ci or (active, active)

@@ -12,7 +12,6 @@ import numpy as np
 from idic.diagnose.cautions import cautions
 from idic.diagnose.chain import Diagnosis
 from idic.diagnose.courses import content as courses_content
-from idic.diagnose.courses import courses_of
 from idic.diagnose.findings import mismatch_content, refitted_form, unexplained
 from idic.diagnose.locate.left_place import left_place
 from idic.diagnose.locate.place import in_words
@@ -118,13 +117,8 @@ def _left(diagnosis: Diagnosis) -> dict:
 
 def _courses(diagnosis: Diagnosis) -> list[dict]:
     """Course and error band of every selected cause that is no material."""
-    if diagnosis.final is None or not diagnosis.final.usable or diagnosis.residual_after is None:
-        return []
-    experiment, final = diagnosis.residual_after.context.experiment, diagnosis.final
-    found = [course for one in diagnosis.rounds if one.winner is not None
-             for course in courses_of(one.winner.name, experiment, diagnosis.found.experiment,
-                                      one.winner.ranked.variant.new, final.values, final.stds)]
-    return courses_content(found, experiment.times)
+    found = [course for one in diagnosis.rounds if one.winner is not None for course in diagnosis.courses(one)]
+    return courses_content(found, diagnosis.found.experiment.times)
 
 
 def titles_of(diagnosis: Diagnosis) -> dict[str, str]:
