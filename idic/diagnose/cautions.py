@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.diagnose.chain import Diagnosis
+from idic.diagnose.chain import NO_CAUSE, Diagnosis
 from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.discretisation.bricks import reason_against_bricks
 from idic.diagnose.discretisation.combinations import BRICKS, FINITE_STRAINS
@@ -111,14 +111,16 @@ def untested_thickness(found: Identification) -> list[str]:
     if why is None:
         return []
     return [f"Plane stress was not tested: {why}. Bricks of the specimen's thickness ({found.experiment.thickness:.3g} "
-            "mm) may move otherwise, most at grips, notches and in bending; no error bar counts it."]
+            "mm) may move otherwise, most at grips, notches and in bending; no error bar counts it. Diagnose with "
+            "quadrilaterals or triangles of second order alone, and not too many, or identify with a mesh of bricks "
+            "(kind = \"solid\")."]
 
 
 def finite_caution(diagnosis: Diagnosis) -> list[str]:
     """Where finite strains were counted beside a cause, and are none by name; a law that has no other form is not
     counted."""
     after = diagnosis.residual_after
-    if after is None or "geometric_nonlinearity" in diagnosis.verdict.selected:
+    if after is None or NO_CAUSE in diagnosis.verdict.selected:
         return []
     small = {one.element_set for one in diagnosis.found.experiment.materials if one.kinematics == "small"}
     if not any(one.element_set in small and one.kinematics == "finite"

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from idic.diagnose.chain import Diagnosis
 from idic.diagnose.refit import Refit
 from idic.diagnose.refit_job import Told
 from idic.diagnose.residual.heldout import Fit
@@ -171,6 +172,17 @@ def test_a_cause_of_readings_that_explains_the_force_needs_no_share_of_the_whole
     assert without.chi2 - together.chi2 < min_further_drop(rival, 4e4)
     assert earns_its_place(rival, first, without, together) is stays
     assert not earns_its_place(rival, of_force(4e4, 15.0), without, together)  # a tenth of the excess is no finding
+
+
+def test_side_and_onset_are_those_of_a_cause_and_not_of_finite_strains_beside_it():
+    left = sets(((), 5000.0), (("geometric_nonlinearity",), 1000.0), (("geometric_nonlinearity", "grip_slip"), 10.0))
+    rounds = chosen(("geometric_nonlinearity", "grip_slip"), left)
+    known = SimpleNamespace(rounds=rounds)
+    assert Diagnosis.first_cause.fget(known) is rounds[1]
+    known.rounds = rounds[:1]
+    assert Diagnosis.first_cause.fget(known) is rounds[0]
+    known.rounds = [replace(rounds[0], winner=None)]
+    assert Diagnosis.first_cause.fget(known) is None
 
 
 def test_a_parameter_far_from_its_null_needs_no_refit_to_be_kept():

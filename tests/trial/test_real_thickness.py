@@ -109,7 +109,8 @@ def test_a_sheet_without_bricks_is_told(tmp_path, monkeypatch):
     assert untested_thickness(found) == []
     sheet = found.experiment.mesh
     (block,) = sheet.blocks
-    others = {"mixes": [("quad8", block.connectivity[:-1]), ("tri6", block.connectivity[-1:, :6])],
+    mixed = [("quad8", block.connectivity[:-1]), ("tri6", block.connectivity[-1:, :6])]
+    others = {"mixes elements (quad8, tri6)": mixed,
               "first order": [("quad4", block.connectivity[:, :4])]}
     for said, cells in others.items():
         made = replace(found.experiment, mesh=make_mesh(sheet.nodes, cells, node_sets=dict(sheet.node_sets),

@@ -113,19 +113,19 @@ def simulated_sheet(found: Identification, names: Sequence[str] = (),
 
 
 def reason_against_bricks(found: Identification) -> str | None:
-    """Why a sheet of known thickness is not compared with bricks; None where it is, or where there is no such sheet."""
+    """Why a sheet of known, even thickness is not compared with bricks; None where it is, and of all other bodies."""
     experiment, cells = found.experiment, {block.cell for block in found.experiment.mesh.blocks}
     if experiment.solver is not None or experiment.kind != "plane_stress" or experiment.thickness is None:
         return None
     if len(cells) > 1:
-        return "the mesh mixes quadrilaterals and triangles"
+        return f"the mesh mixes elements ({', '.join(sorted(cells))})"
     if cells <= {"quad4", "tri3"}:
-        return "the elements are of first order"
+        return 'the elements are of first order (element_order under [options])'
     if not can_be_thick(experiment):
         return None
     nodes = extruded(experiment.mesh, 0.5 * float(experiment.thickness)).n_nodes
     limit = MAX_LINEAR_BRICK_NODES if is_linear(found.forward.model) else MAX_BRICK_NODES  # type: ignore[union-attr]
-    return f"they would have {nodes} nodes, more than {limit}" if nodes > limit else None
+    return f"bricks behind this mesh would have {nodes} nodes, more than {limit}" if nodes > limit else None
 
 
 def brick_model(found: Identification) -> ForwardModel | None:

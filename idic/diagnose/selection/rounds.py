@@ -135,7 +135,7 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
             is_finite, (rounds, source, null, whole) = counted[2] is not null, counted
             if near and null is not before:
                 rounds, source, null, whole = _rivals_again(rounds, near, source, null, whole, is_finite, known,
-                                                                setting)
+                                                            setting)
             if len(rounds) > 1 and null is not before:
                 rounds, source, null, whole = _last_cause_again(rounds, source, null, whole, setting)
             if null is not before:
@@ -153,14 +153,14 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
             with setting.clock.step("revision_s"):
                 rounds, selected = revised(rounds, place), [one.winner for one in rounds]
                 if [one.winner for one in rounds] != selected:
-                    whole = _residual_of_last(rounds[-1]) or whole
+                    whole = _residual_of_winner(rounds[-1]) or whole
         last = rounds[-1]
         source, null = last.source.with_edits(edits_of(last.winner, last.screening)), last.winner.refitted
     rounds = [with_imitated(one, whole.u) for one in rounds]
     return rounds, source, null, [_group(one) for one in rounds if one.winner is not None and one.equals], whole
 
 
-def _residual_of_last(one: Round) -> ResidualEvidence | None:
+def _residual_of_winner(one: Round) -> ResidualEvidence | None:
     """Residual of a round's winner on the recording; None where it finds no equilibrium from rest."""
     there = one.source.with_edits(edits_of(one.winner, one.screening))  # type: ignore[union-attr, arg-type]
     return residual_from_rest(there.load(), one.winner.refitted)  # type: ignore[union-attr]
@@ -317,8 +317,7 @@ def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting,
     setting.stage("judgement on blocks of the recording")
     with setting.clock.step("blocks_s"):
         winner = one.winner
-        after = residual_from_rest(one.source.with_edits(edits_of(winner, one.screening)).load(),
-                                   winner.refitted)  # type: ignore[union-attr, arg-type]
+        after = _residual_of_winner(one)
         if after is None:
             return replace(one, winner=None, equals=(), passed_over=winner), whole
         of_grey_values = winner.ranked.variant.pixels is not None  # type: ignore[union-attr]
