@@ -146,6 +146,20 @@ def test_a_cause_with_a_course_begins_where_its_course_does_and_its_knots_are_on
     assert "from the start" in headline(drift | {"courses": [{"onset_frames": (0, 1)}]}, TITLES)
 
 
+def test_a_cause_that_has_a_centre_is_not_told_at_another_place():
+    """An inclusion at (27.2, 12.4) mm was also told "around (28.2, 13.7) mm", the centre of its source elements."""
+    after = {f"PLATE.inclusion.{name}": {"value": value, "std": std, "unit": "mm"}
+             for name, value, std in (("x", 27.24, 0.04), ("y", 12.38, 0.04))}
+    spot = CONTENT | {"named": ["heterogeneity"], "mismatch": CONTENT["mismatch"] | {"place": "around (28.2, 13.7) mm"},
+                      "rounds": [{"winner": "heterogeneity", "form": "inclusion", "new": list(after), "equals": []}],
+                      "model": {"parameters_before": {}, "parameters_after": after}}
+    said = headline(spot, {"heterogeneity": "heterogeneous stiffness"})
+    assert "x 27.240 ± 0.040 mm" in said and "28.2" not in said
+    assert "around (28.2, 13.7) mm" in headline(spot | {"verdict": "outside_library"}, TITLES)
+    after["PLATE.inclusion.x"]["std"] = after["PLATE.inclusion.y"]["std"] = None
+    assert "around (28.2, 13.7) mm" in headline(spot, TITLES)
+
+
 def test_indistinguishable_names_are_joined_by_or():
     rounds = [CONTENT["rounds"][0] | {"equals": ["viscoelasticity"]}]
     assert "or Prony viscoelasticity" in headline(CONTENT | {"verdict": "set", "rounds": rounds}, TITLES)

@@ -40,7 +40,7 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
                 f"{f' ({where})' if where else ''}: do not trust the parameters.{free_form_words(content)}")
     causes = _joined(_causes(content, titles, sizes=word != "outside_library"))
     formal = [title for title, one in _with_rounds(content, titles) if _is_formulation(content, one)]
-    where = when_and_where(content)
+    where = when_and_where(content, sizes=word != "outside_library")
     said = _begun(content, f"{causes}{f', {where},' if where else ''} ")
     if word == "outside_library":
         return (f"{said}explain{_s(content)} most of it ({per_cent(share)}), but not all{_of_what(content)}: do not "

@@ -17,6 +17,7 @@ MIN_VALUE_STD = 2.0  # standard deviations: a value that is nearer to zero is no
 SAID_BY_TITLE = ("layers", "inclusion", "geometry", "camera")  # first parts of names
 MIN_COURSE_UNKNOWNS = 3  # unknowns of one kind, one per frame, from which on they are summed up
 OF_ANY_VALUE = (".layers.direction", ".layers.offset")  # parameters whose zero means no absence
+CENTRE = (".inclusion.x", ".inclusion.y")  # parameters that are a place
 FORMS = {"void": "next to no stiffness: a void, a cut or a crack"}
 MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
 SIDE_WORDS = {"bulk": "the specimen", "boundary": "the boundary", "camera": "the camera", "force": "the force"}
@@ -274,13 +275,23 @@ def _unexplained(content: Mapping) -> str:
                         for what in content.get("unexplained", ())) or MOTION
 
 
-def when_and_where(content: Mapping) -> str:
-    """Onset and place, "" where neither is known."""
-    return _when_where(content).removesuffix(": ")
+def when_and_where(content: Mapping, sizes: bool = False) -> str:
+    """Onset and place, "" where neither is known; sizes : the values of a cause stand beside it.
+
+    The centre of a fitted inclusion is the place then: that of the source elements, from the residual alone, is
+    another one by up to its radius.
+    """
+    return _when_where(content, not (sizes and _has_own_place(content))).removesuffix(": ")
 
 
-def _when_where(content: Mapping) -> str:
-    onset, place = content["mismatch"].get("onset_frame"), content["mismatch"].get("place")
+def _has_own_place(content: Mapping) -> bool:
+    """Whether a selected cause has a determined centre among its parameters."""
+    return any(name.endswith(CENTRE) and entry["std"]
+               for name, entry in content["model"].get("parameters_after", {}).items())
+
+
+def _when_where(content: Mapping, with_place: bool = True) -> str:
+    onset, place = content["mismatch"].get("onset_frame"), with_place and content["mismatch"].get("place")
     visible = content["mismatch"].get("visible_frame")
     when = f"from frame {onset} on" if onset else "from the start" if onset == 0 else ""
     if began := _began(content):
