@@ -111,7 +111,8 @@ class Round:
     crossed : the null's fit on the copy for choosing after a refit on the other one, where both had to judge
     source : the experiment of the null; passed_over : a rival that passes, and explains too little to be a further
     cause, or that blocks of the recording do not confirm; blocks : null and winner on them;
-    plain : the winner before its course was freed
+    plain : the winner before its course was freed; awaits_others : blocks do not confirm the winner alone, and judge it
+    with the causes of later rounds
     """
 
     screening: Screening
@@ -124,6 +125,7 @@ class Round:
     passed_over: Rival | None = None
     blocks: tuple[BlockJudgement, ...] = ()
     plain: Rival | None = None
+    awaits_others: bool = False
 
     def heldout_fits(self, rival: Rival) -> tuple[Fit, Fit]:
         """Of the null and a rival, where they had no part in the fit; on one copy where only one of them judged both:

@@ -37,11 +37,12 @@ from idic.diagnose.screen.misregistration import reason_to_wait
 from idic.diagnose.screen.score_columns import ScoreColumn, score_columns
 from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, screen
 from idic.diagnose.screen.situation import situation
-from idic.diagnose.selection.block_step import holds, judged_by_step
+from idic.diagnose.selection.block_step import judged_by_step
 from idic.diagnose.selection.both_copies import judged_on_both, undecided
 from idic.diagnose.selection.imitation import with_imitated
 from idic.diagnose.selection.few_jumps import with_few_jumps, without_idle_jumps
 from idic.diagnose.selection.finite_strains import with_finite_strains_counted
+from idic.diagnose.selection.judged_together import Doubted, Last, judged_alone, judged_together
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.own_scale import with_own_scale
 from idic.diagnose.selection.revision import Workplace, earns_its_place, revised
@@ -124,6 +125,7 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
     whole : residual of the identified model on the recording itself
     """
     rounds: list[Round] = []
+    doubted: Doubted | None = None
     bends, place = has_state(found, YIELD_STATES), _workplace(setting)
     unit = float(power(whole.evidence).sum()) / COPY_VARIANCE_FACTOR if holds_motion(found.experiment) else np.inf
     for number in range(1, 2 if setting.quick else MAX_ROUNDS + 1):
@@ -143,7 +145,9 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
         far = effect(null.judgement, unit) > MAX_REGISTER_PX  # type: ignore[arg-type]
         one = _round(source, null, number, rounds, setting, bends, far, whole)
         if one.winner is not None and not setting.quick:
+            alone = Doubted(one, tuple(rounds), Last(source, null, whole))
             one, whole = held_by_blocks(one, whole, setting, bool(rounds))
+            doubted = alone if doubted is None and one.awaits_others else doubted
         if one.winner is None:
             rounds.append(one)
             break
@@ -156,6 +160,12 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
                     whole = _residual_of_winner(rounds[-1]) or whole
         last = rounds[-1]
         source, null = last.source.with_edits(edits_of(last.winner, last.screening)), last.winner.refitted
+    if doubted is not None:
+        setting.stage("judgement of all causes on blocks of the recording")
+        with setting.clock.step("blocks_s"):
+            judged = judged_by_step(doubted.model.whole, whole, setting.grid)
+        rounds, last_model = judged_together(rounds, Last(source, null, whole), doubted, judged)
+        source, null, whole = last_model.source, last_model.null, last_model.whole
     rounds = [with_imitated(one, whole.u) for one in rounds]
     return rounds, source, null, [_group(one) for one in rounds if one.winner is not None and one.equals], whole
 
@@ -307,8 +317,8 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
 
 def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting,
                    further: bool = False) -> tuple[Round, ResidualEvidence]:
-    """A round without its winner where blocks of the recording that had no part in its fit get worse, and the residual
-    of the last model that holds.
+    """A round after the judgement of blocks of the recording, which had no part in the fit of its winner
+    (`idic.diagnose.selection.judged_together`), and the residual of the last model.
 
     whole : residual of the null on the recording itself; further : there is a cause in the null. On a measured motion,
     an inclusion that leaves motion at its own place describes a flaw of that cause then and is none itself. Blocks
@@ -325,9 +335,8 @@ def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting,
         formal = further and holds_motion(after.context.experiment) and any(
             left.matters for left in local_residual_tests(whole, after, setting.grid,
                                                           winner.refitted.values, setting.margin))  # type: ignore
-    if holds(judged) and not formal:
-        return replace(one, blocks=judged), after
-    return replace(one, winner=None, equals=(), passed_over=winner, blocks=judged), whole
+    one = judged_alone(one, judged, formal)
+    return one, whole if one.winner is None else after
 
 
 def _workplace(setting: Setting) -> Workplace:
