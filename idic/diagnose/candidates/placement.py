@@ -1,4 +1,10 @@
-"""Placement of the mesh before cameras with a lens: it lies beside the specimen, or leans against it."""
+"""Placement of the mesh: beside the specimen, turned, or of another size in the image; before cameras with a lens it
+may lean against it.
+
+Who misreads a scale or a point in the image often has a wrong pixel size, rotation and origin at once. Each of them
+alone explains a part, and the motion that a shifted and scaled mesh finds is explained better by a camera that moves
+in every frame.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +12,30 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
+from idic.images.camera import Camera
 from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
 from idic.images.rigid_motion import RIGID
 
 PROBE_PX = 2.0
+SIMILARITY = ("shift_col", "shift_row", "rotation_deg", "pixel_size")  # of a camera without a lens
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment, camera = situation.experiment, situation.experiment.camera
-    names = tuple(f"{PLACEMENT_STEM}.{kind}" for kind in RIGID)
-    if not isinstance(camera, PlacedCamera) or (edits := further_dofs(situation, *names)) is None:
+    if isinstance(camera, PlacedCamera):
+        names = {f"{PLACEMENT_STEM}.{kind}": f"{PLACEMENT_STEM}.{kind}" for kind in RIGID}
+        at = dict(zip(names, camera.placement.tolist(), strict=True))
+    elif isinstance(camera, Camera):
+        names = {f"{experiment.camera_name}.{kind}": kind for kind in SIMILARITY}
+        at = {name: camera.values()[kind] for name, kind in names.items()}
+    else:
         return ()
-    moved = {name: np.linalg.norm(camera.parameter_jacobian(experiment.mesh.nodes, name), axis=1).max()
-             for name in names}
-    at = dict(zip(names, camera.placement.tolist(), strict=True))
-    return (Variant("the mesh lies beside the specimen", edits, names, at,
+    edits = further_dofs(situation, *names)
+    if edits is None:
+        return ()
+    moved = {name: np.linalg.norm(camera.parameter_jacobian(experiment.mesh.nodes, kind), axis=1).max()
+             for name, kind in names.items()}
+    return (Variant("the mesh lies beside the specimen", edits, tuple(names), at,
                     {name: at[name] + PROBE_PX / float(moved[name]) for name in names}, direct=True),)
 
 
@@ -30,5 +45,5 @@ register(Candidate(
             "hole_geometry": "a misplaced hole: with the whole mesh, or alone",
             "heterogeneity": "both change strain from place to place"},
     separating_tests=("click more points of the specimen in the reference images of all cameras",),
-    variants=variants,
-    paraphrase="the mesh is shifted or leans against the specimen"))
+    variants=variants, limits=("origin", "camera_rotation", "pixel_size"), share_over_limit=0.03,
+    paraphrase="the mesh is shifted, turned, scaled or leans against the specimen"))

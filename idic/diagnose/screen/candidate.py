@@ -154,7 +154,8 @@ class Candidate:
     rivals : names of candidates that show alike, and why
     separating_tests : experiments that separate it from its rivals, cheapest first
     variants : makes the variants for a situation; () where it does not apply (already in the model, no times …)
-    limits : names of candidates that are limits of this one; it is selected only where it explains more
+    limits : names of candidates that are limits of this one; it is selected only where it explains more, by this share
+        of its evidence (`share_over_limit`) and beyond noise
     has_onset : there is a moment before which it does not act (yield, damage, slip); others act from the start
     shows_at_reversal : it shows where the load turns, not where points begin to yield
     slow : its simulations take long, so that it is refitted after candidates that promise nearly as much
@@ -175,6 +176,7 @@ class Candidate:
     separating_tests: tuple[str, ...]
     variants: Callable[[Situation], tuple[Variant, ...]]
     limits: tuple[str, ...] = ()
+    share_over_limit: float = 0.0
     has_onset: bool = False
     shows_at_reversal: bool = False
     paraphrase: str = ""

@@ -32,6 +32,7 @@ MAX_SHORTLIST = 5
 MIN_MATERIAL_GAIN = 0.8  # of the gain of a candidate's best material: another one is refitted as well
 MIN_GAIN_SHARE = 0.02  # of the best predicted gain: a candidate that promises less is screened again in the next round
 MIN_COURSE_SHARE = 0.5  # of the promise of a free course: a screened course that promises as much is refitted first
+EQUAL_DIGITS = 6  # of two statistics that are the same
 MAX_HIDDEN_VISIBILITY = 0.05  # visibility below which the parameters hide an effect
 
 
@@ -196,7 +197,12 @@ def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn
     ranked = [admissible(replace(r, start=dict(zip(r.variant.new,
                                                    scores.together(joint[r.best - columns.n]).tolist(), strict=True))))
               if r.variant.free_course and r.variant.new else r for r in ranked]
-    return Screening(tuple(sorted(proposed(ranked), key=lambda r: -r.statistic)), tuple(trials), scores)
+    return Screening(tuple(sorted(proposed(ranked), key=_place)), tuple(trials), scores)
+
+
+def _place(ranked: Ranked) -> tuple[float, bool]:
+    """In the ranking: of candidates that the same column speaks for, a limit comes before what it is a limit of."""
+    return -round(ranked.statistic, EQUAL_DIGITS), bool(ranked.candidate.limits)
 
 
 def admissible(free: Ranked) -> Ranked:

@@ -150,7 +150,8 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
         return None, ()
     winner = passing[0]
     limits = [r for r in passing if r.name in winner.ranked.candidate.limits]
-    if limits and winner.evidence - limits[0].evidence < COPIES * MIN_SEPARATION_CHI2:
+    least = max(COPIES * MIN_SEPARATION_CHI2, winner.ranked.candidate.share_over_limit * winner.evidence)
+    if limits and winner.evidence - limits[0].evidence < least:
         winner = limits[0]  # the same with fewer unknowns
     equals = []
     near = [r for r in rivals if r.refitted.usable and not r.failed_on_one_copy and r.determined and r.heldout > 0.0]

@@ -174,7 +174,7 @@ def _of_cause(name: str) -> str:
         return f"{others[2].replace('_', ' ')} of {others[0]} in u{others[1]}"
     if head == "channel" and len(others) == 2:
         return f"{others[1].replace('_', ' ')} of {others[0]}"
-    return (".".join(others) if head in SAID_BY_TITLE and others else name).replace("_", " ")
+    return (".".join(others) if head in SAID_BY_TITLE and others else name).removesuffix("_deg").replace("_", " ")
 
 
 def _two_digits(value: float) -> float:
