@@ -219,3 +219,29 @@ def test_a_course_of_its_own_is_given_back_where_a_later_cause_makes_it_idle(los
     last = rounds[1].winner
     rounds[1] = replace(rounds[1], winner=replace(last, refitted=refit(("magnification", "camera_motion"), 10.0)))
     assert (revised(rounds, world(left)[0])[0].winner is freed) is stays
+
+
+def test_a_later_slip_keeps_its_jumps_in_a_revised_set(monkeypatch):
+    """Rebuilt as a ramp it fits worse, and the better set of causes lost: inclusion, friction and a slip in a jump."""
+    left = sets(((), 5000.0), (("magnification",), 1000.0), (("thermal_expansion",), 900.0),
+                (("magnification", "camera_motion"), 300.0), (("thermal_expansion", "camera_motion"), 290.0),
+                (("camera_motion",), 4000.0))
+    place, _ = world(left)
+    rounds = chosen(("magnification", "camera_motion"), left, rivals=("thermal_expansion",))
+    last = rounds[-1].winner
+    name = "boundary.RIGHT.x.slip_jump[10]"
+    variant = replace(last.ranked.variant, new=(name,))
+    jumping = replace(last, ranked=replace(last.ranked, variant=variant))
+    rounds[-1] = replace(rounds[-1], winner=jumping, rivals=(jumping,))
+    asked = []
+
+    def in_jumps(source, null, winner, refits, grid, seed):
+        asked.append(frozenset(source.edits))
+        if "thermal_expansion" not in source.edits:
+            return None
+        return replace(winner, refitted=replace(winner.refitted, judgement=fit(20.0)))
+
+    monkeypatch.setattr("idic.diagnose.selection.revision.with_few_jumps", in_jumps)
+    revised_rounds = revised(rounds, place)
+    assert frozenset({"thermal_expansion"}) in asked
+    assert [one.winner.name for one in revised_rounds] == ["thermal_expansion", "camera_motion"]

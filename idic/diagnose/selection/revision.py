@@ -21,17 +21,18 @@ import numpy as np
 
 from idic.diagnose.channel_left import explains_a_channel
 from idic.diagnose.refit import Refit
-from idic.diagnose.refit_job import ExperimentSource, Refits, refit_of_one
+from idic.diagnose.refit_job import ExperimentSource, Refits
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.selection.rivals import edits_of, refit_of_candidate
-from idic.diagnose.selection.rivals_again import refitted_again
 from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.select import Ranked, Screening
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
+from idic.diagnose.selection.few_jumps import with_few_jumps
 from idic.diagnose.selection.own_course import has_own_course, with_own_course
 from idic.diagnose.selection.own_scale import with_own_scale
 from idic.diagnose.selection.rival import MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round
+from idic.model.free_course import jump_frame
 
 MAX_EXCHANGES = 2  # rivals that are tried in the place of one cause
 MIN_EXCHANGE_SHARE = 0.3  # of the winner's drop of chi-square: a rival that may overtake it in the company of others
@@ -110,30 +111,6 @@ def _better(rounds: list[Round], place: Workplace) -> list[Round] | None:
     return None
 
 
-def with_former_course(rounds: Sequence[Round], whole: Refit, place: Workplace,
-                       but_last: bool = False) -> list[Round] | None:
-    """The rounds with the former course of a cause in place of the one that the data give, where the whole loses less
-    than that course had to bring; None where none goes back.
-
-    A course is freed while other causes, bricks and finite strains are not in the model, and takes up a part of them:
-    a friction that grows with the force, beside a slip that was found after it, left E 2 % uncertain.
-
-    whole : the last fit of the model with all causes; but_last : the last cause has been asked
-    """
-    for number, one in enumerate(rounds[:-1] if but_last else rounds):
-        plain = one.plain
-        if one.winner is None or plain is None or not has_own_course(one.winner):
-            continue
-        source = one.source.with_edits(edits_of(plain, one.screening))  # type: ignore[union-attr]
-        (fitted,) = place.refits([refit_of_one(source, plain.name, plain.refitted, place.grid, place.seed)])
-        again = refitted_again(plain, replace(fitted, label=plain.refitted.label)) if fitted.usable else None
-        other = None if again is None else _rebuilt(rounds, number, again, place)
-        knots = len(one.winner.own_unknowns) - len(plain.own_unknowns)
-        if other is not None and _judged(other).chi2 - whole.judgement.chi2 <= MIN_HELDOUT_DROP + knots:  # type: ignore
-            return other
-    return None
-
-
 def is_needed(ranked: Ranked, whole: Refit, allowed: float) -> bool:
     """Whether a parameter of a cause stands so far from its null in the whole that no refit without it need be made."""
     variant = ranked.variant
@@ -180,6 +157,8 @@ def _rebuilt(rounds: Sequence[Round], number: int, instead: Rival | None, place:
         rival = with_own_scale(source, model, rival, place.refits, place.grid, place.seed) or rival
         if has_own_course(later.winner):
             rival = with_own_course(source, model, rival, screening, place.refits, place.grid, place.seed) or rival
+        if any(jump_frame(name) is not None for name in later.winner.ranked.variant.new):
+            rival = with_few_jumps(source, model, rival, place.refits, place.grid, place.seed) or rival
         others = here.rivals if fresh else ()
         kept.append(Round(screening, model, (rival, *(r for r in others if r.ranked.key != rival.ranked.key)), rival,
                           source=source))

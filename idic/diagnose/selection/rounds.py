@@ -45,7 +45,7 @@ from idic.diagnose.selection.finite_strains import with_finite_strains_counted
 from idic.diagnose.selection.judged_together import Doubted, Last, judged_alone, judged_together
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.own_scale import with_own_scale
-from idic.diagnose.selection.revision import Workplace, earns_its_place, revised, with_former_course
+from idic.diagnose.selection.revision import Workplace, earns_its_place, revised
 from idic.diagnose.selection.rival import Rival, Round, judge
 from idic.diagnose.selection.rivals import edits_of, from_other_starts, refitted
 from idic.diagnose.selection.rivals_again import foreseen, judged_again, near_rivals
@@ -165,7 +165,7 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
 def _beside_its_errors(rounds: list[Round], source: ExperimentSource, null: Refit, whole: ResidualEvidence,
                        setting: Setting) -> tuple[list[Round], ExperimentSource, Refit, ResidualEvidence]:
     """A model that a cause has joined with the error of its mesh, bricks and finite strains where the recording asks
-    for them now, and what these change of its causes: a nearer rival, none, fewer jumps, the former course."""
+    for them now, and what these change of its last cause: a nearer rival, none, fewer jumps."""
     before, near, known = null, near_rivals(rounds[-1]), source.motion_error
     source, null, whole = with_new_error(source, null, whole, setting)
     rounds = [_knowing(one, source) for one in rounds]
@@ -177,7 +177,6 @@ def _beside_its_errors(rounds: list[Round], source: ExperimentSource, null: Refi
         rounds, source, null, whole = _last_cause_again(rounds, source, null, whole, setting)
     if null is not before:
         rounds, source, null, whole = _without_idle_jumps(rounds, source, null, whole, setting)
-        rounds, source, null, whole = _with_former_course(rounds, source, null, whole, setting, is_finite)
     return rounds, source, null, whole
 
 
@@ -244,20 +243,6 @@ def _without_idle_jumps(rounds: list[Round], source: ExperimentSource, null: Ref
         found = without_idle_jumps(rounds[-1], source, null, setting.refits, setting.grid, setting.seed)
         after = None if found is None else residual_from_rest(found[1].load(), found[2])
     return (rounds, source, null, whole) if after is None else ([*rounds[:-1], found[0]], *found[1:], after)  # type: ignore
-
-
-def _with_former_course(rounds: list[Round], source: ExperimentSource, null: Refit, whole: ResidualEvidence,
-                        setting: Setting, but_last: bool,
-                        ) -> tuple[list[Round], ExperimentSource, Refit, ResidualEvidence]:
-    """With the former course of a cause where its own one has become idle."""
-    with setting.clock.step("revision_s"):
-        found = with_former_course(rounds, null, _workplace(setting), but_last)
-        after = None if found is None else _residual_of_winner(found[-1])
-    if found is None or after is None:
-        return rounds, source, null, whole
-    last = found[-1]
-    return (found, last.source.with_edits(edits_of(last.winner, last.screening)),  # type: ignore[union-attr, arg-type]
-            last.winner.refitted, after)  # type: ignore[union-attr]
 
 
 def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidence,
