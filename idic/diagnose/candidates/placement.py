@@ -42,8 +42,9 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 register(Candidate(
     "placement", "camera", "wrong place of the mesh", "the place in the file",
     rivals={"focal_length": "a distance and a focal length both scale the image",
+            "camera_motion": "a camera that moves in every frame follows a part of what a scaled or turned mesh misses",
             "hole_geometry": "a misplaced hole: with the whole mesh, or alone",
             "heterogeneity": "both change strain from place to place"},
-    separating_tests=("click more points of the specimen in the reference images of all cameras",),
+    separating_tests=("measure edges, holes and a scale in the reference image; click more points of the specimen",),
     variants=variants, limits=("origin", "camera_rotation", "pixel_size"), share_over_limit=0.03,
     paraphrase="the mesh is shifted, turned, scaled or leans against the specimen"))
