@@ -172,5 +172,5 @@ register(Candidate(
     rivals={"heterogeneity": "both are soft in some places: layers repeat",
             "orthotropy": "layers too thin to be seen are a stiffness that depends on direction"},
     separating_tests=("look at a polished section, or at the print plan", "load a second specimen along the layers"),
-    variants=variants, everywhere=True,
+    variants=variants, everywhere=True, limits=("orthotropy",), share_over_limit=0.25,
     paraphrase="stiff and soft layers that alternate with a period, as in laminates and prints"))

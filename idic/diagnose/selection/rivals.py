@@ -159,7 +159,8 @@ def alternatives(shortlist: Sequence[Ranked]) -> list[Ranked]:
     """
     gains = {r.key: r.gain for r in shortlist}
     left = [r for r in shortlist
-            if not any(r.gain < MIN_GAIN_OVER_LIMIT * gains.get((limit, r.material), 0.0)
+            if not any(r.gain < max(MIN_GAIN_OVER_LIMIT, 1.0 + r.candidate.share_over_limit)
+                       * gains.get((limit, r.material), 0.0)
                        for limit in r.candidate.limits)]
     near = (1.0 - FIRST_ORDER_ERROR_SHARE) * max(gains.values(), default=0.0)
     slow = [r for r in left if _is_slow(r) and r.gain >= near]
