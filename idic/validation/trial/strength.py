@@ -15,7 +15,7 @@ whichever is smaller.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_
 from idic.diagnose.screen.score import null_model, score
 from idic.experiment_file.load import load_rendered
 from idic.identify.in_memory import identify
+from idic.identify.input_noise import measured_noise
 from idic.images.camera import Camera
 from idic.validation.trial.scenes.recording import Paint, as_logged, camera, clean_images, logged, write_public
 from idic.validation.trial.scenes.scene import Scene
@@ -69,7 +70,8 @@ class Bench:
     def of(cls, plain: Scene, folder: Path, paint: Paint, solver: Solver = solve) -> Bench:
         motion = solver(plain)
         stack = write_public(folder, plain, motion, paint)
-        found = identify(load_rendered(folder, stack))
+        stated = load_rendered(folder, stack)
+        found = identify(replace(stated, noise=measured_noise(stated)))
         return cls(plain, motion, paint, residual_evidence(found))
 
     def measure(self, scene: Scene, solver: Solver = solve) -> Seen:

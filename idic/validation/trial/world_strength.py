@@ -1,7 +1,8 @@
-"""Amplitudes of effects in drawn worlds: the strength is measured on a test of the same world with small images.
+"""Amplitudes of effects in drawn worlds: the strength is measured on the same world, in plane stress, with the images
+and the noise of that world.
 
-Larger images see the same motion with r times as many pixels along each side, r times as large: r^2 times as many
-standard deviations of a motion, r times as many of a grey value, as many as before of a reading.
+A strength does not follow from that of smaller images: they see a motion by the square of their size, a grey value by
+their size, and a reading, or the noise of a log, not at all; most effects are seen by all of them.
 """
 
 from __future__ import annotations
@@ -35,14 +36,12 @@ def amplitude_in(world: Mapping[str, Any], null: str, values: Mapping[str, float
     shows the effect at all. A rolling shutter shows nothing of an even motion, however slow it is.
     """
     bench = _bench(dumps(dict(world), sort_keys=True), null, dumps(dict(values), sort_keys=True), photograph)
-    ratio = world["columns"] / IMAGE_SHAPE_PX[1]
     known = strengths().get(effect.name, {}).get(strength)
-    start = FIRST_AMPLITUDE if known is None else known["amplitude"] / max(ratio, 1.0)
+    start = FIRST_AMPLITUDE if known is None else known["amplitude"] * IMAGE_SHAPE_PX[1] / world["columns"]
 
     def measure(a: float) -> Seen:
         try:
-            changed = effect.change(bench.plain, a, np.random.default_rng(5))
-            return _larger(bench.measure(changed), effect, changed.image is not None, ratio)
+            return bench.measure(effect.change(bench.plain, a, np.random.default_rng(5)))
         except NotConverged:
             return NOT_CONVERGED
 
@@ -52,14 +51,8 @@ def amplitude_in(world: Mapping[str, Any], null: str, values: Mapping[str, float
 
 @lru_cache(maxsize=1)
 def _bench(world: str, null: str, values: str, photograph: Photograph | None) -> Bench:
-    """The identified test without effects, with images of the smallest size, in plane stress."""
-    small = loads(world) | {"columns": IMAGE_SHAPE_PX[1]}
-    plain = replace(world_scene(small, null, 1.0, loads(values)), finite=False, noise="white")
+    """The identified test of a world without effects, in plane stress."""
+    plain = replace(world_scene(loads(world), null, 1.0, loads(values)), finite=False)
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         return Bench.of(plain, Path(folder), Paint(1, 2) if photograph is None else on_photograph(1, 2, photograph))
 
-
-def _larger(seen: Seen, effect: Effect, of_grey_values: bool, ratio: float) -> Seen:
-    """The strength in images that are `ratio` times as large."""
-    power = 0.0 if effect.side == "force" else 1.0 if of_grey_values else 2.0
-    return replace(seen, seen=seen.seen * ratio**power, rise=seen.rise * ratio ** (2.0 if power == 2.0 else 0.0))
