@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.diagnose.chain import NO_CAUSE, Diagnosis
+from idic.diagnose.chain import Diagnosis
 from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.discretisation.bricks import reason_against_bricks
 from idic.diagnose.discretisation.combinations import BRICKS, FINITE_STRAINS
@@ -21,7 +21,7 @@ from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.screen.candidate import MESH_TOO_COARSE
 from idic.diagnose.screen.edits import open_share
-from idic.diagnose.selection.rival import Round
+from idic.diagnose.selection.rival import NO_CAUSE, Round
 from idic.identify.in_memory import Identification
 from idic.identify.judgement.significance import z_text
 from idic.identify.systematic.real_thickness import gripped_ends

@@ -48,7 +48,7 @@ from idic.diagnose.screen.time_course import time_course_test
 from idic.diagnose.selection.block_step import BlockJudgement, judged_by_step
 from idic.diagnose.selection.free_end import FreeEnd, free_end, may_be_an_end, told
 from idic.diagnose.selection.other_axis import fit_from_other_axes, is_another_answer, is_better
-from idic.diagnose.selection.rival import Round
+from idic.diagnose.selection.rival import Round, causes_of
 from idic.diagnose.selection.rounds import (Clock, Group, Setting, Stage, Watch, has_state, null_refit, selected_rounds,
                                             silent, unwatched)
 from idic.diagnose.verdict import Verdict, conclude, is_of_readings
@@ -58,7 +58,6 @@ from idic.model.motion_error import MotionError
 
 SEED = 20260
 MAX_RENEWALS = 3  # of the known error of the last model: it depends on the parameters, and they on it
-NO_CAUSE = "geometric_nonlinearity"  # candidate that belongs to the description of every body
 DRAW_FIRST = ("draw the outline of the specimen (outline_mm in mesh) and diagnose again; the outline of the points "
               "may explain the whole finding")
 
@@ -130,8 +129,7 @@ class Diagnosis:
         """The round of the first selected candidate, None without one; finite strains belong to the description, and
         are no cause where there is another."""
         won = [one for one in self.rounds if one.winner is not None]
-        causes = [one for one in won if one.winner.name != NO_CAUSE]  # type: ignore[union-attr]
-        return next(iter(causes or won), None)
+        return next(iter(causes_of(won) or won), None)
 
     @property
     def selected_effect(self) -> SelectedEffect | None:

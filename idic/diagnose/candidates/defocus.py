@@ -1,8 +1,9 @@
 """Defocus: the images become blurred, by a variance that grows with time or load.
 
 g_w = g + w/2 laplace(g): even in the width, hence one-sided in w. Where the pattern moves over the pixels, colour
-filter and compression change the blur of a sharp image, too. What the pixels take from a fine pattern is known
-(`idic.diagnose.residual.subpixel_columns`) and does not count.
+filter and compression change the blur of a sharp image, too; they correlate its noise, and where that is white no
+camera has done either. What the pixels take from a fine pattern is known (`idic.diagnose.residual.subpixel_columns`)
+and does not count.
 """
 
 from __future__ import annotations
@@ -11,14 +12,16 @@ from idic.diagnose.candidates.illumination import courses
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 
 MIN_BLUR_PX2 = 1.0 / 60.0  # a fifth of the variance of a pixel's area; demosaiced and compressed images: up to 0.015
+MIN_BLUR_OF_WHITE_PX2 = 1.0 / 120.0  # of images with white noise; 31 complete models: up to 0.0067
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
     if experiment.quantity != "grey" or experiment.options.defocus != "none":
         return ()
+    least = MIN_BLUR_OF_WHITE_PX2 if experiment.noise.correlated is None else MIN_BLUR_PX2
     return tuple(Variant(f"blur grows with {name}", {"options.defocus": "frame"}, (), {}, sign=1,
-                         pixels=("blur", course[None]), least=MIN_BLUR_PX2) for name, course in courses(situation))
+                         pixels=("blur", course[None]), least=least) for name, course in courses(situation))
 
 
 register(Candidate(

@@ -24,6 +24,12 @@ CHOICE, JUDGEMENT = 1, -1  # signs of e
 COPY_VARIANCE_FACTOR = 2.0  # variance of a copy's noise over the recording's
 
 
+def drop_on_copy(drop: float, n_unknowns: int) -> float:
+    """Expected drop of chi-square where a copy is fitted, of that on the whole recording: noise gives one per unknown
+    everywhere, and the rest is the signal's."""
+    return n_unknowns + (drop - n_unknowns) / COPY_VARIANCE_FACTOR
+
+
 @dataclass(frozen=True, eq=False)
 class ThinnedStack(StackView):
     """A stack with noise added on reading; the same numbers in every process.

@@ -18,6 +18,7 @@ from typing import Any
 
 from idic.correlation.channels import FRICTION
 from idic.diagnose.courses import SUPPOSED_EXPANSION_PER_K, TIMED
+from idic.diagnose.residual.thinning import drop_on_copy
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.score import Scores
 from idic.errors import InputError
@@ -55,9 +56,10 @@ def with_free_courses(trials: Sequence[tuple[Candidate, Variant]], document: Map
 
 
 def fewest_knots(scores: Scores, members: Sequence[int]) -> list[int]:
-    """Of the columns of a free course those that explain most of its drop of chi-square, less `MIN_KNOT_CHI2` each."""
+    """Of the columns of a free course those that explain most of its drop of chi-square on a copy, less
+    `MIN_KNOT_CHI2` each."""
     subsets = [subset for n in range(1, len(members) + 1) for subset in combinations(members, n)]
-    return list(max(subsets, key=lambda subset: scores.gain(subset) - MIN_KNOT_CHI2 * len(subset)))
+    return list(max(subsets, key=lambda s: drop_on_copy(scores.gain(s), len(s)) - MIN_KNOT_CHI2 * len(s)))
 
 
 def with_knots(variant: Variant, names: Collection[str]) -> Variant:

@@ -11,6 +11,7 @@ import numpy as np
 
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
 from idic.diagnose.screen.candidate import Variant
 
 MAX_LOST_CONTRAST_CHI2 = 25.0  # five standard deviations of a gain: more and effects of grey values wait for the motion
@@ -20,11 +21,14 @@ HIDDEN_BY_MOTION = ("the remaining motion reduces the contrast of the residual a
 
 
 def lost_contrast_chi2(residual: ResidualEvidence, motions: Fit) -> float:
-    """Chi-square of the contrast that is lost by unexplained motion; motions : what free motions explain."""
+    """Chi-square of the contrast that is lost in one copy by unexplained motion.
+
+    residual : of the whole recording; motions : what free motions explain of a copy
+    """
     off = max(float(motions.gain.sum() - motions.rank.sum()), 0.0)
     contrast = [float(np.var(camera.context.reference.f)) / camera.context.weights.image_noise**2  # type: ignore
                 for camera in residual.cameras]
-    texture = residual.evidence.n_pixels * float(np.mean(contrast))
+    texture = residual.evidence.n_pixels * float(np.mean(contrast)) / COPY_VARIANCE_FACTOR
     return off**2 / (4.0 * texture) if texture else 0.0
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from idic.diagnose.residual.evidence import Columns, Evidence
 from idic.diagnose.residual.grey_value_effects import BLUR
 from idic.diagnose.residual.margin import ASSUMED, Margin
+from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR, drop_on_copy
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.effect_sizes import columns_together, effects, sum_of
 from idic.diagnose.screen.free_courses import course_stem, fewest_knots
@@ -25,7 +26,7 @@ from idic.model.free_course import TEMPERATURE
 
 MAX_FAMILYWISE_P = 0.01  # family-wise
 MIN_ROOM_SHARE = 0.5  # of the explainable room, for an effect between floor and margin
-MIN_CHANNEL_EFFECT_STD = 0.2  # rms in standard deviations of one reading
+MIN_CHANNEL_EFFECT_STD = 0.3  # rms in standard deviations of one reading
 MIN_PROBE_Z = 5.0  # a probe of so many standard deviations would have been seen
 MIN_SEPARATION_CHI2 = 9.0  # D = S (1 - rho^2), three standard deviations
 MAX_SHORTLIST = 5
@@ -43,10 +44,11 @@ class Ranked:
     subject : the material that it is about, where there are several: one that yields is another cause than another
     best : column number; variant, name : what it is; amplitude, std : expected change in amplitudes of the column (1 =
     the probe) or, for direct variants, in units of the degree of freedom; gain : predicted drop of chi-square of the
-    variant; effect_px, effect_channel : rms of what the model in hand leaves of it, px and standard deviations of a
-    reading; verdict : "significant" | "small" | "inadmissible" | "excluded" | "cannot_tell"; largest_probe_z : standard
-    deviations by which a plausible effect would stand out, of the variant that shows most; moves : change of the
-    identified parameters per unit of the amplitude; start : values of the knots of a free course, by the score
+    variant on a copy, where it is refitted; effect_px, effect_channel : rms of what the model in hand leaves of it,
+    px and standard deviations of a reading; verdict : "significant" | "small" | "inadmissible" | "excluded" |
+    "cannot_tell"; largest_probe_z : standard deviations by which a plausible effect would stand out, of the variant
+    that shows most; moves : change of the identified parameters per unit of the amplitude; start : values of the
+    knots of a free course, by the score
     """
 
     candidate: Candidate
@@ -141,9 +143,9 @@ class Screening:
                      and r.gain >= MIN_MATERIAL_GAIN * first[r.candidate.name])
 
     def separation_chi2(self, one: Ranked, other: Ranked) -> float:
-        """D = S (1 - rho^2), S of the better: chi-square by which the data prefer one pattern over the other."""
+        """D = S (1 - rho^2), S of the better: chi-square by which a copy prefers one pattern over the other."""
         rho = self.scores.correlation[one.best, other.best]
-        return float(max(one.statistic, other.statistic) ** 2 * max(1.0 - rho**2, 0.0))
+        return float(max(one.statistic, other.statistic) ** 2 * max(1.0 - rho**2, 0.0)) / COPY_VARIANCE_FACTOR
 
 
 def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns,
@@ -245,7 +247,7 @@ def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significanc
     same = [i for i in members if of_one_refit(trials[i].variant, trial.variant) and i < n_columns] or [best]
     amplitude, std = float(scores.expected_change[best]), float(scores.std[best])
     effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
-    gain = scores.gain(same)
+    gain = drop_on_copy(scores.gain(same), len(same))
     min_effect_px = bounds[0] if gain > MIN_ROOM_SHARE * room else bounds[1]
     matters = ((effect_channel > bounds[2] or effect_px > min_effect_px)
                and scores.z[best] ** 2 > by_mesh[best] and abs(amplitude) > trial.variant.least)

@@ -17,6 +17,7 @@ MIN_ACHIEVED_SHARE = 0.25  # of the promised drop of chi-square: a refit that en
 COPIES = 2  # of the recording, whose drops of chi-square make the evidence for a rival
 # of the drop of chi-square of all causes: less is a flaw of the description, not a further cause
 MIN_FURTHER_SHARE = 0.03
+NO_CAUSE = "geometric_nonlinearity"  # candidate that belongs to the description of every body
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +53,8 @@ class Rival:
     def min_heldout_drop(self) -> float:
         """Drop of chi-square on data without a part in the fit that is more than luck, for every copy that judges.
 
-        The candidates were chosen on one of two: a sum that had to pass the bar of one alone would let a wrong one that
-        was significant there (4 standard deviations) pass in 3 of 100 cases, and not in 3 of 1000.
+        The candidates were chosen on the whole recording. One that noise brings to z standard deviations there drops
+        chi-square by z^2 - 3 e^2 in the sum over both copies, e a unit normal: twice the bar asks for more than 4.5.
         """
         return (MIN_HELDOUT_DROP + len(self.ranked.variant.new)) * self.copies
 
@@ -134,6 +135,12 @@ class Round:
         if self.crossed_judgement is None or rival.crossed_judgement is None:
             return one, other
         return pooled(one, self.crossed_judgement), pooled(other, rival.crossed_judgement)
+
+
+def causes_of(rounds: Sequence[Round]) -> list[Round]:
+    """Rounds that have added a cause: finite strains belong to the description of every body, and what joins them first
+    is no further cause."""
+    return [one for one in rounds if one.winner is not None and one.winner.name != NO_CAUSE]
 
 
 def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, tuple[str, ...]]:

@@ -4,11 +4,10 @@ model."""
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subpixel_columns import RELATIVE_STD, subpixel_columns
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.residual.thinning import CHOICE, COPY_VARIANCE_FACTOR, thinned
+from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
 from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.free_courses import with_free_courses
 from idic.diagnose.screen.local_residual import local_residual_tests
@@ -46,7 +45,7 @@ from idic.diagnose.selection.judged_together import Doubted, Last, judged_alone,
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.own_scale import with_own_scale
 from idic.diagnose.selection.revision import Workplace, earns_its_place, revised
-from idic.diagnose.selection.rival import Rival, Round, judge
+from idic.diagnose.selection.rival import Rival, Round, causes_of, judge
 from idic.diagnose.selection.rivals import edits_of, from_other_starts, refitted
 from idic.diagnose.selection.rivals_again import foreseen, judged_again, near_rivals
 from idic.errors import NotConverged
@@ -135,7 +134,7 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
         one = _round(source, null, number, rounds, setting, bends, far, whole)
         if one.winner is not None and not setting.quick:
             alone = Doubted(one, tuple(rounds), Last(source, null, whole))
-            one, whole = held_by_blocks(one, whole, setting, bool(rounds))
+            one, whole = held_by_blocks(one, whole, setting, bool(causes_of(rounds)))
             doubted = alone if doubted is None and one.awaits_others else doubted
         if one.winner is None:
             rounds.append(one)
@@ -224,12 +223,12 @@ def _last_cause_again(rounds: list[Round], source: ExperimentSource, null: Refit
 
     null, whole : fit with it, and its residual on the recording itself
     """
-    last = rounds[-1]
+    last, first = rounds[-1], next(iter(causes_of(rounds)), rounds[0])
     setting.stage("the last cause tested anew, as the model has changed beside it")
     with setting.clock.step("revision_s"):
         (without,) = setting.refits([refit_of_one(last.source, "null", last.null, setting.grid,  # type: ignore[arg-type]
                                                   setting.seed)])
-        if not without.usable or earns_its_place(last.winner, rounds[0].null.judgement,  # type: ignore[arg-type]
+        if not without.usable or earns_its_place(last.winner, first.null.judgement,  # type: ignore[arg-type]
                                                  without.judgement, null.judgement):
             return rounds, source, null, whole
         after = residual_from_rest(last.source.load(), without)  # type: ignore[union-attr]
@@ -282,6 +281,7 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
     null is pixels off the motion; whole : residual on the recording, mostly of the null: it is not simulated anew then
     """
     stage, clock, refits = setting.stage, setting.clock, setting.refits
+    before = causes_of(before)
     stage(f"screening of the library, round {number}")
     with clock.step("screening_s"):
         known = whole.responses if is_residual_of(whole, null, source.motion_error) else None
@@ -366,11 +366,12 @@ def _group(one: Round) -> Group:
 def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence[Candidate],
              watch: Watch = unwatched, margin: Margin = ASSUMED, further: bool = False,
              responses: Sequence[FrameResponse] | None = None) -> Screening:
-    """Score every candidate against the null model on the copy for choosing.
+    """Score every candidate against the null model on the whole recording: a score fits nothing, and one copy shows
+    a faint effect by seven tenths of the standard deviations only. Refits see one copy, and promises are of that.
 
     further : the null holds a selected cause; responses : of the null, where it has been simulated
     """
-    found = identification_at(thinned(source.load(), CHOICE, seed), null.values, null.local, null.steps)
+    found = identification_at(source.load(), null.values, null.local, null.steps)
     residual = residual_evidence(found, responses=responses)
     here = situation(found, residual, source.document())
     apply = [candidate for candidate in library if found.experiment.points is None or candidate.family != CAMERA]
@@ -383,11 +384,8 @@ def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence
         else:
             trials += [(candidate, variant) for variant in variants]
 
-    def load(edits: Mapping[str, Any]):
-        return thinned(source.load(edits), CHOICE, seed)
-
     trials += with_free_courses(trials, here.document, found.parameters.free, source.load)
-    labels, columns = score_columns(found, residual, trials, load) if trials else ((), residual.null.pick([]))
+    labels, columns = score_columns(found, residual, trials, source.load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
     error = source.motion_error
     blurs = subpixel_columns(residual) if any(variant.pixels is not None for _, variant in trials) else None
