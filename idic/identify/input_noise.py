@@ -176,15 +176,13 @@ def noise_notes(experiment: Experiment) -> list[str]:
         if (found := view.noise.correlated) is None:
             continue
         of = "" if len(experiment.views) == 1 else f" of {view.camera_name}"
-        middle = len(found.correlation) // 2
         if view.points is not None:
-            notes.append(_field_note(noise=view.noise, beside=found.correlation[middle][middle + 1]))
+            notes.append(_field_note(noise=view.noise, beside=found.beside))
             continue
-        beside = 0.5 * (found.correlation[middle][middle + 1] + found.correlation[middle + 1][middle])
         text = (f"image noise{of}: {found.stated_gv:.3g} {view.value_unit} ({view.noise.source.replace('_', ' ')}), "
                 f"but {TOLD[found.source]} {found.recorded_gv:.3g}")
-        if abs(beside) > MIN_TOLD_CORRELATION:
-            text += f" with a correlation of {beside:.2f} between neighbouring pixels"
+        if abs(found.beside) > MIN_TOLD_CORRELATION:
+            text += f" with a correlation of {found.beside:.2f} between neighbouring pixels"
         notes.append(f"{text}: sums against the gradient carry {found.sum_std_gv:.3g}, which weights and error bars "
                      f"count")
     return notes

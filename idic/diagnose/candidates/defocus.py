@@ -13,13 +13,16 @@ from idic.diagnose.screen.candidate import Candidate, Situation, Variant, regist
 
 MIN_BLUR_PX2 = 1.0 / 60.0  # a fifth of the variance of a pixel's area; demosaiced and compressed images: up to 0.015
 MIN_BLUR_OF_WHITE_PX2 = 1.0 / 120.0  # of images with white noise; 31 complete models: up to 0.0067
+MIN_CORRELATION = 0.1  # between neighbouring pixels, of noise that a camera has processed
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
     experiment = situation.experiment
     if experiment.quantity != "grey" or experiment.options.defocus != "none":
         return ()
-    least = MIN_BLUR_OF_WHITE_PX2 if experiment.noise.correlated is None else MIN_BLUR_PX2
+    found = experiment.noise.correlated
+    is_white = found is None or abs(found.beside) < MIN_CORRELATION
+    least = MIN_BLUR_OF_WHITE_PX2 if is_white else MIN_BLUR_PX2
     return tuple(Variant(f"blur grows with {name}", {"options.defocus": "frame"}, (), {}, sign=1,
                          pixels=("blur", course[None]), least=least) for name, course in courses(situation))
 

@@ -21,19 +21,21 @@ HIDDEN_BY_MOTION = ("the remaining motion reduces the contrast of the residual a
 
 
 def lost_contrast_chi2(residual: ResidualEvidence, motions: Fit) -> float:
-    """Chi-square of the contrast that is lost in one copy by unexplained motion.
-
-    residual : of the whole recording; motions : what free motions explain of a copy
-    """
+    """Chi-square of the contrast that is lost by unexplained motion; motions : what free motions explain."""
     off = max(float(motions.gain.sum() - motions.rank.sum()), 0.0)
     contrast = [float(np.var(camera.context.reference.f)) / camera.context.weights.image_noise**2  # type: ignore
                 for camera in residual.cameras]
-    texture = residual.evidence.n_pixels * float(np.mean(contrast)) / COPY_VARIANCE_FACTOR
+    texture = residual.evidence.n_pixels * float(np.mean(contrast))
     return off**2 / (4.0 * texture) if texture else 0.0
 
 
 def reason_to_wait(variants: tuple[Variant, ...], residual: ResidualEvidence, motions: Fit) -> str:
-    """Why a candidate of grey values is not tested yet, "" where it is."""
+    """Why a candidate of grey values is not tested yet, "" where it is.
+
+    residual : of the whole recording; motions : what free motions explain of one of its copies, which has half of the
+    contrast's chi-square
+    """
     if not any(variant.pixels is not None for variant in variants):
         return ""
-    return HIDDEN_BY_MOTION if lost_contrast_chi2(residual, motions) > MAX_LOST_CONTRAST_CHI2 else ""
+    lost = COPY_VARIANCE_FACTOR * lost_contrast_chi2(residual, motions)
+    return HIDDEN_BY_MOTION if lost > MAX_LOST_CONTRAST_CHI2 else ""

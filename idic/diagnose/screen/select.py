@@ -249,8 +249,8 @@ def _ranked(trials: Sequence[ScoreColumn], scores: Scores, standing: Significanc
     effect_px, effect_channel = abs(amplitude) * sizes_px[best], abs(amplitude) * sizes_channel[best]
     gain = drop_on_copy(scores.gain(same), len(same))
     min_effect_px = bounds[0] if gain > MIN_ROOM_SHARE * room else bounds[1]
-    matters = ((effect_channel > bounds[2] or effect_px > min_effect_px)
-               and scores.z[best] ** 2 > by_mesh[best] and abs(amplitude) > trial.variant.least)
+    is_large = effect_channel > bounds[2] or effect_px > min_effect_px or trial.variant.least > 0.0
+    matters = (is_large and scores.z[best] ** 2 > by_mesh[best] and abs(amplitude) > trial.variant.least)
     return Ranked(trial.candidate, best, trial.variant, trial.name, standing.statistic, standing.p_familywise,
                   amplitude, std, float(scores.visibility[best]), gain, float(effect_px), float(effect_channel),
                   scores.bias_uncovered(best), _cell(standing, trial.variant, amplitude, std, matters),
