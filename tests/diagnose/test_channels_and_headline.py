@@ -16,7 +16,7 @@ from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.verdict import conclude
 from idic.report.diagnosis.headline import headline, left_over
 from idic.report.diagnosis.words import is_sure
-from idic.report.diagnosis.not_excluded import hidden_shift, probe_words
+from idic.report.diagnosis.not_excluded import hidden_shift, larger_models, probe_words
 
 T = 16
 
@@ -233,3 +233,15 @@ def test_a_headline_of_nothing_tells_what_is_below_the_margin_and_what_a_refit_d
     assert "defocus is seen, but below the practical margin; creep is suspected" in text and "damage" not in text
     entries[:2] = []
     assert headline(said, {}) == "No missing physics is significant: the residual of images and channels is noise."
+
+
+@pytest.mark.parametrize(("left_px2", "told"), [(30.0, ["layers"]), (0.0, [])])
+def test_a_larger_model_that_waits_for_its_limit_is_not_excluded_where_a_part_remains(left_px2, told):
+    """Layers promise a tenth more than orthotropy, and are not refitted."""
+    layers = replace(ranked("layers"), gain=1.1 * ranked("orthotropy").gain)
+    one = round_of(screening(ranked("orthotropy"), layers), [rival("orthotropy", 3000.0)])
+    before, after = left(300.0), left(left_px2)
+    found = list(larger_models([one], conclude([one], before, after, True, [ExcessLeft(before, after, POWER)])))
+    assert [entry["name"] for entry in found] == told
+    assert all("has orthotropic elasticity as a special case; its score promised 110%" in entry["why"]
+               for entry in found)

@@ -18,6 +18,7 @@ from idic.diagnose.screen.misregistration import HIDDEN_BY_MOTION
 from idic.diagnose.screen.select import Ranked
 from idic.diagnose.selection.block_step import holds
 from idic.diagnose.selection.rival import Round
+from idic.diagnose.verdict import Verdict
 from idic.report.words import short_names, two_digits
 
 MIN_HIDDEN_SHIFT_STD = 2.0  # standard deviations of a parameter that an invisible effect would move it by
@@ -32,8 +33,8 @@ def not_excluded(diagnosis: Diagnosis, before: Mapping[str, Mapping]) -> list[di
     before : per free parameter of the identified model its std in the unit of the file, as in result.json
     """
     won = [one for one in diagnosis.rounds if one.winner is not None]
-    near = [*_indistinguishable(won), *_untestable(won), *_near(won, diagnosis), *_passed_over(diagnosis),
-            *_waiting(diagnosis.rounds[-1])]
+    near = [*_indistinguishable(won), *_untestable(won), *_near(won, diagnosis), *larger_models(won, diagnosis.verdict),
+            *_passed_over(diagnosis), *_waiting(diagnosis.rounds[-1])]
     near = list({(entry["name"], entry["why"]): entry for entry in near}.values())
     known = {entry["name"] for entry in near} | set(diagnosis.verdict.selected)
     return near + [entry for entry in _hidden(diagnosis, before) if entry["name"] not in known]
@@ -81,6 +82,24 @@ def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]
             yield {"name": other.name,
                    "why": f"{reach} {min(share, 1.0):.0%} of what {selected.title} explains{given_up}; a part "
                                               f"remains{f': {known}' if known else ''}"}
+
+
+def larger_models(won: Sequence[Round], verdict: Verdict) -> Iterator[dict[str, str]]:
+    """Models that have a selected candidate as a special case and were not refitted, as they promised hardly more,
+    where a part remains and the last model's screening does not exclude them."""
+    settled = {entry["name"] for entry in verdict.excluded}
+    if not verdict.after.excess_z > MIN_EXCESS_Z:
+        return
+    for one in won:
+        winner = one.winner.ranked  # type: ignore[union-attr]
+        refitted = {rival.ranked.key for rival in one.rivals}
+        for ranked in one.screening.significant:
+            is_larger = winner.candidate.name in ranked.candidate.limits and ranked.material == winner.material
+            if is_larger and ranked.key not in refitted and ranked.candidate.name not in settled:
+                yield {"name": ranked.candidate.name,
+                       "why": f"has {winner.candidate.title} as a special case; its score promised "
+                              f"{ranked.gain / winner.gain:.0%} of what that one's did, too little for a refit; a part "
+                              f"remains"}
 
 
 def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
