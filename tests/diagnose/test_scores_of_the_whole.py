@@ -64,7 +64,7 @@ def test_a_faint_creep_has_its_eight_standard_deviations_in_images_of_any_size(c
     amplitude, _ = amplitude_in(world, "elastic", TRUE, LIBRARY["creep"], FAINT)
     scene = LIBRARY["creep"].change(world_scene(world, "elastic", 1.0, TRUE), amplitude, np.random.default_rng(5))
     ranked, _ = screening_of(tmp_path, scene, "creep")
-    assert abs(ranked.statistic - SEEN_OF[FAINT]) < 3.0
+    assert abs(ranked.statistic - SEEN_OF[FAINT]) < 3.0  # noise is one, an amplitude is met within a tenth to a third
 
 
 def test_what_joins_finite_strains_first_is_no_further_cause():

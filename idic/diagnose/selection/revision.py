@@ -43,7 +43,7 @@ Screen = Callable[[ExperimentSource, Refit, Sequence[Candidate]], Screening]
 class Workplace:
     """What refits of revised sets need.
 
-    screen : scores some candidates against a model on the copy for choosing; refits, grid, seed : as of all refits
+    screen : scores some candidates against a model on the recording; refits, grid, seed : as of all refits
     """
 
     screen: Screen

@@ -285,7 +285,7 @@ def _round(source: ExperimentSource, null: Refit, number: int, before: Sequence[
     stage(f"screening of the library, round {number}")
     with clock.step("screening_s"):
         known = whole.responses if is_residual_of(whole, null, source.motion_error) else None
-        screening = screened(source, null, setting.seed, setting.library, setting.watch, setting.margin, bool(before),
+        screening = screened(source, null, setting.library, setting.watch, setting.margin, bool(before),
                              known)
     if not screening.shortlist:
         stage("no candidate is significant: no refit")
@@ -352,7 +352,7 @@ def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting,
 def _workplace(setting: Setting) -> Workplace:
     """What the refits of revised sets need."""
     def screen_some(source: ExperimentSource, null: Refit, library: Sequence[Candidate]) -> Screening:
-        return screened(source, null, setting.seed, library, margin=setting.margin, further=True)
+        return screened(source, null, library, margin=setting.margin, further=True)
 
     return Workplace(screen_some, setting.refits, setting.grid, setting.seed)
 
@@ -363,8 +363,8 @@ def _group(one: Round) -> Group:
             if r is one.winner or r.name in one.equals]
 
 
-def screened(source: ExperimentSource, null: Refit, seed: int, library: Sequence[Candidate],
-             watch: Watch = unwatched, margin: Margin = ASSUMED, further: bool = False,
+def screened(source: ExperimentSource, null: Refit, library: Sequence[Candidate], watch: Watch = unwatched,
+             margin: Margin = ASSUMED, further: bool = False,
              responses: Sequence[FrameResponse] | None = None) -> Screening:
     """Score every candidate against the null model on the whole recording: a score fits nothing, and one copy shows
     a faint effect by seven tenths of the standard deviations only. Refits see one copy, and promises are of that.

@@ -55,4 +55,3 @@ def _bench(world: str, null: str, values: str, photograph: Photograph | None) ->
     plain = replace(world_scene(loads(world), null, 1.0, loads(values)), finite=False)
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
         return Bench.of(plain, Path(folder), Paint(1, 2) if photograph is None else on_photograph(1, 2, photograph))
-
