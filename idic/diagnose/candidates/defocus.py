@@ -12,7 +12,7 @@ from idic.diagnose.candidates.illumination import courses
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 
 MIN_BLUR_PX2 = 1.0 / 60.0  # a fifth of the variance of a pixel's area; demosaiced and compressed images: up to 0.015
-MIN_BLUR_OF_WHITE_PX2 = 1.0 / 120.0  # of images with white noise; 29 clean drawn worlds: up to 0.0067
+MIN_BLUR_OF_WHITE_PX2 = 1.0 / 120.0  # of images with white noise; 31 clean drawn worlds: up to 0.0067
 MIN_CORRELATION = 0.1  # between neighbouring pixels, of noise that a camera has processed
 
 
