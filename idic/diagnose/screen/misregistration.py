@@ -32,10 +32,10 @@ def lost_contrast_chi2(residual: ResidualEvidence, motions: Fit) -> float:
 def reason_to_wait(variants: tuple[Variant, ...], residual: ResidualEvidence, motions: Fit) -> str:
     """Why a candidate of grey values is not tested yet, "" where it is.
 
-    residual : of the whole recording; motions : what free motions explain of one of its copies, which has half of the
-    contrast's chi-square
+    residual : of the whole recording, where candidates are scored; motions : what free motions explain of one of its
+    copies, half of what they explain of the whole
     """
     if not any(variant.pixels is not None for variant in variants):
         return ""
-    lost = COPY_VARIANCE_FACTOR * lost_contrast_chi2(residual, motions)
+    lost = COPY_VARIANCE_FACTOR**2 * lost_contrast_chi2(residual, motions)
     return HIDDEN_BY_MOTION if lost > MAX_LOST_CONTRAST_CHI2 else ""
