@@ -2,8 +2,9 @@
 
 A mesh that is coarse for its body moves otherwise than the body at the same parameters: by 0.006 px at the notches of
 a strip of rubber, of which a tilted camera explained six standard deviations. At the identified values the test is
-simulated once more on a finer mesh (`idic.identify.systematic.refinement`), with the same increments and without
-derivatives. The difference of the two motions and of the channels,
+simulated once more on a finer mesh (`idic.identify.systematic.refinement`), with the same increments or a few
+(`idic.diagnose.discretisation.increments`) and without derivatives. The difference of the two motions and of the
+channels,
 
     e(x, t) = u_finer(x, t) - u(x, t),
 
@@ -18,6 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from idic.diagnose.discretisation.increments import increments_in_few
 from idic.errors import NotConverged
 from idic.fe.mesh.halve import can_halve
 from idic.fe.mesh.refine import can_raise_order
@@ -66,9 +68,11 @@ def lacking(found: Identification, experiment: Experiment, other: Experiment, lo
     """
     u = np.zeros((experiment.n_frames, *experiment.mesh.nodes.shape))
     channels = np.zeros((experiment.n_frames, len(experiment.channels)))
+    few = increments_in_few(found)
+    steps = found.steps if few is None else None
     try:
         own, further = (build_forward(one).march(  # type: ignore[call-arg]  # an external solver has no finer mesh
-            found.parameters, (), there, found.steps, may_cut=True)
+            found.parameters, (), there, steps, may_cut=True, increments=few)
             for one, there in ((experiment, found.local), (other, local)))
         for given, state in zip(own, further, strict=True):
             frame = experiment.reference + given.frame

@@ -1,0 +1,52 @@
+"""A model with many increments in a frame is compared with bricks and with a finer mesh in few."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from idic.diagnose.discretisation import bricks, increments, mesh_error
+from idic.diagnose.refit import identification_at
+from idic.experiment_file.load import load_rendered
+from idic.validation.trial.scenes.recording import Paint, write_public
+from idic.validation.trial.scenes.scene import NULLS
+from idic.validation.trial.scenes.solve import Motion, true_mesh
+from idic.validation.trial.scenes.worlds import world_scene
+
+WORLD = {"specimen": "bending", "columns": 146, "frames": 4, "programme": "monotonic", "thickness": 2.81,
+         "solid": True, "finite": False, "noise": "white"}
+YIELDS = (0.0, 0.45, 0.9, 0.3)  # mm, loaded and unloaded
+
+
+def with_increments(per_frame):
+    """The end times of so many increments per frame and of half as many."""
+    return np.concatenate([np.linspace(0.0, 3.0, 3 * n + 1)[1:] for n in (per_frame, per_frame // 2)])
+
+
+@pytest.fixture(scope="module")
+def yields(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("yields")
+    scene = world_scene(WORLD, "plastic", 1.0, NULLS["plastic"].truth)
+    scene = replace(scene, times=np.arange(4) * 1.0, grip=np.array(YIELDS))
+    mesh = true_mesh(scene.geometry)
+    stack = write_public(folder, scene, Motion(mesh, np.zeros((4, mesh.n_nodes, 2)), np.zeros(4)), Paint(1, 2))
+    experiment = load_rendered(folder, stack)
+    values = {f"BODY.{name}": value for name, value in NULLS["plastic"].truth.items()}
+    return identification_at(experiment, values, np.zeros((4, 1)), with_increments(16))
+
+
+@pytest.mark.parametrize("compared", [bricks.thickness_error, mesh_error.motion_error], ids=["bricks", "finer mesh"])
+def test_few_increments_compare_as_many_do(yields, compared, monkeypatch):
+    assert increments.increments_in_few(yields) == increments.FEW_INCREMENTS
+    few = compared(yields)
+    monkeypatch.setattr(increments, "FEW_INCREMENTS", 16)
+    assert increments.increments_in_few(yields) is None
+    many = compared(yields)
+    for one, other in ((few.u, many.u), (few.channels, many.channels)):
+        assert np.abs(other[1:]).max() > 0.0
+        assert np.abs(one - other).max() < 0.05 * np.abs(other).max()
+
+
+def test_a_model_with_few_increments_is_compared_in_its_own(yields):
+    for own in (None, np.arange(1.0, 4.0), with_increments(2), with_increments(4)):
+        assert increments.increments_in_few(replace(yields, steps=own)) is None
