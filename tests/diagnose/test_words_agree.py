@@ -105,8 +105,8 @@ def test_every_text_says_the_same(mismatches, located, cause, rest):
 
 
 @pytest.mark.slow  # a diagnosis, 20 s of CPU time
-def test_a_slip_that_chance_feigns_is_said_to_show_by_its_pattern_alone(tmp_path, monkeypatch):
-    """The one alarm in 280 clean recordings (docs/evidence/error-bars.md): 0.0006 mm, which no free motion shows."""
+def test_a_slip_that_chance_feigned_in_one_noise_copy_is_no_alarm(tmp_path, monkeypatch):
+    """Once the one alarm in 280 clean recordings (docs/evidence/error-bars.md): 0.0006 mm; scores are of the whole."""
     monkeypatch.syspath_prepend(Path(__file__).parents[1] / "bench")
     from clean_diagnoses import write_draw
 
@@ -114,9 +114,7 @@ def test_a_slip_that_chance_feigns_is_said_to_show_by_its_pattern_alone(tmp_path
     idic.identify_experiment(tmp_path / "test", tmp_path / "run")
     content = diagnose_run(tmp_path / "run")
     page = re.sub("base64,[A-Za-z0-9+/=]+", "", (tmp_path / "run" / "diagnosis.html").read_text(encoding="utf-8"))
-    assert content["verdict"] == "single" and content["named"] == ["grip_slip"]
+    assert content["verdict"] == "none" and content["named"] == []
     assert content["mismatch"]["located"] is False and content["mismatch"]["onset_frame"] is None
-    assert "which shows by its own pattern (family-wise p 0.00" in content["headline"] and content["headline"] in page
-    assert "px rms, within noise" in page and "No mismatch beyond" not in page
-    assert content["mismatch"]["words"][1].startswith("Grip slip shows by its own pattern")
-    assert content["probability"] < 0.8
+    assert content["headline"].startswith("No missing physics is significant") and content["headline"] in page
+    assert "grip slip" not in content["headline"].lower()
