@@ -9,9 +9,11 @@ from material_twins import ELASTIC, NULLS, PLASTIC, TOML, TRUTHS, NullModel, exp
 from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 
 from idic.diagnose import candidates as library
+from idic.diagnose.refit import warm_start
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.screen.candidate import Situation, candidates
+from idic.diagnose.screen.select import Ranked
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
 from idic.materials import compile
@@ -117,6 +119,15 @@ def test_every_candidate_has_a_file_and_a_description_and_names_rivals_that_exis
 @pytest.mark.parametrize("name", CASES)
 def test_a_null_model_leaves_parameters_open_that_it_does_not_have(name, folders):
     assert {c.name for c, _ in variants_of(folders(name)[1])} == APPLY[name]
+
+
+def test_a_stiffness_that_depends_on_direction_starts_on_the_axis_that_was_screened_however_large_it_is(folders):
+    situation = folders("elastic")[1]
+    turned = [(c, v) for c, v in variants_of(situation) if c.name == "orthotropy"]
+    for c, v in turned:
+        ranked = Ranked(c, 0, v, v.label, 10.0, 1e-9, -3.0, 0.1, 0.5, 100.0, 0.1, 0.1, {}, "significant")
+        assert warm_start(ranked, situation.values)["BODY.angle"] == v.probe["BODY.angle"]
+    assert len({v.probe["BODY.angle"] for _, v in turned}) == 4
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -37,16 +37,23 @@ def yields(tmp_path_factory):
 
 @pytest.mark.parametrize("compared", [bricks.thickness_error, mesh_error.motion_error], ids=["bricks", "finer mesh"])
 def test_few_increments_compare_as_many_do(yields, compared, monkeypatch):
-    assert increments.increments_in_few(yields) == increments.FEW_INCREMENTS
     few = compared(yields)
-    monkeypatch.setattr(increments, "FEW_INCREMENTS", 16)
-    assert increments.increments_in_few(yields) is None
+    monkeypatch.setattr(increments, "MAX_INCREMENTS", 64)
     many = compared(yields)
     for one, other in ((few.u, many.u), (few.channels, many.channels)):
-        assert np.abs(other[1:]).max() > 0.0
+        assert np.abs(one - other).max() > 0.0
         assert np.abs(one - other).max() < 0.05 * np.abs(other).max()
 
 
-def test_a_model_with_few_increments_is_compared_in_its_own(yields):
-    for own in (None, np.arange(1.0, 4.0), with_increments(2), with_increments(4)):
-        assert increments.increments_in_few(replace(yields, steps=own)) is None
+def test_a_model_is_compared_in_one_increment_per_frame_where_it_took_many(yields):
+    np.testing.assert_allclose(increments.compared_increments(yields), [1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize("own", [None, np.arange(1.0, 4.0), with_increments(2)])
+def test_a_model_with_few_increments_is_compared_in_its_own(yields, own):
+    assert increments.compared_increments(replace(yields, steps=own)) is own
+
+
+def test_a_law_with_time_keeps_two_simulations(yields, monkeypatch):
+    monkeypatch.setattr(increments, "rate_dependent_laws", lambda experiment: ("of_time",))
+    np.testing.assert_allclose(increments.compared_increments(yields), with_increments(2))

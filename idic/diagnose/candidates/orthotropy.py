@@ -46,7 +46,7 @@ def _variant(situation: Situation, name: str, label: str, angle: float, probe: d
         return {f"{name}.{key}": value for key, value in values.items()}
 
     return Variant(label, edits, tuple(f"{name}.{key}" for key in ("E1", "E2", "G12", "angle")),
-                   full(null | {"angle": 0.0}), full(probe | {"angle": angle}), exact=True)
+                   full(null | {"angle": angle}), full(probe | {"angle": angle}), exact=True)
 
 
 register(Candidate(

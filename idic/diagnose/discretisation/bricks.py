@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation.context import FrameResponse
-from idic.diagnose.discretisation.increments import increments_in_few
+from idic.diagnose.discretisation.increments import compared_increments
 from idic.errors import NotConverged
 from idic.fe.superposition import is_linear
 from idic.identify.discrepancy.mesh_error import LOOSE
@@ -79,11 +79,11 @@ def bricks_of(found: Identification, sheet: Iterable[FrameResponse], near: Brick
     own_columns = [(of_sheet or ()).index(name) for name in names]
     changes = None if of_sheet is None else ErrorChanges(names, np.zeros((*u.shape, len(names))),
                                                          np.zeros((*channels.shape, len(names))))
-    few = increments_in_few(found)
-    if few is not None:
-        sheet, own_columns = simulated_sheet(found, names, few=few), list(range(len(names)))
-    states = model.march(found.parameters, names, found.local, found.steps if few is None else None,
-                         warm_start=near.path or None if near is not None else None, may_cut=True, increments=few)
+    steps = compared_increments(found)
+    if steps is not found.steps:
+        sheet, own_columns = simulated_sheet(replace(found, steps=steps), names), list(range(len(names)))
+    states = model.march(found.parameters, names, found.local, steps,
+                         warm_start=near.path or None if near is not None else None, may_cut=True)
     try:
         for own, other in zip(sheet, states, strict=True):
             u[own.frame] = other.u[:n, :2] - own.u
@@ -98,11 +98,11 @@ def bricks_of(found: Identification, sheet: Iterable[FrameResponse], near: Brick
     return Bricks(MotionError(u, channels), tuple(kept), changes)
 
 
-def simulated_sheet(found: Identification, names: Sequence[str] = (), guesses: Iterable[np.ndarray] | None = None,
-                    few: int | None = None) -> Iterator[FrameResponse]:
+def simulated_sheet(found: Identification, names: Sequence[str] = (),
+                    guesses: Iterable[np.ndarray] | None = None) -> Iterator[FrameResponse]:
     """All frames of the model without a known error, the reference first.
 
-    names : to differentiate by; guesses : (n_nodes, 2) mm of every frame; few : increments per frame, None: its own
+    names : to differentiate by; guesses : (n_nodes, 2) mm of every frame
 
     Raises
     ------
@@ -111,9 +111,8 @@ def simulated_sheet(found: Identification, names: Sequence[str] = (), guesses: I
     """
     experiment = replace(found.experiment, motion_error=None)
     forward = build_forward(experiment)
-    states = forward.march(found.parameters, names, found.local, found.steps if few is None else None,
-                           bool(names) and forward.drives.n_local > 0, guesses, may_cut=True,
-                           increments=few)  # type: ignore[call-arg]
+    states = forward.march(found.parameters, names, found.local, found.steps,  # type: ignore[call-arg]
+                           bool(names) and forward.drives.n_local > 0, guesses, may_cut=True)
     return (response_of(at, experiment.reference) for at in states)
 
 

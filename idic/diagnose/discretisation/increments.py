@@ -1,20 +1,30 @@
-"""The increments of time of a comparison of two simulations: those of the model, or a few.
+"""The increments of time of a comparison of two simulations: those of the model, or a few where it took many.
 
-A law with a memory may have asked the search for 64 increments in a frame. The error of the time integration that is
-left of a few, extrapolated (`idic.fe.extrapolation`), is nearly the same in two bodies that move nearly alike, and
-their difference needs no more: bricks in thousands of increments would take half an hour.
+A law with a memory may have asked the search for 64 increments in a frame. The error of the time integration by few is
+nearly the same in two bodies that move nearly alike, and their difference needs no more: bricks in hundreds of
+increments take half an hour. In a bent beam that yields, loaded and unloaded in three frames, one per frame changes the
+difference of bricks by 2 % and that of a finer mesh by 4 %; 1 and 2, extrapolated, by 1 and 2 %.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
 from idic.identify.in_memory import Identification
+from idic.identify.step.increments import rate_dependent_laws
 
-FEW_INCREMENTS = 4  # per frame, beside half as many
+MAX_INCREMENTS = 3  # per frame, both of an extrapolation counted
 
 
-def increments_in_few(found: Identification) -> int | None:
-    """Increments per frame of a comparison in few; None where the model took no more, and is compared in its own."""
-    if found.steps is None:
-        return None
-    intervals = found.experiment.n_frames - 1 - found.experiment.reference
-    return FEW_INCREMENTS if len(found.steps) > (FEW_INCREMENTS + FEW_INCREMENTS // 2) * intervals else None
+def compared_increments(found: Identification) -> np.ndarray | None:
+    """Ends of the increments of a comparison at an identification, s: its own, or a few where it took many.
+
+    A few are one per frame, of a law without time; 2 and 1, extrapolated (`idic.fe.extrapolation`), of another one.
+    """
+    ends = found.experiment.times[found.experiment.reference:]
+    if found.steps is None or len(found.steps) <= MAX_INCREMENTS * (len(ends) - 1):
+        return found.steps
+    if not rate_dependent_laws(found.experiment):
+        return ends[1:]
+    halves = np.column_stack([0.5 * (ends[:-1] + ends[1:]), ends[1:]]).ravel()
+    return np.concatenate([halves, ends[1:]])

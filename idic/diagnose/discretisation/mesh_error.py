@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.diagnose.discretisation.increments import increments_in_few
+from idic.diagnose.discretisation.increments import compared_increments
 from idic.errors import NotConverged
 from idic.fe.mesh.halve import can_halve
 from idic.fe.mesh.refine import can_raise_order
@@ -68,11 +68,9 @@ def lacking(found: Identification, experiment: Experiment, other: Experiment, lo
     """
     u = np.zeros((experiment.n_frames, *experiment.mesh.nodes.shape))
     channels = np.zeros((experiment.n_frames, len(experiment.channels)))
-    few = increments_in_few(found)
-    steps = found.steps if few is None else None
     try:
         own, further = (build_forward(one).march(  # type: ignore[call-arg]  # an external solver has no finer mesh
-            found.parameters, (), there, steps, may_cut=True, increments=few)
+            found.parameters, (), there, compared_increments(found), may_cut=True)
             for one, there in ((experiment, found.local), (other, local)))
         for given, state in zip(own, further, strict=True):
             frame = experiment.reference + given.frame
