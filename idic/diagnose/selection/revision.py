@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 
@@ -140,6 +139,7 @@ def _rebuilt(rounds: Sequence[Round], number: int, instead: Rival | None, place:
     apply."""
     kept, here = list(rounds[:number]), rounds[number]
     source, model = here.source, here.null
+    whole, own = rounds[-1].winner.refitted.values, () if instead is None else instead.ranked.variant.new
     if instead is not None:
         kept.append(replace(here, winner=instead, equals=(), crossed_judgement=None, plain=None))
         source, model = source.with_edits(edits_of(instead, here.screening)), instead.refitted
@@ -151,7 +151,7 @@ def _rebuilt(rounds: Sequence[Round], number: int, instead: Rival | None, place:
         if ranked is None:
             return None
         rival = refit_of_candidate(source, model, ranked, screening, place.refits, place.grid, place.seed,
-                                   _starts(later.winner.refitted.values, rounds[-1].winner.refitted.values))
+                                   _starts({**later.winner.refitted.values, **whole}, own))
         if not rival.refitted.usable:
             return None
         rival = with_own_scale(source, model, rival, place.refits, place.grid, place.seed) or rival
@@ -166,6 +166,10 @@ def _rebuilt(rounds: Sequence[Round], number: int, instead: Rival | None, place:
     return kept
 
 
-def _starts(*values: Mapping[str, float]) -> Mapping[str, float]:
-    """Values of parameters, of the later ones where a name stands twice."""
-    return dict(chain.from_iterable(one.items() for one in values))
+def _starts(values: Mapping[str, float], own: Sequence[str]) -> dict[str, float]:
+    """Values of parameters as a start of a revised set, but those of the cause that joins it instead.
+
+    own : its parameters. Two courses of one cause may share a name: an expansion per kelvin is found where the warmth
+    goes with time, and stated where the temperature of every frame is found.
+    """
+    return {name: value for name, value in values.items() if name not in own}
