@@ -221,6 +221,30 @@ def test_a_course_of_its_own_is_given_back_where_a_later_cause_makes_it_idle(los
     assert (revised(rounds, world(left)[0])[0].winner is freed) is stays
 
 
+def test_the_former_course_starts_at_its_own_values_where_both_share_a_name():
+    """An expansion per kelvin is stated where the temperature of every frame is found, and found where it goes with
+    time: started at the stated value, the latter never arrived."""
+    left = sets(((), 5000.0), (("magnification",), 1000.0), (("magnification", "camera_motion"), 10.0),
+                (("camera_motion",), 3000.0))
+    rounds = chosen(("magnification", "camera_motion"), left)
+    plain = rounds[0].winner
+    plain = replace(plain, refitted=replace(plain.refitted, values={"magnification.size": 3.0}))
+    freed = replace(plain, ranked=replace(plain.ranked, variant=replace(plain.ranked.variant, new=("m_knot[1]",))))
+    rounds[0] = replace(rounds[0], winner=freed, rivals=(freed,), plain=plain)
+    last = rounds[1].winner
+    whole = {"magnification.size": 1e-5, "m_knot[1]": 40.0, "camera_motion.size": 2.0}
+    rounds[1] = replace(rounds[1], winner=replace(last, refitted=replace(last.refitted, values=whole)))
+    place, _ = world(left)
+    begun = []
+
+    def refits(jobs):
+        begun.extend(job.values[0] for job in jobs if "magnification" in job.source.edits)
+        return place.refits(jobs)
+
+    revised(rounds, replace(place, refits=refits))
+    assert (begun[0]["magnification.size"], begun[0]["camera_motion.size"]) == (3.0, 2.0)
+
+
 def test_a_later_slip_keeps_its_jumps_in_a_revised_set(monkeypatch):
     """Rebuilt as a ramp it fits worse, and the better set of causes lost: inclusion, friction and a slip in a jump."""
     left = sets(((), 5000.0), (("magnification",), 1000.0), (("thermal_expansion",), 900.0),

@@ -282,6 +282,29 @@ def test_bricks_are_not_lost_where_no_part_of_a_step_helps(tmp_path, monkeypatch
     np.testing.assert_allclose(error.thickness.u, thickness_error(found).u, atol=1e-12)
 
 
+def test_turns_end_early_where_the_model_is_wrong_by_far_more(tmp_path, monkeypatch):
+    """Its parameters cannot be known to a tenth of their noise, and every turn costs a simulation of bricks."""
+    scene = scene_of_world((0.0, 0.2, 0.3), specimen="shear", columns=160)
+    motion = solve(scene)
+    u = motion.u.copy()
+    u[1:, :, 0] += 0.03 * np.cos(4.0 * motion.mesh.nodes[:, 0])  # mm, layers that the model lacks
+    found = at_truth(tmp_path, scene, replace(motion, u=u), E=1.05 * NULLS["elastic"].truth["E"])
+    grid, turned_at = grid_of(residual_evidence(found, light=False)), []
+
+    def counted(*arguments, **named):
+        turned_at.append(arguments[0].found.parameters["BODY.E"].value)
+        return turned(*arguments, **named)
+
+    monkeypatch.setattr("idic.diagnose.discretisation.turns.turned", counted)
+    _, early = in_turns(found, None, grid)
+    n_early = len(turned_at)
+    monkeypatch.setattr("idic.diagnose.discretisation.turns.SETTLED_SHARE", 0.0)
+    _, late = in_turns(found, None, grid)
+    assert n_early < len(turned_at) - n_early
+    E = [one.parameters["BODY.E"].value for one in (early, late)]
+    assert E[0] == pytest.approx(E[1], rel=1e-3)
+
+
 def in_triangles(sheet):
     """Every eight-node quadrilateral as two six-node triangles, along one diagonal and along the other by turns."""
     (block,) = sheet.blocks

@@ -32,6 +32,7 @@ from idic.identify.in_memory import Identification
 from idic.model.motion_error import MotionError
 
 MAX_TURNS, TURNED_STD = 12, 0.1  # of error and parameters; standard deviations of the last step
+SETTLED_SHARE = 1e-4  # of the mismatch in chi-square: a last step that would bring less is of no use to a wrong model
 PARTS_OF_STEP = (1.0, 0.5, 0.25, 0.125)
 
 
@@ -121,7 +122,8 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
 
     Every turn takes the whole step of the parameters (module), or the first of its parts that leaves them less to
     move and at which bricks find an equilibrium: before the first turn a plate that yields may be seven standard
-    deviations off. Where no part does, the turns end with the error that has been found.
+    deviations off. Where no part does, the turns end with the error that has been found; so they do where the last step
+    brings a ten-thousandth of the mismatch, as a model that is wrong by more has no parameters to be known so well.
 
     first : the error of plane stress of `found`, where it has been computed; begun : with its derivatives
     """
@@ -139,8 +141,10 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
     scale, slope = left.std, np.eye(len(left.step))
     if bricks.changes is not None:
         slope -= taken_back(left.residual, null_model(left.residual.evidence, left.residual.null), bricks.changes)
+    there = fit(left.residual, grid)
     for _ in range(1, MAX_TURNS):
-        if np.abs(left.reached(left.step)).max(initial=0.0) < TURNED_STD:
+        settled = left.gain < SETTLED_SHARE * float(there.gain.sum() - there.rank.sum())
+        if settled or np.abs(left.reached(left.step)).max(initial=0.0) < TURNED_STD:
             break
         further = scale * np.linalg.lstsq(slope, left.step / scale)[0]
         turn = turned(sheet, left, bricks, further) or turned(sheet, left, bricks, left.step)
@@ -150,7 +154,8 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
         left = sheet.left(_on_top(mesh, bricks))
         taken = np.array([sheet.found.parameters[name].value - at[name].value for name in at.free])
         slope = learned(slope, taken / scale, (before.step - left.step) / scale, left.gram * np.outer(scale, scale))
-        if fit(left.residual, grid).chi2 - left.gain >= bar:
+        there = fit(left.residual, grid)
+        if there.chi2 - left.gain >= bar:
             return None
     return _on_top(mesh, bricks), moved(left.found, left.step)
 
