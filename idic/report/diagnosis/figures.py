@@ -140,10 +140,10 @@ def parameters(record: DiagnosisRecord) -> Picture | None:
         axis = figure.subplots()
         y = np.arange(len(names))[::-1]
         for row, name in zip(y, names, strict=True):
-            reference = after[name]["value"]
+            reference, whole = after[name]["value"], _percent_of(before[name], after[name])
             for entry, colour, marker in ((before[name], ORANGE, "o"), (after[name], BLUE, "s")):
-                axis.errorbar(100.0 * (entry["value"] / reference - 1.0), row, fmt=marker, color=colour, capsize=3,
-                              xerr=100.0 * 1.96 * (entry["std"] or 0.0) / abs(reference))
+                axis.errorbar(100.0 * (entry["value"] - reference) / whole, row, fmt=marker, color=colour, capsize=3,
+                              xerr=100.0 * 1.96 * (entry["std"] or 0.0) / whole)
         axis.axvline(0.0, color=GREY, lw=0.7)
         axis.set(yticks=y, xlabel="deviation from the value after [%], 95 % intervals", ylim=(-0.6, len(names) - 0.4))
         axis.set_yticklabels([shown[n] for n in names])
@@ -151,6 +151,13 @@ def parameters(record: DiagnosisRecord) -> Picture | None:
         return to_picture(figure, "diagnosis_parameters", "Parameters before and after",
                       "The parameters of the identified model are biased by the missing physics. The enriched model "
                       "removes the bias.")
+
+
+def _percent_of(before: dict, after: dict) -> float:
+    """What 100 % is: the value after; the one before of a parameter that the cause made zero (a hardening modulus
+    beside a back stress)."""
+    size = abs(after["value"])
+    return size if size > after["std"] else max(size, abs(before["value"]))
 
 
 def channel(record: DiagnosisRecord, curve: Curve) -> Picture:
