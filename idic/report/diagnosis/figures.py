@@ -150,7 +150,8 @@ def parameters(record: DiagnosisRecord) -> Picture | None:
         axis.legend(handles=[Patch(color=ORANGE, label="before"), Patch(color=BLUE, label="after")], loc="best")
         return to_picture(figure, "diagnosis_parameters", "Parameters before and after",
                       "The parameters of the identified model are biased by the missing physics. The enriched model "
-                      "removes the bias.")
+                      "removes the bias. Of a parameter that the enriched model leaves at zero, 100 % is the value "
+                      "before.")
 
 
 def _percent_of(before: dict, after: dict) -> float:
