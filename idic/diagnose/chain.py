@@ -57,6 +57,7 @@ from idic.identify.in_memory import Identification
 from idic.model.motion_error import MotionError
 
 SEED = 20260
+MINIMA = ("converged", "at_bound")  # ends of a search whose values are those of a minimum
 MAX_RENEWALS = 3  # of the known error of the last model: it depends on the parameters, and they on it
 DRAW_FIRST = ("draw the outline of the specimen (outline_mm in mesh) and diagnose again; the outline of the points "
               "may explain the whole finding")
@@ -413,10 +414,10 @@ def _turned(source: ExperimentSource, null: Refit, left: ResidualEvidence, setti
     """The source with the error of plane stress that follows from a copy to the recording, the fit to the recording
     beside it, and the model at the values that the error is of; None where bricks are not known, or this fails.
 
-    null : fit to the copy, which has converged: the turns take whole steps; left : see `_enriched`
+    null : fit to the copy, which has ended at a minimum: the turns take whole steps; left : see `_enriched`
     """
     known = source.motion_error
-    if known is None or known.thickness is None or null.status != "converged":
+    if known is None or known.thickness is None or null.status not in MINIMA:
         return None
     residual = left if is_residual_of(left, null, known) else residual_from_rest(source.load(), null)
     if residual is None:

@@ -391,6 +391,8 @@ class Practice:
     speckle_px : float or None
         Full width at half maximum of the autocorrelation.
     channel_noise : tuple of (name, unit, std, source)
+    compressed : bool
+        Whether the reference image shows blocks of JPEG.
     """
 
     version: str
@@ -418,6 +420,7 @@ class Practice:
     estimator: str
     floor: NoiseFloor
     channel_noise: tuple[tuple[str, str, float, str], ...] = ()
+    compressed: bool = False
 
 
 @dataclass(frozen=True)

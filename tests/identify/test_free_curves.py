@@ -161,7 +161,7 @@ def test_values_of_a_curve_that_stay_at_zero_are_a_solution_and_a_law_at_its_bou
     weights = [Parameter(name, value, "-", True, (0.0, 1.0)) for name, value in zip(names, (1e-9, 0.4), strict=True)]
     modulus = Parameter("BAR.E", 1500.0, "MPa", True, (100.0, 1500.0))
     prior = SmoothnessPrior(names, ((1.0, -1.0),))
-    step = Step(np.zeros(3), 0.01, 0.01, 0.01, 0.0, False, names[:1])
+    step = Step(np.zeros(3), 0.01, 0.01, 0.01, 0.0, 0.0, False, names[:1])
     curve = ParameterSet([*weights, modulus], [prior])
     assert beyond_bounds(step, curve) == ()
     for pinned, parameters, beyond in ((("BAR.g_1", "BAR.E"), curve, ("BAR.E",)),

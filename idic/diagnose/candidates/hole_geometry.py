@@ -7,6 +7,8 @@ from idic.diagnose.screen.edits import further_dofs
 from idic.fe.mesh.morph import find_holes
 
 PROBE_RADIUS_SHARE = 0.02  # of the radius; places move as far
+WHAT = {"hole_radius": "another radius", "hole_x": "another place along x", "hole_y": "another place along y"}
+PLACE = ("hole_x", "hole_y")  # freed together: a misplaced hole is rarely misplaced along an axis
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:
@@ -19,12 +21,13 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
         index = f"[{number}]" if len(holes) > 1 else ""
         step = PROBE_RADIUS_SHARE * float(hole.radius)
         at = {"hole_radius": float(hole.radius), "hole_x": float(hole.centre[0]), "hole_y": float(hole.centre[1])}
-        for key, what in (("hole_radius", "another radius"), ("hole_x", "another place along x"),
-                          ("hole_y", "another place along y")):
+        place = further_dofs(situation, *(f"geometry.{key}{index}" for key in PLACE))
+        for key, what in WHAT.items():
             name = f"geometry.{key}{index}"
             if (edits := further_dofs(situation, name)) is not None:
                 found.append(Variant(f"{what} of hole {number}" if index else f"{what} of the hole", edits, (name,),
-                                     {name: at[key]}, {name: at[key] + step}))
+                                     {name: at[key]}, {name: at[key] + step},
+                                     refit=(place or {}) if key in PLACE else {}))
     return tuple(found)
 
 

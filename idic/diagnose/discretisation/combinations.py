@@ -31,12 +31,18 @@ class Combination:
     """Effects that act together.
 
     effects : () for the model as it is; rise : of the chi-square of the recording above that of the model; moves :
-    of the identified parameters, (n,) internal units
+    of the identified parameters, (n,) internal units; own : s^T s of the sum of the effects
     """
 
     effects: tuple[str, ...]
     rise: float
     moves: np.ndarray
+    own: float = 0.0
+
+    @property
+    def amplitude(self) -> float:
+        """The factor of the sum that fits the recording best: 1 where the body has the effects and nothing else."""
+        return 0.5 * (1.0 - self.rise / self.own) if self.own > 0.0 else 0.0
 
 
 def combinations(residual: ResidualEvidence, null: NullModel,
@@ -53,7 +59,7 @@ def combinations(residual: ResidualEvidence, null: NullModel,
             some = list(chosen)
             information = float(seen.information[np.ix_(some, some)].sum())
             found.append(Combination(tuple(names[k] for k in some), information - 2.0 * float(seen.U[some].sum()),
-                                     seen.moves[:, some].sum(axis=1)))
+                                     seen.moves[:, some].sum(axis=1), information))
     return tuple(found)
 
 
@@ -67,7 +73,11 @@ def probabilities(found: tuple[Combination, ...]) -> np.ndarray:
     return weights / weights.sum()
 
 
+def best_with(found: tuple[Combination, ...], effect: str) -> Combination:
+    """The combination with an effect that leaves the lowest chi-square."""
+    return min((one for one in found if effect in one.effects), key=lambda one: one.rise)
+
+
 def drop_by(found: tuple[Combination, ...], effect: str) -> float:
     """Of chi-square by one effect: the best combination with it against the best one without it."""
-    without = min(one.rise for one in found if effect not in one.effects)
-    return without - min(one.rise for one in found if effect in one.effects)
+    return min(one.rise for one in found if effect not in one.effects) - best_with(found, effect).rise

@@ -19,14 +19,6 @@ from idic.model.forward import build_forward
 NEAR_STD = 0.25
 
 
-def remaining(residual: ResidualEvidence) -> tuple[np.ndarray, np.ndarray, float]:
-    """What the free parameters would still move, their standard deviations, and the chi-square that it brings  # (n,),
-    (n,)"""
-    null = null_model(residual.evidence, residual.null)
-    return (null.remaining, np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300)),
-            float(null.b @ null.remaining))
-
-
 def following(residual: ResidualEvidence) -> tuple[dict[str, float], float]:
     """By how much the free parameters would still move, to first order, and the chi-square that it brings; those that
     a bound holds back stay."""
@@ -46,10 +38,10 @@ def _leaves(value: float, step: float, bounds: tuple[float, float]) -> bool:
     return (value >= bounds[1] and step > 0.0) or (value <= bounds[0] and step < 0.0)
 
 
-def moved(found: Identification, step: np.ndarray) -> Identification:
-    """At other values of the free parameters, within their bounds; step : (n,), in the order of `remaining`"""
+def moved(found: Identification, steps: Mapping[str, float]) -> Identification:
+    """At other values of free parameters, within their bounds; steps : of those that move"""
     values = found.parameters.as_values()
-    for name, change in zip(found.parameters.free, step.tolist(), strict=True):
+    for name, change in steps.items():
         low, high = found.parameters[name].bounds
         values[name] = float(np.clip(values[name] + change, low, high))
     return at_values(found, found.experiment, values)

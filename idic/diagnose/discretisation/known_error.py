@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.diagnose.discretisation.bricks import thickness_error
-from idic.diagnose.discretisation.following import at_values, moved, remaining
+from idic.diagnose.discretisation.following import at_values, following, moved
 from idic.diagnose.discretisation.mesh_error import motion_error
 from idic.diagnose.discretisation.turns import Begun, in_turns
 from idic.diagnose.discretisation.weight import change_matters, counts
@@ -64,4 +64,4 @@ def _knowing(source: ExperimentSource, found: Identification,
              error: MotionError) -> tuple[ExperimentSource, Identification]:
     """With an error; the parameters follow by one step, as they have taken a part of it."""
     there = at_values(found, replace(found.experiment, motion_error=error), found.parameters.as_values())
-    return source.with_motion_error(error), moved(there, remaining(residual_evidence(there, light=False))[0])
+    return source.with_motion_error(error), moved(there, following(residual_evidence(there, light=False))[0])

@@ -21,7 +21,7 @@ import numpy as np
 from idic.correlation.context import FrameResponse
 from idic.correlation.frame_equations import correlated_frames
 from idic.diagnose.discretisation.bricks import Bricks, bricks_of, simulated_sheet
-from idic.diagnose.discretisation.following import at_values, moved
+from idic.diagnose.discretisation.following import at_values, following, moved
 from idic.diagnose.discretisation.thickness_std import taken_back
 from idic.diagnose.residual.heldout import fit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
@@ -40,8 +40,8 @@ PARTS_OF_STEP = (1.0, 0.5, 0.25, 0.125)
 class Left:
     """What the parameters would still move beside a held error.
 
-    found : with the error; step, std : (n,) of the free parameters; gain : of chi-square by the step; gram : (n, n)
-    its second derivative, halved
+    found : with the error; step, std : (n,) of the free parameters, those that a bound holds back at rest; gain : of
+    chi-square by the step; gram : (n, n) its second derivative, halved
     """
 
     found: Identification
@@ -51,9 +51,13 @@ class Left:
     gain: float
     gram: np.ndarray
 
+    def at(self, step: np.ndarray) -> Identification:
+        """After a step of the free parameters  # (n,)"""
+        return moved(self.found, dict(zip(self.found.parameters.free, step.tolist(), strict=True)))
+
     def reached(self, step: np.ndarray) -> np.ndarray:
         """The part of a step that the bounds of the parameters leave, in standard deviations  # (n,)"""
-        there = moved(self.found, step).parameters
+        there = self.at(step).parameters
         return np.array([there[name].value - self.found.parameters[name].value for name in there.free]) / self.std
 
 
@@ -78,9 +82,10 @@ class Sheet:
         responses = [replace(one, u=one.u + error.u[one.frame], channels=one.channels + error.channels[one.frame])
                      for one in self.frames if one.frame in wanted]
         residual = residual_evidence(there, light=False, responses=responses)
-        null = null_model(residual.evidence, residual.null)
-        return Left(there, residual, null.remaining, np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300)),
-                    float(null.b @ null.remaining), residual.evidence.products(null.white, null.weighed))
+        null, (steps, gain) = null_model(residual.evidence, residual.null), following(residual)
+        return Left(there, residual, np.array([steps.get(name, 0.0) for name in null.names]),
+                    np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300)), gain,
+                    residual.evidence.products(null.white, null.weighed))
 
 
 def sheet_at(found: Identification, near: Sheet | None = None) -> Sheet:
@@ -157,7 +162,7 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
         there = fit(left.residual, grid)
         if there.chi2 - left.gain >= bar:
             return None
-    return _on_top(mesh, bricks), moved(left.found, left.step)
+    return _on_top(mesh, bricks), left.at(left.step)
 
 
 def turned(sheet: Sheet, here: Left, bricks: Bricks, step: np.ndarray) -> tuple[Sheet, Bricks] | None:
@@ -167,7 +172,7 @@ def turned(sheet: Sheet, here: Left, bricks: Bricks, step: np.ndarray) -> tuple[
     here : residual and remaining step at the sheet; step : (n,), in the order of its free parameters
     """
     for part in PARTS_OF_STEP:
-        tried = moved(sheet.found, part * step)
+        tried = moved(sheet.found, dict(zip(sheet.found.parameters.free, (part * step).tolist(), strict=True)))
         try:
             there = sheet_at(tried, sheet)
         except NotConverged:

@@ -42,6 +42,7 @@ from idic.diagnose.selection.imitation import with_imitated
 from idic.diagnose.selection.few_jumps import with_few_jumps, without_idle_jumps
 from idic.diagnose.selection.finite_strains import with_finite_strains_counted
 from idic.diagnose.selection.judged_together import Doubted, Last, judged_alone, judged_together
+from idic.diagnose.selection.nearer_null import nearer_null
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.own_scale import with_own_scale
 from idic.diagnose.selection.revision import Workplace, earns_its_place, revised
@@ -132,6 +133,9 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
             rounds, source, null, whole = _beside_its_errors(rounds, source, null, whole, setting)
         far = effect(null.judgement, unit) > MAX_REGISTER_PX  # type: ignore[arg-type]
         one = _round(source, null, number, rounds, setting, bends, far, whole)
+        if (nearer := _nearer_null(one, source, null, setting)) is not None:
+            null, whole = nearer
+            one = _round(source, null, number, rounds, setting, bends, far, whole)
         if one.winner is not None and not setting.quick:
             alone = Doubted(one, tuple(rounds), Last(source, null, whole))
             one, whole = held_by_blocks(one, whole, setting, bool(causes_of(rounds)))
@@ -177,6 +181,18 @@ def _beside_its_errors(rounds: list[Round], source: ExperimentSource, null: Refi
     if null is not before:
         rounds, source, null, whole = _without_idle_jumps(rounds, source, null, whole, setting)
     return rounds, source, null, whole
+
+
+def _nearer_null(one: Round, source: ExperimentSource, null: Refit,
+                 setting: Setting) -> tuple[Refit, ResidualEvidence] | None:
+    """A lower minimum of the model in hand and its residual, where the winner of a round has found it for a model that
+    it adds nothing to; None elsewhere."""
+    if one.winner is None or setting.quick:
+        return None
+    with setting.clock.step("refits_s"):
+        nearer = nearer_null(source, null, one.winner, one.screening, setting.refits, setting.grid, setting.seed)
+        after = None if nearer is None else residual_from_rest(source.load(), nearer)
+    return None if after is None else (nearer, after)  # type: ignore[return-value]
 
 
 def _residual_of_winner(one: Round) -> ResidualEvidence | None:

@@ -20,6 +20,12 @@ def small_step(step: Step, tolerance: float) -> str:
     return f"the next step is {step.relative:.2g} standard deviations; the tolerance is {tolerance:g}"
 
 
+def settled(step: Step, share: float) -> str:
+    """Why a search has converged beside a misfit: what the last step would gain of it."""
+    return (f"the next step ({step.relative:.2g} standard deviations of the noise) would lower the objective by less "
+            f"than {share:.0e} of what the model leaves beyond noise")
+
+
 def flat(step: Step, rejections: int) -> str:
     """Why a search has converged where trial steps were rejected."""
     tried = f"{rejections} trial steps in a row did not lower it" if rejections > 1 else ("the gradient changes its "

@@ -33,6 +33,7 @@ import numpy as np
 from idic.identify.covariance import covariance, spectrum
 from idic.identify.step.acceptance import scaled_at
 from idic.identify.step.proposal import Step
+from idic.identify.step.settled import negligible
 from idic.identify.step.stages import stage_parameters
 from idic.identify.step.state import (
     AS_GIVEN,
@@ -113,8 +114,8 @@ def with_increments_judged(state: LoopState, experiment: Experiment, last: Stage
     coarser = choice.coarser
     if coarser is not None:
         choice = replace(choice, coarser=None, change={name: here[name] - coarser[name] for name in here})
-    if choice.change is not None and (
-            largest_change(choice, state, experiment, last, point, image_noise) <= max_change(experiment, choice)):
+    if choice.change is not None and (largest_change(choice, state, experiment, last, point, image_noise, status)
+                                      <= max_change(experiment, choice)):
         return replace(state, increments=replace(choice, status=ENOUGH, coarser=None if known is None else coarser))
     finer = 2 * (choice.per_frame or 1)
     if finer > max_increments(experiment):
@@ -223,7 +224,7 @@ def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage
     moved = parameters.unpack(parameters.pack() + steps[0] - steps[1])
     change = {name: (moved[name].value if name in moved else value) - value for name, value in here.as_values().items()}
     one = IncrementChoice(None, ENOUGH, None, change)
-    largest = largest_change(one, state, experiment, last, accepted, image_noise)
+    largest = largest_change(one, state, experiment, last, accepted, image_noise, state.end.status)  # type: ignore
     many = n_intervals(experiment) >= MANY_INTERVALS
     trusted = MAX_HALF_RATE_SHARE if many else MAX_HALF_RATE_SHARE_OF_FEW
     if half_rate and largest > trusted * max_change(experiment, one):
@@ -258,10 +259,18 @@ def n_intervals(experiment: Experiment) -> int:
 
 
 def largest_change(choice: IncrementChoice, state: LoopState, experiment: Experiment, last: Stage, point: Evaluation,
-                   image_noise: float) -> float:
-    """Largest change of a parameter by the last halving, in standard deviations."""
+                   image_noise: float, status: str) -> float:
+    """Largest change of a parameter by the last halving, in standard deviations; 0 where the error that is left does
+    not matter beside the misfit of the model.
+
+    status : with which the search ended; one that stalled may have met the jumps that its increments make
+    """
     now = stage_parameters(experiment.parameters.with_values(state.accepted.values), last)
     scaled = scaled_at(point, now, last, image_noise)
+    left = remaining_share(experiment, choice) * np.array([choice.change[name] for name in scaled.names])
+    left /= np.where(scaled.slopes == 0.0, np.inf, scaled.slopes)
+    if status != "stalled" and left @ scaled.M @ left < negligible(point.system, experiment.options.lowpass_px):
+        return 0.0
     stds = np.sqrt(np.maximum(np.diagonal(covariance(scaled, spectrum(scaled))), 0.0)) * np.abs(scaled.slopes)
     changes = np.array([abs(choice.change[name]) for name in scaled.names])
     return float(np.max(changes[stds > 0.0] / stds[stds > 0.0], initial=0.0))

@@ -11,7 +11,7 @@ from idic.identify.covariance import Scaled, Spectrum, covariance, spectrum
 from idic.identify.step.acceptance import scaled_at
 from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, activation_step, active_parameters
 from idic.identify.step.ending import (ITERATIONS, beyond_bounds, bounded, failed_simulation, flat, judged_flat,
-                                       out_of_iterations, small_step, stuck)
+                                       out_of_iterations, settled, small_step, stuck)
 from idic.identify.step.estimator import next_estimator
 from idic.identify.step.increments import (KNOWN, TOO_COARSE, chooses_increments, error_of, is_too_coarse, is_whole,
                                            knows_end, meets_a_jump, with_increments_judged)
@@ -27,6 +27,7 @@ from idic.identify.step.schedule import (
     same_images,
     strong_directions,
 )
+from idic.identify.step.settled import SETTLED_SHARE, negligible
 from idic.identify.step.stages import stage_parameters
 from idic.identify.step.state import (
     ENOUGH,
@@ -73,7 +74,8 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
         return propose(scaled, found, stds, parameters, damping, size, allowed)
 
     step = version(state.trust.damping, limit)
-    done = _why_done(state, stages, step, scaled, found, options, non_smooth is not None)
+    beside_misfit = negligible(point.system, options.lowpass_px)
+    done = _why_done(state, stages, step, scaled, found, options, non_smooth is not None, beside_misfit)
     last = state.schedule.stage + 1 == len(stages)
     # increments that are to be judged have a rule of their own
     known = last and non_smooth is None and not chooses_increments(experiment) and is_whole(step, state)
@@ -173,11 +175,16 @@ def _non_smooth_system(state: LoopState, trial: Evaluation, accepted: Evaluation
 
 
 def _why_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scaled, found: Spectrum, options: Options,
-              non_smooth: bool) -> str:
-    """Why the stage ends at the accepted point, judged by the undamped step; empty where it goes on."""
+              non_smooth: bool, beside_misfit: float) -> str:
+    """Why the stage ends at the accepted point, judged by the undamped step; empty where it goes on.
+
+    beside_misfit : gain that does not matter
+    """
     number, phi, rejections = state.schedule.stage, state.accepted.phi, state.trust.rejections
     if step.relative < options.tolerance:
         return small_step(step, options.tolerance)
+    if not step.clipped and step.gain < beside_misfit:
+        return settled(step, SETTLED_SHARE)
     gain = float(scaled.b @ found.inverse @ scaled.b) / phi if phi else 0.0
     if is_preliminary(stages[number]) and (step.largest < MIN_PRELIMINARY_STEP or gain < MIN_PRELIMINARY_GAIN):
         return "a preliminary stage has settled"

@@ -30,8 +30,8 @@ class Step:
 
     delta : (n,) scaled, of limited size; relative : the largest unlimited Gauss–Newton component over its standard
     deviation, by which convergence is judged; largest : that component itself; significance : `relative` of `delta`;
-    predicted : decrease of phi by the quadratic model; clipped : whether the limit has shortened the step; pinned : the
-    parameters that the undamped step carries over a bound.
+    predicted : decrease of phi by the quadratic model; gain : the same of the undamped, unlimited step; clipped :
+    whether the limit has shortened the step; pinned : the parameters that the undamped step carries over a bound.
     """
 
     delta: np.ndarray
@@ -39,6 +39,7 @@ class Step:
     largest: float
     significance: float
     predicted: float
+    gain: float
     clipped: bool
     pinned: tuple[str, ...]
 
@@ -67,11 +68,12 @@ def propose(scaled: Scaled, found: Spectrum, stds: np.ndarray, parameters: Param
     delta = judged if same else _bounded(scaled, along, damping, here, low, high)[0]
     clipped = _limited(scaled, along, damping, here, low, high, delta, limit, np.maximum(sizes, 1.0))
     clipped = in_order(scaled, parameters, here, clipped)
-    predicted = float(2.0 * scaled.b @ clipped - clipped @ scaled.M @ clipped)
+    predicted, gain = (float(2.0 * scaled.b @ way - way @ scaled.M @ way) for way in (clipped, judged))
     certain = np.where(stds > 0, stds, np.inf)
     pinned = tuple(name for name, at_bound in zip(scaled.names, held, strict=True) if at_bound)
-    return Step(clipped, float((np.abs(judged) / certain).max(initial=0.0)), float(np.abs(judged).max(initial=0.0)),
-                float((np.abs(clipped) / certain).max(initial=0.0)), predicted, bool(np.any(clipped != delta)), pinned)
+    relative, significance = (float((np.abs(way) / certain).max(initial=0.0)) for way in (judged, clipped))
+    return Step(clipped, relative, float(np.abs(judged).max(initial=0.0)), significance, predicted, gain,
+                bool(np.any(clipped != delta)), pinned)
 
 
 def _limited(scaled: Scaled, found: Spectrum, damping: float, here: np.ndarray, low: np.ndarray, high: np.ndarray,

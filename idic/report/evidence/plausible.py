@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.ndimage import find_objects, label, maximum_filter, uniform_filter
 
+from idic.images.quality.compression import BLOCK_PX, compressed_at
 from idic.images.quality.speckle import edge_blur, speckle_size
 from idic.materials import law_for
 from idic.model.experiment import Column, Experiment
@@ -117,6 +118,7 @@ def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
                "misplaced, or an axis is mirrored: look at the picture; a mask leaves out what cannot be compared")
     else:
         yield from covered_holes(roi, plain)
+    yield from compression_warning(image)
     width = speckle_size(image, roi, noise_gv or 0.0)
     if width is not None and width < MIN_SPECKLE_PX:
         yield (f"the speckle is {width:.1f} px wide, too fine for the pixels: interpolation errors bias the result. "
@@ -130,6 +132,14 @@ def pattern_warnings(image: np.ndarray, roi: np.ndarray, noise_gv: float | None,
     elif width is not None and width > min(MAX_SPECKLE_PX, np.sqrt(pixels_per_element)):
         yield (f"the speckle is {width:.0f} px wide, an element {np.sqrt(pixels_per_element):.0f} px: few edges carry "
                "the motion, so error bars are large. Finer speckle next time; now larger elements")
+
+
+def compression_warning(image: np.ndarray) -> Iterator[str]:
+    """A reference image that JPEG has compressed, whatever file holds it now."""
+    if (at := compressed_at(image)) is not None:
+        yield (f"the images were compressed as JPEG (blocks of {BLOCK_PX} px from column {at[1]}, row {at[0]} of the "
+               "reference on): fine grey values are lost, and the images blur as the pattern moves. Take the TIFF or "
+               "PNG of the camera")
 
 
 def covered_holes(roi: np.ndarray, plain: np.ndarray) -> Iterator[str]:

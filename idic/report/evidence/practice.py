@@ -9,6 +9,7 @@ import numpy as np
 
 from idic.correlation.pixels.cells import CELLS
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
+from idic.images.quality.compression import compressed_at
 from idic.images.quality.speckle import speckle_size
 from idic.model.experiment import Experiment
 from idic.report.record import FrameView, NoiseFloor, Practice
@@ -42,6 +43,7 @@ def practice_of(experiment: Experiment, reference, result: Mapping, floor: Noise
         edge_margin_px=options.edge_margin_px, n_elements=len(sides), cell=cell,
         element_px=float(sides.mean()) if len(sides) else 0.0, smallest_px=float(sides.min()) if len(sides) else 0.0,
         kind=experiment.kind, estimator=str(result.get("estimator", "ordinary")), floor=floor,
+        compressed=experiment.quantity == "grey" and compressed_at(image) is not None,
         channel_noise=tuple((name, units.get(name, ""), std, source)
                             for (name, std), source in zip(stds.items(), sources, strict=False)))
 
