@@ -1,5 +1,6 @@
 """`idic check` speaks where input hardly is meant, and is silent where it may well be."""
 
+import cv2
 import numpy as np
 import pytest
 import tifffile
@@ -123,6 +124,15 @@ def test_a_hole_that_the_mesh_covers_is_told_with_its_place_and_one_that_it_has_
     told, = pattern_warnings(image, covered, 2.0, 144.0)
     assert "around column 120, row 60): a hole?" in told and "holes_px" in told
     assert not list(pattern_warnings(image, covered & ~hole, 2.0, 144.0))
+
+
+def test_images_that_were_compressed_are_told_with_the_place_of_their_blocks():
+    image = np.clip(speckle((160, 200)) + np.random.default_rng(0).normal(0.0, 2.0, (160, 200)), 0, 255)
+    whole, kept = np.ones(image.shape, dtype=bool), np.rint(image).astype(np.uint8)
+    compressed = cv2.imdecode(cv2.imencode(".jpg", kept, [cv2.IMWRITE_JPEG_QUALITY, 80])[1], cv2.IMREAD_GRAYSCALE)
+    assert not any("JPEG" in line for line in pattern_warnings(kept, whole, 2.0, 144.0))
+    told, = (line for line in pattern_warnings(compressed, whole, 2.0, 144.0) if "JPEG" in line)
+    assert "blocks of 8 px from column 0, row 0" in told and "TIFF or PNG" in told
 
 
 def test_a_mesh_around_the_image_is_told_as_a_scale(folder):

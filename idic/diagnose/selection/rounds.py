@@ -16,7 +16,7 @@ from idic.diagnose.channel_left import smallest_reading
 from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.discretisation.thickness_error import with_bricks
-from idic.diagnose.discretisation.weight import change_matters, error_column, followed
+from idic.diagnose.discretisation.weight import change_matters, error_column, followed, weighed
 from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.refit import Refit, identification_at, is_residual_of, residual_from_rest
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
@@ -24,7 +24,7 @@ from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.excess_left import effect
 from idic.diagnose.residual.heldout import fit
-from idic.diagnose.residual.margin import ASSUMED, Margin
+from idic.diagnose.residual.margin import ASSUMED, BRICKS_SHARE, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subpixel_columns import RELATIVE_STD, subpixel_columns
 from idic.diagnose.residual.subspace import Grid
@@ -38,11 +38,10 @@ from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, scree
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.block_step import judged_by_step
 from idic.diagnose.selection.both_copies import judged_on_both, undecided
-from idic.diagnose.selection.imitation import with_imitated
+from idic.diagnose.selection.imitation import nearer_null, with_imitated
 from idic.diagnose.selection.few_jumps import with_few_jumps, without_idle_jumps
 from idic.diagnose.selection.finite_strains import with_finite_strains_counted
 from idic.diagnose.selection.judged_together import Doubted, Last, judged_alone, judged_together
-from idic.diagnose.selection.nearer_null import nearer_null
 from idic.diagnose.selection.own_course import with_own_course
 from idic.diagnose.selection.own_scale import with_own_scale
 from idic.diagnose.selection.revision import Workplace, earns_its_place, revised
@@ -404,6 +403,9 @@ def screened(source: ExperimentSource, null: Refit, library: Sequence[Candidate]
     labels, columns = score_columns(found, residual, trials, source.load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
     error = source.motion_error
+    if error is not None and error.thickness is not None:
+        own, unit = weighed(residual, error.thickness)[0], max(float(power(residual.evidence).sum()), 1e-300)
+        margin = replace(margin, bricks_px=BRICKS_SHARE * float(np.sqrt(2.0 * own / unit)))  # as effects are measured
     blurs = subpixel_columns(residual) if any(variant.pixels is not None for _, variant in trials) else None
     made = screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
                   mesh=None if error is None else error_column(residual, error.of_mesh),
