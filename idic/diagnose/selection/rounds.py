@@ -16,7 +16,7 @@ from idic.diagnose.channel_left import smallest_reading
 from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.discretisation.thickness_error import with_bricks
-from idic.diagnose.discretisation.weight import change_matters, error_column, followed, weighed
+from idic.diagnose.discretisation.weight import bricks_margin, change_matters, error_column, followed
 from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.refit import Refit, identification_at, is_residual_of, residual_from_rest
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
@@ -24,7 +24,7 @@ from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.excess_left import effect
 from idic.diagnose.residual.heldout import fit
-from idic.diagnose.residual.margin import ASSUMED, BRICKS_SHARE, Margin
+from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subpixel_columns import RELATIVE_STD, subpixel_columns
 from idic.diagnose.residual.subspace import Grid
@@ -403,17 +403,16 @@ def screened(source: ExperimentSource, null: Refit, library: Sequence[Candidate]
     labels, columns = score_columns(found, residual, trials, source.load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
     error = source.motion_error
+    min_channel = max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further else MIN_CHANNEL_EFFECT_STD
     if error is not None and error.thickness is not None:
-        own, unit = weighed(residual, error.thickness)[0], max(float(power(residual.evidence).sum()), 1e-300)
-        margin = replace(margin, bricks_px=BRICKS_SHARE * float(np.sqrt(2.0 * own / unit)))  # as effects are measured
+        bricks_px, bricks_std = bricks_margin(residual, error.thickness)
+        margin, min_channel = replace(margin, bricks_px=bricks_px), max(min_channel, bricks_std)
     blurs = subpixel_columns(residual) if any(variant.pixels is not None for _, variant in trials) else None
     made = screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
                   mesh=None if error is None else error_column(residual, error.of_mesh),
                   known=None if blurs is None else (blurs, RELATIVE_STD),
                   materials=[material.element_set for material in found.experiment.materials], margin=margin,
-                  further=further,
-                  min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further
-                  else MIN_CHANNEL_EFFECT_STD)
+                  further=further, min_channel=min_channel)
     unresolved = [r for r in made.significant if r.variant.unresolved]
     untestable += [(r.candidate, r.variant.unresolved) for r in unresolved]
     return replace(made, ranked=tuple(r for r in made.ranked if r not in unresolved), untestable=tuple(untestable))
