@@ -38,5 +38,5 @@ def test_physics_that_is_absent_at_no_finite_value_is_not_compared():
 
 def test_bricks_that_move_far_widen_the_margin_and_others_do_not():
     assert Margin(bricks_px=BRICKS_SHARE * 0.01).px == Margin().px == PRACTICAL_MARGIN_PX
-    wide = Margin(bricks_px=BRICKS_SHARE * 0.11)
-    assert wide.px == wide.smallest_effect_px == wide.inclusion_px == pytest.approx(0.0088)
+    wide = Margin(bricks_px=BRICKS_SHARE * 0.20)
+    assert wide.px == wide.smallest_effect_px == wide.inclusion_px == pytest.approx(0.008)
