@@ -41,7 +41,7 @@ class Combination:
 
     @property
     def amplitude(self) -> float:
-        """The factor of the sum that fits the recording best: 1 where the body has the effects and nothing else."""
+        """The factor of the summed effects that fits the recording best: 1 in a body that has them and nothing else."""
         return 0.5 * (1.0 - self.rise / self.own) if self.own > 0.0 else 0.0
 
 

@@ -27,9 +27,9 @@ from idic.model.motion_error import MotionError
 
 MIN_DROP = 25.0  # of chi-square by bricks: five standard deviations
 MIN_DROP_SHARE = 0.5  # of what free motions and channels explain
-# the same beside a cause, where the recording also has bricks at their size: an unknown further cause that resembles
-# them would show them at another one
-MIN_DROP_SHARE_AT_SIZE, MAX_SIZE_ERROR = 0.25, 0.25
+# the same beside a cause, where the recording shows the difference of bricks with an amplitude near 1: an unknown
+# further cause that resembles bricks would give it another amplitude
+MIN_DROP_SHARE_AT_ONE, MAX_AMPLITUDE_ERROR = 0.25, 0.25
 
 
 def neglected_errors(found: Identification) -> dict[str, MotionError]:
@@ -75,8 +75,8 @@ def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid,
     at the values that it is of: as `with_thickness`, to first order; None elsewhere.
 
     Before the cause was known it hid the difference: finite strains and bricks both stiffen a bent beam. A further
-    cause may be unknown still. Bricks then explain less than half of what is left, but at their own size, which no
-    unknown was fitted to.
+    cause may still be unknown and make a mismatch of its own. A quarter of the mismatch is then enough, if the
+    recording shows the difference of bricks with an amplitude near 1; no parameter was fitted to that amplitude.
 
     settled : with the parameters in turns; otherwise at the present ones, for a further round
     """
@@ -93,14 +93,16 @@ def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid,
     return in_turns(found, mesh, grid, first=bricks)
 
 
-def are_shown(tried: tuple[Combination, ...], room: float) -> bool:
-    """Whether bricks are counted beside a cause: they explain half of what is left, or a quarter at their own size.
+def are_shown(tried: tuple[Combination, ...], mismatch: float) -> bool:
+    """Whether bricks are counted beside a cause: they explain half of the mismatch, or a quarter of it with an
+    amplitude near 1.
 
-    tried : the effects that the model neglects; room : what free motions and channels explain
+    tried : combinations of the effects that the model neglects; mismatch : chi-square that free motions and channels
+    explain
     """
     drop, best = drop_by(tried, BRICKS), best_with(tried, BRICKS)
-    at_size = abs(best.amplitude - 1.0) <= MAX_SIZE_ERROR
-    return drop >= max(MIN_DROP, (MIN_DROP_SHARE_AT_SIZE if at_size else MIN_DROP_SHARE) * room)
+    at_one = abs(best.amplitude - 1.0) <= MAX_AMPLITUDE_ERROR
+    return drop >= max(MIN_DROP, (MIN_DROP_SHARE_AT_ONE if at_one else MIN_DROP_SHARE) * mismatch)
 
 
 def _drop_by_bricks(residual: ResidualEvidence, errors: Mapping[str, MotionError]) -> float:

@@ -6,9 +6,7 @@ import numpy as np
 
 from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.residual.evidence import Columns
-from idic.diagnose.residual.margin import BRICKS_SHARE
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.screen.effect_sizes import effects
 from idic.diagnose.screen.score import null_model, score
 from idic.model.motion_error import MotionError
 
@@ -47,15 +45,6 @@ def error_column(residual: ResidualEvidence, error: MotionError) -> Columns:
     frames = residual.evidence.frames
     fields = np.array([in_images(residual, t, error.u[frame][..., None]) for t, frame in enumerate(frames)])
     return Columns(("mesh",), fields, error.channels[frames][..., None])
-
-
-def bricks_margin(residual: ResidualEvidence, bricks: MotionError) -> tuple[float, float]:
-    """Motion (px rms) and readings (standard deviations) that bricks, which have an error, too, leave no cause to be
-    blamed for."""
-    column = error_column(residual, bricks)
-    found = score(residual.evidence, null_model(residual.evidence, residual.null), column)
-    px, std = effects(residual.evidence, residual.null, column, found)
-    return BRICKS_SHARE * float(px[0]), BRICKS_SHARE * float(std[0])
 
 
 def followed(residual: ResidualEvidence, old: MotionError | None, new: MotionError) -> dict[str, float]:

@@ -16,9 +16,6 @@ from idic.dic.camera_floor import CameraFloor
 PRACTICAL_MARGIN_PX = 0.004  # rms: half as much again as interpolation and discretisation left in a sound recording
 INCLUSION_MARGIN_PX = 0.003  # the same with an inclusion in the model: error of interpolation and discretisation alone
 MIN_EFFECT_PX = 5e-4  # rms; below, interpolation and discretisation make patterns of their own
-# of the difference of bricks and plane stress, beside the parameters: bricks have an error of 2 % of it, against
-# CalculiX at small motion, and one of 2 to 4 % more in few increments of time
-BRICKS_SHARE = 0.04
 FLOOR_FACTOR = 1.5  # over the camera's floor: still frames are a sample of it
 
 
@@ -26,12 +23,10 @@ FLOOR_FACTOR = 1.5  # over the camera's floor: still frames are a sample of it
 class Margin:
     """The margin of one recording.
 
-    floor : the camera's, None where no frame is at rest: the constants stand alone then; bricks_px : error of bricks
-    that are counted
+    floor : the camera's, None where no frame is at rest: the constants stand alone then
     """
 
     floor: CameraFloor | None = None
-    bricks_px: float = 0.0
 
     @property
     def camera_px(self) -> float:
@@ -41,17 +36,17 @@ class Margin:
     @property
     def px(self) -> float:
         """Of the whole recording."""
-        return max(PRACTICAL_MARGIN_PX, self.camera_px, self.bricks_px)
+        return max(PRACTICAL_MARGIN_PX, self.camera_px)
 
     @property
     def inclusion_px(self) -> float:
         """Of motions with the time course of an inclusion."""
-        return max(INCLUSION_MARGIN_PX, self.camera_px, self.bricks_px)
+        return max(INCLUSION_MARGIN_PX, self.camera_px)
 
     @property
     def smallest_effect_px(self) -> float:
         """Below, a candidate has no effect even if it explains most of what there is."""
-        return max(MIN_EFFECT_PX, self.camera_px, self.bricks_px)
+        return max(MIN_EFFECT_PX, self.camera_px)
 
     @property
     def words(self) -> str:

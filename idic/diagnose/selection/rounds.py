@@ -16,7 +16,7 @@ from idic.diagnose.channel_left import smallest_reading
 from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.discretisation.thickness_error import with_bricks
-from idic.diagnose.discretisation.weight import bricks_margin, change_matters, error_column, followed
+from idic.diagnose.discretisation.weight import change_matters, error_column, followed
 from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.refit import Refit, identification_at, is_residual_of, residual_from_rest
 from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
@@ -38,7 +38,7 @@ from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, scree
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.block_step import judged_by_step
 from idic.diagnose.selection.both_copies import judged_on_both, undecided
-from idic.diagnose.selection.imitation import nearer_null, with_imitated
+from idic.diagnose.selection.imitation import with_imitated
 from idic.diagnose.selection.few_jumps import with_few_jumps, without_idle_jumps
 from idic.diagnose.selection.finite_strains import with_finite_strains_counted
 from idic.diagnose.selection.judged_together import Doubted, Last, judged_alone, judged_together
@@ -132,9 +132,6 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
             rounds, source, null, whole = _beside_its_errors(rounds, source, null, whole, setting)
         far = effect(null.judgement, unit) > MAX_REGISTER_PX  # type: ignore[arg-type]
         one = _round(source, null, number, rounds, setting, bends, far, whole)
-        if (nearer := _nearer_null(one, source, null, setting)) is not None:
-            null, whole = nearer
-            one = _round(source, null, number, rounds, setting, bends, far, whole)
         if one.winner is not None and not setting.quick:
             alone = Doubted(one, tuple(rounds), Last(source, null, whole))
             one, whole = held_by_blocks(one, whole, setting, bool(causes_of(rounds)))
@@ -180,18 +177,6 @@ def _beside_its_errors(rounds: list[Round], source: ExperimentSource, null: Refi
     if null is not before:
         rounds, source, null, whole = _without_idle_jumps(rounds, source, null, whole, setting)
     return rounds, source, null, whole
-
-
-def _nearer_null(one: Round, source: ExperimentSource, null: Refit,
-                 setting: Setting) -> tuple[Refit, ResidualEvidence] | None:
-    """A lower minimum of the model in hand and its residual, where the winner of a round has found it for a model that
-    it adds nothing to; None elsewhere."""
-    if one.winner is None or setting.quick:
-        return None
-    with setting.clock.step("refits_s"):
-        nearer = nearer_null(source, null, one.winner, one.screening, setting.refits, setting.grid, setting.seed)
-        after = None if nearer is None else residual_from_rest(source.load(), nearer)
-    return None if after is None else (nearer, after)  # type: ignore[return-value]
 
 
 def _residual_of_winner(one: Round) -> ResidualEvidence | None:
@@ -403,16 +388,14 @@ def screened(source: ExperimentSource, null: Refit, library: Sequence[Candidate]
     labels, columns = score_columns(found, residual, trials, source.load) if trials else ((), residual.null.pick([]))
     watch(residual, labels, columns)
     error = source.motion_error
-    min_channel = max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further else MIN_CHANNEL_EFFECT_STD
-    if error is not None and error.thickness is not None:
-        bricks_px, bricks_std = bricks_margin(residual, error.thickness)
-        margin, min_channel = replace(margin, bricks_px=bricks_px), max(min_channel, bricks_std)
     blurs = subpixel_columns(residual) if any(variant.pixels is not None for _, variant in trials) else None
     made = screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
                   mesh=None if error is None else error_column(residual, error.of_mesh),
                   known=None if blurs is None else (blurs, RELATIVE_STD),
                   materials=[material.element_set for material in found.experiment.materials], margin=margin,
-                  further=further, min_channel=min_channel)
+                  further=further,
+                  min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further
+                  else MIN_CHANNEL_EFFECT_STD)
     unresolved = [r for r in made.significant if r.variant.unresolved]
     untestable += [(r.candidate, r.variant.unresolved) for r in unresolved]
     return replace(made, ranked=tuple(r for r in made.ranked if r not in unresolved), untestable=tuple(untestable))

@@ -23,7 +23,7 @@ from idic.model.experiment import Experiment, Measured, Parametrised
 MAX_WORTHWHILE_STD_RATIO = 0.9  # standard deviation over that of ordinary least squares, of at least one parameter
 MAX_LOCAL_UNKNOWNS = 6000  # frame-local unknowns of all frames, eliminated together: 0.3 GB
 MAX_EXPLAINED_CHI2 = 1.4  # per pixel; with measured edges and a larger misfit the estimator stays ordinary
-MAX_JUDGED_CHI2 = 2.0  # per pixel: of a larger misfit the noise of the images is no measure
+MAX_JUDGED_CHI2 = 2.0  # per pixel; a model that leaves more stays ordinary (a plate with 6: E moved by 9 %)
 MAX_SPLINE_ERROR_SHARE = 0.3  # error of the spline over the noise, which generalised least squares take for noise
 
 
@@ -64,8 +64,8 @@ def next_estimator(present: str, status: str, experiment: Experiment, names: Seq
     generalised ones are off by 1.8 at a chi^2 per pixel of 0.99 (0.96 without the turn), by 3.4 at 1.1, by 9 at 2.1. No
     threshold of chi^2 tells the first of these from a good fit. Measured edges are free in every frame and have no such
     misfit; with them `auto` stays ordinary where the residual exceeds the noise: on a real composite (chi^2 1.79) the
-    generalised ratios differ by 1 to 8 % from the ordinary ones, with half their error bars. Where a model leaves
-    more than noise does, it stays ordinary, too: noise says nothing of the best weights then.
+    generalised ratios differ by 1 to 8 % from the ordinary ones, with half their error bars. It stays
+    ordinary, too, where a model leaves twice the noise: noise says nothing of the best weights then.
 
     promised : of a test that is planned, whose model is right and whose images have no residual of their own
     """

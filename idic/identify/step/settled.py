@@ -1,9 +1,9 @@
 """What a model leaves of a recording beyond noise, and how well its parameters need be known beside it.
 
-A model that is wrong has no parameters to a hundredth of a standard deviation of the noise: its functional is rough
-where points yield, and finer increments or further steps move the parameters by far less than what is left out does.
-Such a search ends, and its increments are short enough, where what is still to be gained is a hundred-thousandth of
-the misfit: 0.3 % of its size. Beside a right model there is none, and the standard deviations alone judge.
+The parameters of a wrong model have no meaning to a hundredth of a standard deviation of the noise. Its functional is
+rough where points yield. Finer increments and further steps move its parameters by far less than the missing physics
+does. Its search therefore ends, and its increments are short enough, where a step would gain a hundred-thousandth of
+the misfit (0.3 % of its root). A right model has no misfit; there the standard deviations alone decide.
 """
 
 from __future__ import annotations
