@@ -35,6 +35,7 @@ from idic.experiment_file.tables.mesh_sets import with_edge_set, with_element_se
 from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_solver, solver_notes
 from idic.experiment_file.tables.temperatures import knots_of_temperature, Body, temperatures
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
+from idic.fe.mesh.curved_edges import curved
 from idic.fe.mesh.mesh import Mesh, check_elements
 from idic.fe.mesh.refine import can_raise_order, is_raised_by_default, raise_order
 from idic.images.camera import Camera
@@ -249,10 +250,14 @@ class ExperimentFolder(RecordedFolder):
                              key="options.element_order", expected="a mesh of tri3, quad4, tet4 or hex8 elements",
                              found=", ".join(sorted({block.cell for block in mesh.blocks})),
                              remedy='use element_order = "auto"')
-        mesh, table = raise_order(mesh), self.config.experiment.mesh
+        straight, table = raise_order(mesh), self.config.experiment.mesh
         if (drawing := arcs_of(self.config, frames.stack, camera, self.file)) is not None:
-            mesh = drawing.on_arcs(mesh, camera if table.in_px else None)
-        return mesh, (f"linear elements are computed as quadratic ones ({n} -> {mesh.n_nodes} nodes); "
+            mesh = drawing.on_arcs(straight, camera if table.in_px else None)
+        else:
+            mesh = curved(straight)
+        bent = int((mesh.nodes != straight.nodes).any(axis=1).sum())
+        return mesh, (f"linear elements are computed as quadratic ones ({n} -> {mesh.n_nodes} nodes"
+                      + (f", {bent} of them moved onto the arcs of the boundary" if bent else "") + "); "
                       'element_order = "as_given" under [options] keeps them linear',)
 
     def mesh(self, scale: Lengths, frames: Frames) -> tuple[Mesh, list[str]]:

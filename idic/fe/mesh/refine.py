@@ -1,6 +1,7 @@
 """A finer discretisation of the same body: quadratic elements on a mesh of linear ones.
 
-Elements, their labels and the straight edges stay; every edge gets a node in its middle. On a plate with a hole and
+Elements, their labels and the straight edges stay; every edge gets a node in its middle, which
+`idic.fe.mesh.curved_edges` puts on arcs of the boundary. On a plate with a hole and
 twelve-pixel elements this lowers the discretisation bias of Poisson's ratio from 4 to below 1 per cent.
 """
 

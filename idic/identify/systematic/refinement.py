@@ -12,6 +12,7 @@ from scipy import sparse
 
 from idic.errors import InputError
 from idic.fe.mesh import element
+from idic.fe.mesh.curved_edges import curved
 from idic.fe.mesh.halve import can_halve, halve
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.mesh.refine import can_raise_order, is_raised_by_default, raise_order
@@ -43,7 +44,7 @@ def refined(experiment: Experiment, raise_bricks: bool = False) -> Refined:
         raise InputError("an external solver has its own mesh", expected="the built-in solver", found="external",
                          remedy="refine the mesh of the external solver and identify again")
     if is_raised_by_default(mesh) or (raise_bricks and can_raise_order(mesh)):
-        fine, how = raise_order(mesh), "quadratic elements"
+        fine, how = curved(raise_order(mesh)), "quadratic elements"
         carry = _midpoints(mesh.n_nodes, fine)
     elif can_halve(mesh):
         found = halve(mesh)

@@ -1,0 +1,126 @@
+"""Middle nodes of a raised mesh on the arcs that its corners follow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from fe_bodies import grid
+
+from idic.fe.mesh import element
+from idic.fe.mesh.curved_edges import curved
+from idic.fe.mesh.mesh import Mesh, boundary_faces, check_elements, make_mesh
+from idic.fe.mesh.polygon import follow_arcs, mesh_polygon
+from idic.fe.mesh.refine import raise_order
+from idic.virtual_tests.meshes import strip_with_hole
+
+RADIUS = 3.0
+
+
+def plate(cell: str) -> Mesh:
+    mesh = strip_with_hole(24.0, 16.0, RADIUS, "quad4", around=3, radial=4, beside=2)
+    quads = mesh.blocks[0].connectivity
+    if cell == "tri3":
+        return make_mesh(mesh.nodes, [("tri3", np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))])
+    return mesh
+
+
+def bricks() -> Mesh:
+    mesh = plate("quad4")
+    quads = mesh.blocks[0].connectivity
+    nodes = np.concatenate([np.column_stack([mesh.nodes, np.full(mesh.n_nodes, z)]) for z in (0.0, 0.5, 1.0)])
+    return make_mesh(nodes, [("hex8", np.concatenate([np.hstack([quads + k * mesh.n_nodes,
+                                                                quads + (k + 1) * mesh.n_nodes]) for k in (0, 1)]))])
+
+
+def area(mesh: Mesh) -> float:
+    """By the quadrature of the elements."""
+    total = 0.0
+    for block in mesh.blocks:
+        xi, weight = element.quadrature(block.cell)
+        jacobian = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], element.gradient(block.cell, xi))
+        total += float((np.linalg.det(jacobian) * weight).sum())
+    return total
+
+
+@pytest.mark.parametrize("cell", ["quad4", "tri3"])
+def test_the_hole_of_a_linear_mesh_becomes_a_circle_and_all_else_stays(cell):
+    straight = raise_order(plate(cell))
+    mesh = curved(straight)
+    moved = (mesh.nodes != straight.nodes).any(axis=1)
+    distance = np.hypot(*straight.nodes.T)
+    assert moved.sum() == 24 and distance[moved].max() < RADIUS * (1.0 - 0.008)  # the heights of 24 arcs: 0.86 %
+    assert np.allclose(np.hypot(*mesh.nodes[moved].T), RADIUS, rtol=1e-9)
+    whole = 24.0 * 16.0 - np.pi * RADIUS**2
+    # parabolas for arcs
+    assert area(straight) / whole - 1.0 > 8e-4 and area(mesh) == pytest.approx(whole, rel=3e-6)
+    check_elements(mesh)
+    assert curved(straight) is mesh  # made once: caches know meshes by their identity
+
+
+def test_the_hole_through_bricks_becomes_a_cylinder():
+    straight = raise_order(bricks())
+    mesh = curved(straight)
+    moved = np.abs(mesh.nodes - straight.nodes).max(axis=1) > 1e-9
+    assert moved.sum() == 3 * 24 and np.array_equal(mesh.nodes[:, 2], straight.nodes[:, 2])
+    assert np.allclose(np.hypot(*mesh.nodes[moved, :2].T), RADIUS, rtol=1e-9)
+
+
+def test_fillets_and_notches_follow_the_arcs_that_were_drawn_and_straight_edges_stay():
+    notched = [[0, 0], [18, 0], [20, 2, 22, 0], [40, 0], [40, 12], [30, 12], [28.5, 12.6213, 27.8787, 14.1213],
+               [27.8787, 18], [0, 18]]
+    straight = raise_order(mesh_polygon(notched, [[12.0, 9.0, 2.5]], 0.8))
+    wanted, mesh = follow_arcs(straight, notched, [[12.0, 9.0, 2.5]]), curved(straight)
+    on_arc = (wanted.nodes != straight.nodes).any(axis=1)
+    assert on_arc.sum() > 20
+    assert np.abs(mesh.nodes - wanted.nodes)[on_arc].max() < 0.05 * np.abs(wanted.nodes - straight.nodes).max()
+    assert np.array_equal(mesh.nodes[~on_arc], straight.nodes[~on_arc])
+
+
+def polygonal(n: int) -> Mesh:
+    """A ring of quadrilaterals between a regular polygon and a larger one that is turned against it."""
+    angle = 2.0 * np.pi * np.arange(n) / n
+    rings = [radius * np.column_stack([np.cos(angle), np.sin(angle)]) for radius in (3.0, 4.0, 5.0)]
+    k, following = np.arange(n), (np.arange(n) + 1) % n
+    quads = np.concatenate([np.column_stack([k, k + n, following + n, following]) + i * n for i in (0, 1)])
+    return make_mesh(np.concatenate(rings), [("quad4", quads)])
+
+
+@pytest.mark.parametrize(("n", "is_round"), [(6, False), (8, False), (12, True), (60, True)])
+def test_an_octagon_stays_one(n, is_round):
+    straight = raise_order(polygonal(n))
+    mesh = curved(straight)
+    assert (mesh is not straight) == is_round
+    if is_round:
+        edge = boundary_faces(mesh)
+        radii = np.hypot(*mesh.nodes[[mesh.face_nodes(face)[2] for face in edge]].T)
+        assert np.allclose(np.minimum(abs(radii - 3.0), abs(radii - 5.0)), 0.0, atol=1e-9)
+
+
+def test_rectangles_chamfers_and_rough_outlines_stay_straight():
+    block = raise_order(grid("quad4", (5, 5), (5.0, 5.0)))
+    assert curved(block) is block
+    octagon = raise_order(mesh_polygon([[0, 1], [1, 0], [9, 0], [10, 1], [10, 9], [9, 10], [1, 10], [0, 9]], [], 1.5))
+    assert curved(octagon) is octagon
+    wide, rng = np.arange(0.0, 40.0), np.random.default_rng(4)
+    rough = raise_order(mesh_polygon([*np.column_stack([wide, 0.15 * rng.standard_normal(len(wide))]).tolist(),
+                                      [40.0, 20.0], [-1.0, 20.0]], [], 1.0))
+    bent = (curved(rough).nodes != rough.nodes).any(axis=1)
+    assert bent.mean() < 0.02
+
+
+def test_a_layer_thinner_than_the_arcs_keeps_straight_edges():
+    ring = polygonal(16)
+    thin = ring.nodes.copy()
+    thin[16:32] *= 3.01 / 4.0  # arcs are 0.058 high, and the layer is 0.01 thick
+    straight = raise_order(replace(ring, nodes=thin))
+    mesh = curved(straight)
+    moved = straight.nodes[(mesh.nodes != straight.nodes).any(axis=1)]
+    assert len(moved) == 16 and np.hypot(*moved.T).min() > 4.5
+    check_elements(mesh)
+
+
+def test_linear_elements_are_refused():
+    with pytest.raises(ValueError, match="no middle nodes"):
+        curved(plate("quad4"))
