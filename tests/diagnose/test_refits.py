@@ -228,6 +228,17 @@ def test_a_candidate_that_promises_nearly_as_much_is_refitted_though_five_others
     assert asked_for(first, [replace(sixth, gain=0.4e5)], 1e5, 2e4)[5:] == []
 
 
+def test_a_lucky_refit_of_a_faint_cause_keeps_no_rival_from_its_own():
+    """A drift at 5 standard deviations brought 31 on its copy where 14 were promised; the offset, the truth, promised
+    half as much as that less a hair."""
+    drift, offset, other = (ranked(YIELD, gain=gain, name=name)
+                            for gain, name in ((14.4, "drift"), (13.5, "offset"), (7.0, "other")))
+    assert asked_for([drift, offset, other], [], 31.2, 20.0) == ["drift", "offset"]
+    # what is clear is no luck: half of 300 is asked for
+    law, half = ranked(YIELD, gain=100.0, name="law"), ranked(YIELD, gain=95.0, name="half")
+    assert asked_for([law, half], [], 300.0, 100.0) == ["law"]
+
+
 # both copies judge --------------------------------------------------------------------------------
 def rival(name, achieved, heldout, usable=True):
     fit = leaving(50.0 - heldout) if usable else None

@@ -138,6 +138,23 @@ def test_spots_are_the_first_causes():
     assert outside["verdict"] == "outside_library"
 
 
+def test_many_spots_are_counted_and_not_told_one_by_one():
+    spots = tuple(Spot(PAINT, (DUST,) if k == 2 else (), 100.0 + 10.0 * k, 80.0, 2.0 + 0.5 * k, 8 + k, 40.0, 0.9, ())
+                  for k in range(4))
+    left = LeftOut(spots, {}, tuple((float(k), 1.0) for k in range(4)))
+    content = {"verdict": "none", "named": [], "probability": 0.91, "indistinguishable": [],
+               "model": {"parameters_before": {}, "parameters_after": {}}, "headline": "No missing physics.",
+               "sentence": "No candidate."}
+    told = with_spots(content, left, {}, {}, "mm")
+    assert told["headline"] == (
+        "Paint loss or dust on lens or sensor in 4 places, the largest around (3, 1) mm (column 130, row 80; 7 px "
+        "wide, +40 grey values), the first from frame 8 on, the last one from frame 11 on: left out of all images with "
+        "4 px around. Without their pixels: no missing physics.")
+    assert len(told["spots"]) == 4 and told["named"] == ["paint_loss"]
+    three = with_spots(content, replace(left, spots=spots[:3], place_mm=left.place_mm[:3]), {}, {}, "mm")
+    assert three["headline"].count(" px wide") == 3
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("shared_server")
 @pytest.mark.parametrize("kind", [DUST, PAINT])

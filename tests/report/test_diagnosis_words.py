@@ -2,7 +2,7 @@
 
 import pytest
 
-from idic.report.diagnosis.headline import moves
+from idic.report.diagnosis.headline import headline, moves
 from idic.report.diagnosis.words import sentence, standing_of, strongest
 
 TITLES = {"heterogeneity": "heterogeneous stiffness"}
@@ -119,3 +119,10 @@ def test_a_value_that_was_several_times_too_high_is_told_so(before, said):
     content = {"model": {"parameters_before": {"BODY.H": one | {"value": before}}, "parameters_after": {"BODY.H": one}}}
     (text,) = moves(content)
     assert text.startswith(f"H came out {said} (")
+
+
+def test_many_indistinguishable_causes_are_a_list_with_one_or():
+    said = content("set") | {
+        "named": ["friction"], "probability": 0.75, "candidates": [{"name": "friction", "form": None}],
+        "rounds": [{"winner": "friction", "form": None, "new": [], "equals": ["force_offset", "creep", "creep"]}]}
+    assert headline(said, {}).startswith("Probably (75 %) friction, force offset or creep")

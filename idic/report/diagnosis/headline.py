@@ -138,7 +138,7 @@ def _causes(content: Mapping, titles: Mapping[str, str], sizes: bool) -> list[st
             continue
         size = new_values(content, one["new"], place) if sizes else ""
         others = [_titled(name, titles) for name in dict.fromkeys(one["equals"])]
-        found.append(" or ".join([title + (f" ({size})" if size else ""), *others]))
+        found.append(_either([title + (f" ({size})" if size else ""), *others]))
     return found
 
 
@@ -189,6 +189,10 @@ def per_cent(share: float | None) -> str:
 def _s(content: Mapping) -> str:
     formal = [one for one in content.get("rounds", ()) if one["winner"] and _is_formulation(content, one)]
     return "s" if len(content["named"]) - len(formal) == 1 else ""
+
+
+def _either(parts: Sequence[str]) -> str:
+    return " or ".join(parts) if len(parts) < 3 else ", ".join(parts[:-1]) + f" or {parts[-1]}"
 
 
 def _joined(parts: Sequence[str]) -> str:

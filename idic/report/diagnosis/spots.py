@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 
 from idic.diagnose.locate.place import in_words
 from idic.diagnose.residual.spots import DUST, MARGIN_PX, PAINT, LeftOut, Spot
 from idic.report.diagnosis.headline import moves
 
+MAX_TOLD = 3  # spots that are told one by one; of more, how many there are and which is the largest
 WORDS = {DUST: "dust on lens or sensor", PAINT: "paint loss"}
 
 
@@ -48,18 +50,37 @@ def _entry(spot: Spot, place: tuple[float, ...]) -> dict:
 
 
 def _said(left: LeftOut, before: Mapping[str, Mapping], without: Mapping[str, Mapping], unit: str) -> str:
-    """All spots in one sentence, and what they did to the parameters."""
-    parts = []
-    for spot, place in zip(left.spots, left.place_mm, strict=True):
-        what = " or ".join(WORDS[kind] for kind in (spot.kind, *spot.others))
-        since = f"from frame {spot.first} on" if spot.first else "from the start"
-        grey = "" if spot.grey != spot.grey else f", {spot.grey:+.0f} grey values"
-        parts.append(f"{what} around {in_words(place)} {unit} (column {spot.column:.0f}, row "
-                     f"{spot.row:.0f}; {2.0 * spot.radius_px:.2g} px wide{grey}) {since}")
+    """The spots in one sentence, and what they did to the parameters."""
+    n, places = len(left.spots), list(zip(left.spots, left.place_mm, strict=True))
+    if n <= MAX_TOLD:
+        what = "; ".join(f"{_kinds([spot])} {_where(spot, place, unit)} {_since([spot])}" for spot, place in places)
+    else:
+        what = (f"{_kinds(left.spots)} in {n} places, the largest "
+                f"{_where(*max(places, key=lambda entry: entry[0].radius_px), unit)}, {_since(left.spots)}")
     moved = moves({"model": {"parameters_before": before, "parameters_after": without}})
     moved += [f"{name.rpartition('.')[2]} had an error bar of {old['std']:.2g} {old['unit']} in the place of "
               f"{without[name]['std']:.2g}".replace("  ", " ") for name, old in before.items()
               if old["std"] and name in without and without[name]["std"] and old["std"] > 2.0 * without[name]["std"]]
-    done = f"; with {'it' if len(parts) == 1 else 'them'} {', '.join(moved)}" if moved else ""
-    text = f"{'; '.join(parts)}: left out of all images with {MARGIN_PX:g} px around{done}."
+    done = f"; with {'it' if n == 1 else 'them'} {', '.join(moved)}" if moved else ""
+    text = f"{what}: left out of all images with {MARGIN_PX:g} px around{done}."
     return text[:1].upper() + text[1:]
+
+
+def _kinds(spots: Sequence[Spot]) -> str:
+    """What they may be, the likeliest first."""
+    return " or ".join(WORDS[kind] for kind in dict.fromkeys(
+        kind for own in zip_longest(*((spot.kind, *spot.others) for spot in spots)) for kind in own if kind))
+
+
+def _where(spot: Spot, place: tuple[float, ...], unit: str) -> str:
+    grey = "" if spot.grey != spot.grey else f", {spot.grey:+.0f} grey values"
+    return (f"around {in_words(place)} {unit} (column {spot.column:.0f}, row {spot.row:.0f}; "
+            f"{2.0 * spot.radius_px:.2g} px wide{grey})")
+
+
+def _since(spots: Sequence[Spot]) -> str:
+    first, last = min(spot.first for spot in spots), max(spot.first for spot in spots)
+    if first == last:
+        return f"from frame {first} on" if first else "from the start"
+    begins = f"from frame {first} on" if first else "from the start"
+    return f"the first {begins}, the last one from frame {last} on"
