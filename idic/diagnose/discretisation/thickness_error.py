@@ -16,6 +16,7 @@ from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.combinations import (BRICKS, FINITE_STRAINS, Combination, best_with, combinations,
                                                         drop_by)
 from idic.diagnose.discretisation.finite_strain_error import finite_strain_error
+from idic.diagnose.discretisation.known_error import error_beside, knowing
 from idic.diagnose.discretisation.turns import in_turns
 from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.heldout import Fit, fit
@@ -66,7 +67,7 @@ def with_thickness(source: ExperimentSource, found: Identification, residual: Re
     error, there = settled
     if not asked and left.chi2 - fit(residual_evidence(there, light=False), grid).chi2 < least:
         return source, found
-    return source.with_motion_error(error), there
+    return knowing(source, there, error_beside(there, error.thickness, error.of_mesh))  # type: ignore[arg-type]
 
 
 def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid,
@@ -88,9 +89,12 @@ def with_bricks(found: Identification, residual: ResidualEvidence, grid: Grid,
         return None
     mesh, bricks = known, errors[BRICKS]
     if not settled:
-        nothing = MotionError(np.zeros_like(bricks.u), np.zeros_like(bricks.channels))
-        return (mesh or nothing).with_thickness(bricks), found
-    return in_turns(found, mesh, grid, first=bricks)
+        return error_beside(found, bricks, mesh), found
+    turned = in_turns(found, mesh, grid, first=bricks)
+    if turned is None:
+        return None
+    error, there = turned
+    return error_beside(there, error.thickness, error.of_mesh), there  # type: ignore[arg-type]
 
 
 def are_shown(tried: tuple[Combination, ...], mismatch: float) -> bool:
