@@ -28,7 +28,7 @@ def yields(tmp_path_factory):
     folder = tmp_path_factory.mktemp("yields")
     scene = world_scene(WORLD, "plastic", 1.0, NULLS["plastic"].truth)
     scene = replace(scene, times=np.arange(4) * 1.0, grip=np.array(YIELDS))
-    mesh = true_mesh(scene.geometry)
+    mesh = true_mesh(scene)
     stack = write_public(folder, scene, Motion(mesh, np.zeros((4, mesh.n_nodes, 2)), np.zeros(4)), Paint(1, 2))
     experiment = load_rendered(folder, stack)
     values = {f"BODY.{name}": value for name, value in NULLS["plastic"].truth.items()}

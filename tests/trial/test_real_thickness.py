@@ -54,7 +54,7 @@ def at_truth(folder, scene, motion, **other):
 def edited(folder, old, new, **other):
     """A beam at rest, then moved, with a changed experiment.toml; other : of its values."""
     scene = scene_of_world((0.0, 0.2))
-    mesh = true_mesh(scene.geometry)
+    mesh = true_mesh(scene)
     stack = write_public(folder, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)), Paint(1, 2))
     file = folder / "experiment.toml"
     text = file.read_text().replace(old, new)
@@ -82,7 +82,7 @@ def with_bricks_known(found, error):
 
 def test_a_bar_that_may_contract_is_in_plane_stress_whatever_its_thickness(tmp_path):
     scene = scene_of_world((0.0, 0.2))
-    mesh = true_mesh(scene.geometry)
+    mesh = true_mesh(scene)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     error = thickness_error(replace(found, experiment=free_to_contract(found.experiment)))
     assert np.abs(error.u).max() < 1e-9
@@ -94,7 +94,7 @@ def test_bricks_of_a_large_mesh_are_simulated_where_motions_are_superposed(tmp_p
     """A plate of 1196 quadrilaterals has 8832 nodes of bricks, a second of work; it had none, and no caution."""
     scene = scene_of_world((0.0, 0.2))
     monkeypatch.setattr("idic.diagnose.discretisation.bricks.MAX_BRICK_NODES", 1)
-    mesh = true_mesh(scene.geometry)
+    mesh = true_mesh(scene)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     finite = replace(found.experiment, materials=tuple(
         replace(material, kinematics="finite") for material in found.experiment.materials))
@@ -104,7 +104,7 @@ def test_bricks_of_a_large_mesh_are_simulated_where_motions_are_superposed(tmp_p
 
 def test_a_sheet_without_bricks_is_told(tmp_path, monkeypatch):
     scene = scene_of_world((0.0, 0.2))
-    mesh = true_mesh(scene.geometry)
+    mesh = true_mesh(scene)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     assert untested_thickness(found) == []
     sheet = found.experiment.mesh
@@ -148,7 +148,7 @@ def test_a_spot_of_the_sheet_is_a_column_through_its_bricks(tmp_path):
 def test_a_hole_of_another_size_goes_through_the_bricks(tmp_path):
     """A hole that morphs is that of a mesh made with it: bricks were not compared beside a wrong hole."""
     scene = scene_of_world((0.0, 0.2), specimen="hole")
-    mesh = true_mesh(scene.geometry)
+    mesh = true_mesh(scene)
     stack = write_public(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)), Paint(1, 2))
     file = tmp_path / "experiment.toml"
     file.write_text(f'{file.read_text()}\n[[dof]]\nname = "geometry.hole_radius"\nidentify = true\n')
@@ -182,7 +182,7 @@ def test_bricks_move_along_with_edges_that_are_measured(tmp_path):
     """The ends of a sheet are measured where it is bent: they lie within the specimen and may change their thickness.
     Bricks of a hundredth of the thickness move as the sheet does."""
     scene = scene_of_world((0.0, 0.2))
-    mesh = true_mesh(scene.geometry)
+    mesh = true_mesh(scene)
     held = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     *_, sheet = simulated_sheet(held)
     errors = []
@@ -205,7 +205,7 @@ def test_bricks_move_along_with_edges_that_are_measured(tmp_path):
 @pytest.mark.parametrize("kind", ["bspline", "polynomial"])
 def test_bricks_move_along_with_the_shapes_of_an_edge(tmp_path, kind):
     scene = scene_of_world((0.0, 0.2))
-    mesh = true_mesh(scene.geometry)
+    mesh = true_mesh(scene)
     held = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     found, thinner = (with_ends(held, lambda name, c: Parametrised(kind, 4, 1), share) for share in (None, 0.02))
     real, thin = thickness_error(found), thickness_error(thinner)
@@ -219,7 +219,7 @@ def test_bricks_move_along_with_the_shapes_of_an_edge(tmp_path, kind):
 def test_a_load_acts_through_the_thickness(tmp_path, kind, component, shape):
     """A bar that may contract is in plane stress under it; held at the other end it is not, where it is thick."""
     scene = scene_of_world((0.0, 0.2))
-    mesh = true_mesh(scene.geometry)
+    mesh = true_mesh(scene)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     sheet = found.experiment.mesh if shape == "quadrilaterals" else in_triangles(found.experiment.mesh)
     end = set(sheet.node_sets["RIGHT"].tolist())
@@ -246,7 +246,7 @@ def test_a_load_acts_through_the_thickness(tmp_path, kind, component, shape):
 
 def test_an_extensometer_reads_the_seen_surface_of_the_bricks(tmp_path):
     scene = scene_of_world((0.0, 0.2))
-    mesh = true_mesh(scene.geometry)
+    mesh = true_mesh(scene)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     (force,) = found.experiment.channels
     sets = found.experiment.mesh.node_sets | {"GAUGE": np.arange(5, 9)}
@@ -330,7 +330,7 @@ def test_triangles_have_solid_elements_that_move_as_the_bricks_of_quadrilaterals
     """A sheet of triangles was compared with nothing, without a word. On 533 nodes in the plane the difference to plane
     stress is told to a fifth, on 2025 to a twelfth; bricks of quadrilaterals to 6 and 0.4 %."""
     scene = scene_of_world((0.0, 0.2))
-    mesh = true_mesh(scene.geometry)
+    mesh = true_mesh(scene)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     coarse = found.experiment.mesh
     fine, n = halve(coarse).mesh, coarse.n_nodes
@@ -404,7 +404,7 @@ def test_an_error_found_nearby_is_not_found_anew(tmp_path):
 
 @pytest.mark.parametrize("shape", ["quadrilaterals", "triangles"])
 def test_bricks_fill_the_body(shape):
-    sheet = true_mesh(scene_of_world().geometry)
+    sheet = true_mesh(scene_of_world())
     sheet = sheet if shape == "quadrilaterals" else in_triangles(sheet)
     body = extruded(sheet, 1.4)
     check_elements(body)

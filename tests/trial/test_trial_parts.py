@@ -107,7 +107,7 @@ def test_the_right_end_moves_as_the_programme_says(plain, at_rest):
 
 def test_a_slit_opens_and_costs_stiffness(plain, at_rest):
     scene = replace(plain, slit=1.0)
-    mesh, opened_up = true_mesh(scene.geometry, 1.0), solve(scene)
+    mesh, opened_up = true_mesh(scene), solve(scene)
     twice = np.array([i for i in range(at_rest.mesh.n_nodes, mesh.n_nodes)])
     partner = [int(np.argmin(np.linalg.norm(mesh.nodes[:at_rest.mesh.n_nodes] - mesh.nodes[i], axis=1))) for i in twice]
     gap = opened_up.u[-1, twice, 0] - opened_up.u[-1, partner, 0]

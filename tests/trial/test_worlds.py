@@ -17,7 +17,7 @@ from idic.validation.trial.plan import (CLEAR, KNOWN_WORLDS, WORLDS, Campaign, T
                                        scene_of)
 from idic.validation.trial.pool import target_table
 from idic.validation.trial.scenes import solve as solve_module
-from idic.validation.trial.scenes.recording import MODEL, Paint, write_public
+from idic.validation.trial.scenes.recording import MODEL, Paint, model_mesh, write_public
 from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
 from idic.validation.trial.scenes.solve import DIVISIONS, Motion, solve, true_mesh
 from idic.validation.trial.scenes.specimens import SPECIMENS, bricks, specimen_mesh
@@ -36,6 +36,17 @@ def area(mesh):
     x = mesh.nodes[mesh.blocks[0].connectivity[:, :4]]
     a, b = x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]
     return 0.5 * float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
+
+
+@pytest.mark.parametrize("columns", [150, 400])
+def test_the_true_mesh_is_finer_than_the_users_whatever_the_images(columns):
+    """It was coarser in large ones, and clean D-shapes were told an orthotropy of the truth's own mesh."""
+    for kind in SPECIMENS:
+        scene = world_scene(WORLD | {"specimen": kind, "columns": columns}, "elastic", 1.0, NULLS["elastic"].truth)
+        true, users = true_mesh(scene), model_mesh(scene.geometry, scene.view)
+        assert true.n_elements > 1.9 * users.n_elements, kind
+    solid = replace(scene, solid=True, law="j2_linear")
+    assert users.n_elements < true_mesh(solid).n_elements <= true.n_elements
 
 
 @pytest.mark.parametrize("kind", SPECIMENS)
@@ -165,7 +176,7 @@ def test_the_flow_stress_of_calculix_is_a_cauchy_stress(null, solver, implied):
 @pytest.mark.parametrize(("noise", "ratio"), [("white", 1.0), ("photons", np.sqrt(1.0 + 127.5 / 255.0))])
 def test_the_tool_counts_the_noise_that_the_images_show(noise, ratio, tmp_path):
     scene = world_scene(WORLD | {"frames": 4, "noise": noise}, "elastic", 1.0, NULLS["elastic"].truth)
-    mesh = true_mesh(scene.geometry)
+    mesh = true_mesh(scene)
     still = Motion(mesh, np.zeros((4, mesh.n_nodes, 2)), np.linspace(0.0, 9.0, 4))
     source = FolderSource(str(tmp_path), write_public(tmp_path, scene, still, Paint(1, 2)))
     stated, found = source.load().noise, source.with_measured_noise().with_edits({"camera.k1": 1e-7}).load().noise

@@ -82,7 +82,7 @@ def _attempts(folder: Folder, number: str) -> int:
 def motion_of(folder: Folder, number: str, truth: Truth, scene: Scene | None = None) -> Motion:
     """The motion of a trial, solved once and stored."""
     scene, path = scene_of(truth) if scene is None else scene, folder.motion(number)
-    mesh = true_mesh(scene.geometry, scene.slit)
+    mesh = true_mesh(scene)
     if not path.exists():
         motion = (solve_with_calculix if truth.solver == "calculix" else solve)(scene)
         path.parent.mkdir(parents=True, exist_ok=True)

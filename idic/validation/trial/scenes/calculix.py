@@ -60,7 +60,7 @@ def solve_with_calculix(scene: Scene) -> Motion:
     NotConverged
         If it gave up, or wrote too little.
     """
-    program, mesh = calculix(), true_mesh(scene.geometry, scene.slit)
+    program, mesh = calculix(), true_mesh(scene)
     if not has_memory(scene):
         return _solved(program, scene, mesh, MAX_INCREMENT_SHARE)
     coarser, halved = (_solved(program, scene, mesh, share * MAX_INCREMENT_SHARE) for share in (1.0, 0.5))

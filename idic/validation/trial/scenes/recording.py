@@ -21,14 +21,13 @@ from idic.validation.trial.scenes.photographs import Photograph
 from idic.validation.trial.scenes.scene import FORCE_NOISE, GRIP_NOISE, NULLS, Geometry, Scene, View
 from idic.validation.trial.scenes.solve import Motion
 from idic.virtual_tests.experiment_files import write_loads
-from idic.validation.trial.scenes.specimens import specimen_mesh
+from idic.validation.trial.scenes.specimens import is_fine, specimen_mesh
 from idic.virtual_tests.meshes import write_inp
 from idic.virtual_tests.render import Sensor, Texture, clean_image, painted, record
 
 BACKGROUND_GREY = 30.0
 IMAGES = "images.npy"
 MODEL = (3, 3, 2)
-FINER_FROM_PX = 220  # columns from which the user's mesh is twice as fine
 
 TOML = """
 [experiment]
@@ -88,7 +87,7 @@ def camera(view: View) -> Camera:
 
 def model_mesh(geometry: Geometry, view: View) -> Mesh:
     """The user's mesh."""
-    factor = 2 if view.shape[1] >= FINER_FROM_PX else 1
+    factor = 2 if is_fine(view) else 1
     return specimen_mesh(geometry, tuple(factor * n for n in MODEL), "BODY")
 
 

@@ -7,7 +7,7 @@ deviations). The truth of such a law is extrapolated from two simulations, 4 and
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,13 +18,15 @@ from idic.fe.model import Constraints, Model, Reaction, Section
 from idic.materials import get_law
 from idic.materials.core.compilation import compile as compile_law
 from idic.validation.trial.scenes.scene import Geometry, Scene
-from idic.validation.trial.scenes.specimens import specimen_mesh
+from idic.validation.trial.scenes.specimens import is_fine, specimen_mesh
 
 SUBSTEPS_PER_FRAME = 3  # of a law without memory
 INCREMENTS_WITH_MEMORY = 4  # per frame, of the coarser of two simulations
 BODY = "BODY"
 ENDS = ("LEFT", "RIGHT")
 DIVISIONS = (5, 6, 4)  # elements per eighth of the hole, from the hole outwards, beside it
+FINER_DIVISIONS = (10, 12, 8)  # of images in which the user's mesh is finer, too (`is_fine`)
+DIVISIONS_OF_SOLIDS_WITH_MEMORY = (7, 8, 6)  # there: CalculiX would take half an hour
 STIFFNESS_CLASSES = 100  # per unit of the stiffness factor, where the stiffness is not uniform
 
 
@@ -47,10 +49,20 @@ def has_memory(scene: Scene) -> bool:
     return law.n_state > 0 or law.rate_dependent
 
 
-def true_mesh(geometry: Geometry, slit: float = 0.0) -> Mesh:
-    """Eight-node quadrilaterals."""
-    mesh = specimen_mesh(geometry, DIVISIONS, BODY)
-    return mesh if slit == 0.0 else _slit(mesh, geometry, slit)
+def true_mesh(scene: Scene, divisions: Sequence[int] | None = None) -> Mesh:
+    """Eight-node quadrilaterals, finer than the user's.
+
+    divisions : as for `specimen_mesh`, by default as the images ask for
+
+
+    With 5, 6, 4 beside 6, 6, 4 of the user a clean D-shape of 308 columns had an orthotropy of 5 standard deviations,
+    which was told; with 10, 12, 8 it has none.
+    """
+    if divisions is None:
+        finer = DIVISIONS_OF_SOLIDS_WITH_MEMORY if scene.solid and has_memory(scene) else FINER_DIVISIONS
+        divisions = finer if is_fine(scene.view) else DIVISIONS
+    mesh = specimen_mesh(scene.geometry, divisions, BODY)
+    return mesh if scene.slit == 0.0 else _slit(mesh, scene.geometry, scene.slit)
 
 
 def _slit(mesh: Mesh, geometry: Geometry, depth: float) -> Mesh:
@@ -97,7 +109,7 @@ def solve(scene: Scene, mesh: Mesh | None = None) -> Motion:
     NotConverged
         Without equilibrium along the path.
     """
-    mesh = true_mesh(scene.geometry, scene.slit) if mesh is None else mesh
+    mesh = true_mesh(scene) if mesh is None else mesh
     pulled = 2 * mesh.node_sets["RIGHT"] + "xy".index(scene.along)
     factors = element_factors(scene, mesh)
     law = compile_law(scene.law, scene.kinematics)

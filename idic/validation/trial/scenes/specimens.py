@@ -36,6 +36,7 @@ class Specimen:
     concentration: float
 
 
+FINER_FROM_PX = 220  # columns from which meshes are twice as fine
 SPECIMENS: Mapping[str, Specimen] = {
     "hole": Specimen(10.0, 6.0, "x", 1.0, 3.0),
     "two_holes": Specimen(14.0, 6.0, "x", 1.4, 3.0),
@@ -44,6 +45,14 @@ SPECIMENS: Mapping[str, Specimen] = {
     "shear": Specimen(10.0, 6.0, "y", 1.5, 2.0),
     "bending": Specimen(12.0, 3.0, "y", 4.0, 0.75),
 }
+
+
+def is_fine(view) -> bool:
+    """Whether images are so large that the user's mesh and the true one are twice as fine.
+
+    view : `idic.validation.trial.scenes.scene.View`
+    """
+    return view.shape[1] >= FINER_FROM_PX
 
 
 def specimen_mesh(geometry, divisions: Sequence[int], name: str) -> Mesh:
