@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from idic.diagnose.channel_left import ChannelLeft, channels_left
+from idic.diagnose.channel_left import MIN_READING_SHARE, ChannelLeft, channels_left
 from idic.diagnose.courses import Course, courses_of
 from idic.diagnose.discretisation.following import is_at
 from idic.diagnose.discretisation.known_error import renewed_error, with_error
@@ -451,8 +451,13 @@ def unlimited_excess(copy: ExcessLeft, source: ExperimentSource, null: Refit, re
 
 
 def located(found: Identification, residual: ResidualEvidence, margin: Margin = ASSUMED) -> Mismatch | None:
-    """Side, onset and place; None where a law finds no equilibrium along the path."""
+    """Side, onset and place; None where a law finds no equilibrium along the path. Readings that differ by less than
+    two meshes of one law do are no mismatch."""
     try:
-        return locate(found, residual, margin=margin)
+        mismatch = locate(found, residual, margin=margin)
     except NotConverged:
         return None
+    if mismatch.side != "force" or any(one.was_off for one in channels_left(residual, None)):
+        return mismatch
+    reason = f"readings differ by less than {100.0 * MIN_READING_SHARE:g} % of the largest one, as two meshes may"
+    return replace(mismatch, side="", nested_tests=replace(mismatch.nested_tests, side="", reason=reason))

@@ -30,6 +30,10 @@ class MotionError:
         """The state of a frame with the correction added; derivatives are unchanged."""
         return replace(state, u=state.u + self.u[frame], channels=state.channels + self.channels[frame])
 
+    def scaled(self, factor: float) -> MotionError:
+        """A multiple, without the part of the thickness."""
+        return MotionError(factor * self.u, factor * self.channels)
+
     def with_thickness(self, thickness: MotionError) -> MotionError:
         """With the error of plane stress on top."""
         return MotionError(self.u + thickness.u, self.channels + thickness.channels, thickness)

@@ -10,12 +10,17 @@ from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.following import at_values, following, moved
 from idic.diagnose.discretisation.mesh_error import brick_mesh_error, motion_error
 from idic.diagnose.discretisation.turns import Begun, in_turns
-from idic.diagnose.discretisation.weight import change_matters, counts
+from idic.diagnose.discretisation.weight import change_matters, counts, error_column
 from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.screen.score import null_model, score
 from idic.identify.in_memory import Identification
 from idic.model.motion_error import MotionError
+
+# of the change by elements of half the size: with the order p of convergence 1/(2^p - 1) is left, here for p = 0.75
+MAX_FURTHER_SHARE = 1.5
+MIN_FURTHER_DROP = 9.0  # of chi-square: three standard deviations
 
 
 def with_error(source: ExperimentSource,
@@ -40,10 +45,31 @@ def error_beside(found: Identification, bricks: MotionError, of_sheet: MotionErr
     """The error of plane stress with that of the mesh on top, which is that of the bricks, or of the sheet where it
     cannot be found.
 
+    Where strains are singular, at the corners of a grip, elements of half the size halve an error, and the finer bricks
+    have as much of it again. How much is estimated from the recording, within what such a convergence allows
+    (`MAX_FURTHER_SHARE`), and only where it explains `MIN_FURTHER_DROP` of chi-square beside the free parameters.
+
     of_sheet : where it is known
     """
-    nothing = MotionError(np.zeros_like(bricks.u), np.zeros_like(bricks.channels))
-    return (brick_mesh_error(found) or of_sheet or motion_error(found) or nothing).with_thickness(bricks)
+    mesh = brick_mesh_error(found)
+    if mesh is None:
+        nothing = MotionError(np.zeros_like(bricks.u), np.zeros_like(bricks.channels))
+        return (of_sheet or motion_error(found) or nothing).with_thickness(bricks)
+    error = mesh.with_thickness(bricks)
+    there = at_values(found, replace(found.experiment, motion_error=error), found.parameters.as_values())
+    further = further_share(residual_evidence(there, light=False), mesh)
+    return mesh.scaled(1.0 + further).with_thickness(bricks) if further else error
+
+
+def further_share(residual: ResidualEvidence, mesh: MotionError) -> float:
+    """How much more of an error of the mesh the recording shows, beside the free parameters; 0 where it does not.
+
+    residual : of a model that counts the error once
+    """
+    found = score(residual.evidence, null_model(residual.evidence, residual.null), error_column(residual, mesh))
+    own, along = float(found.own[0]), float(found.U[0])
+    share = min(max(along / own, 0.0), MAX_FURTHER_SHARE) if own > 0.0 else 0.0
+    return share if 2.0 * share * along - share**2 * own > MIN_FURTHER_DROP else 0.0
 
 
 def renewed_error(found: Identification, residual: ResidualEvidence, grid: Grid,

@@ -1,0 +1,124 @@
+"""The error of the mesh of bricks: at a grip the strain changes within half the thickness."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from idic.diagnose.discretisation.bricks import thickness_error
+from idic.diagnose.discretisation.known_error import MAX_FURTHER_SHARE, error_beside, further_share
+from idic.diagnose.discretisation.mesh_error import brick_mesh_error, compared_frames, motion_error
+from idic.diagnose.refit import identification_at
+from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.experiment_file.load import load_rendered
+from idic.identify.systematic.real_thickness import thick
+from idic.identify.systematic.refinement import refined
+from idic.model.forward import build_forward, solve
+from idic.validation.trial.scenes.recording import Paint, write_public
+from idic.validation.trial.scenes.scene import NULLS
+from idic.validation.trial.scenes.solve import Motion, true_mesh
+from idic.validation.trial.scenes.worlds import world_scene
+
+BEAM = {"specimen": "bending", "columns": 146, "frames": 4, "programme": "monotonic", "thickness": 3.0, "solid": True,
+        "finite": False, "noise": "white"}
+
+
+def known(folder, null, motion=None):
+    """The true parameters on the user's mesh; motion : of the recording, by the experiment, at rest by default"""
+    scene = world_scene(BEAM, null, 1.0, NULLS[null].truth)
+    values = {f"BODY.{name}": value for name, value in NULLS[null].truth.items()}
+
+    def at(experiment):
+        return identification_at(experiment, experiment.parameters.as_values() | values,
+                                 np.zeros((experiment.n_frames, 1)), None)
+
+    def recorded(seen):
+        return at(load_rendered(folder, write_public(folder, scene, seen, Paint(1, 2, noise_gv=0.5))))
+
+    mesh = refined(recorded(at_rest(scene)).experiment).experiment.mesh
+    return recorded(Motion(mesh, *motion(recorded(at_rest(scene))))) if motion else recorded(at_rest(scene))
+
+
+def at_rest(scene):
+    mesh = true_mesh(scene)
+    return Motion(mesh, np.zeros((len(scene.times), mesh.n_nodes, 2)), np.zeros(len(scene.times)))
+
+
+def bricks(experiment, parameters):
+    """Motion of the sheet's nodes, and readings  # (T, n_nodes, 2), (T, n_channels)"""
+    found = solve(build_forward(thick(experiment)), parameters)
+    return found.u[:, :experiment.mesh.n_nodes, :2], found.channels
+
+
+def test_the_error_of_bricks_is_that_against_finer_ones(tmp_path):
+    """Of a beam whose elements are as large as half its thickness."""
+    found = known(tmp_path, "elastic")
+    experiment = found.experiment
+    error, twice = brick_mesh_error(found), refined(refined(experiment).experiment)
+    (coarse, coarse_force), (finest, force) = (bricks(one, found.parameters) for one in (experiment, twice.experiment))
+    lacks = finest[:, :experiment.mesh.n_nodes] - coarse
+    assert np.linalg.norm(error.u - lacks) < 0.6 * np.linalg.norm(lacks)
+    assert np.abs(error.channels - (force - coarse_force)).max() < 0.6 * np.abs(force - coarse_force).max()
+    # and is larger than that of the sheet, which has no grip that keeps its thickness
+    assert np.abs(error.channels).max() > 1.5 * np.abs(motion_error(found).channels).max()
+
+
+def test_the_error_of_bricks_of_rubber_is_found_in_a_few_frames(tmp_path):
+    found = known(tmp_path, "rubber")
+    error = brick_mesh_error(found)
+    (coarse, coarse_force), (finer, force) = (bricks(one, found.parameters)
+                                              for one in (found.experiment, refined(found.experiment).experiment))
+    lacks = finer[:, :found.experiment.mesh.n_nodes] - coarse
+    assert np.linalg.norm(error.u - lacks) < 0.1 * np.linalg.norm(lacks)
+    np.testing.assert_allclose(error.channels, force - coarse_force, atol=0.05 * np.abs(force - coarse_force).max())
+
+
+def test_bricks_that_are_too_many_keep_the_error_of_the_sheet(tmp_path, monkeypatch):
+    found = known(tmp_path, "elastic")
+    monkeypatch.setattr("idic.diagnose.discretisation.mesh_error.MAX_LINEAR_BRICK_NODES", 1000)
+    assert brick_mesh_error(found) is None
+    sheet, of_bricks = motion_error(found), thickness_error(found)
+    both = error_beside(found, of_bricks)
+    np.testing.assert_allclose(both.u, sheet.u + of_bricks.u, atol=1e-12)
+    assert error_beside(found, of_bricks, of_bricks).u == pytest.approx(2.0 * of_bricks.u)  # known: not found again
+
+
+def test_what_finer_bricks_lack_still_is_estimated_from_the_recording(tmp_path, monkeypatch):
+    """Bricks whose elements are a quarter as large as the model's made the recording: as much is lacking again."""
+    monkeypatch.setattr("idic.diagnose.discretisation.known_error.MIN_FURTHER_DROP", 2.0)  # images of 146 x 36 px
+    def motion(found):
+        once = refined(found.experiment).experiment
+        u, channels = bricks(refined(once).experiment, found.parameters)
+        return u[:, :once.mesh.n_nodes], channels[:, 0]
+
+    found = known(tmp_path, "elastic", motion)
+    mesh, of_bricks = brick_mesh_error(found), thickness_error(found)
+    error = error_beside(found, of_bricks)
+    share = np.vdot(error.of_mesh.u, mesh.u) / np.vdot(mesh.u, mesh.u) - 1.0
+    assert 0.7 < share < 1.3
+    np.testing.assert_allclose(error.of_mesh.u, (1.0 + share) * mesh.u, atol=1e-12)
+
+    def beside(factor):
+        there = replace(found.experiment, motion_error=mesh.scaled(factor).with_thickness(of_bricks))
+        return residual_evidence(replace(found, experiment=there, forward=build_forward(there)), light=False)
+
+    assert further_share(beside(1.0 + share), mesh) == 0.0
+    assert further_share(beside(-5.0), mesh) == MAX_FURTHER_SHARE
+    assert further_share(beside(4.0), mesh) == 0.0  # less than the finer bricks say is no error of theirs
+
+
+def histories(*columns):
+    model = SimpleNamespace(constraints=SimpleNamespace(histories=np.column_stack(columns)),
+                            loads=SimpleNamespace(dead_histories=None))
+    return compared_frames(model).tolist()
+
+
+def test_frames_are_compared_where_a_motion_turns_and_in_between():
+    up = np.arange(17.0)
+    assert histories(up) == [0, 2, 4, 6, 8, 10, 12, 14, 16]
+    there_and_back = np.concatenate([up[:8], up[7::-1]])
+    assert 7 in histories(there_and_back) and histories(there_and_back)[-1] == 15
+    hold = np.concatenate([up[:6], np.full(11, 5.0)])
+    assert {0, 5, 16} <= set(histories(hold, np.zeros(17)))
+    assert histories(np.zeros(3)) == [0, 1, 2]
