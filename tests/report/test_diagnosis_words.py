@@ -76,6 +76,14 @@ def test_a_cause_below_the_practical_margin_is_told():
     assert "(1 candidates tested, 1 significant but below the practical margin)" in sentence(said, TITLES)
 
 
+def test_many_causes_below_the_margin_are_counted():
+    entries = [{"name": name, "form": None, "named": False, "standing": "small"} for name in "abcdef"]
+    said = content("none") | {"excluded": [], "cannot_tell": [], "named": [], "candidates": entries, "rounds": []}
+    assert "; a, b, c, and 3 others are seen, but below the practical margin" in headline(said, {})
+    few = said | {"candidates": entries[:4]}
+    assert "; a, b, c, and d are seen, but below the practical margin" in headline(few, {})
+
+
 def test_a_blind_test_is_explained_by_its_parameters_or_its_noise():
     hidden, seen = ({"name": "creep", "form": None, "visibility": v} for v in (0.01, 0.9))
     said = content("blind") | {"excluded": [{"name": "drift"}], "cannot_tell": ["creep"],

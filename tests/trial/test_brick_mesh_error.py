@@ -24,9 +24,9 @@ BEAM = {"specimen": "bending", "columns": 146, "frames": 4, "programme": "monoto
         "finite": False, "noise": "white"}
 
 
-def known(folder, null, motion=None):
+def known(folder, null, motion=None, **changes):
     """The true parameters on the user's mesh; motion : of the recording, by the experiment, at rest by default"""
-    scene = world_scene(BEAM, null, 1.0, NULLS[null].truth)
+    scene = world_scene(BEAM | changes, null, 1.0, NULLS[null].truth)
     values = {f"BODY.{name}": value for name, value in NULLS[null].truth.items()}
 
     def at(experiment):
@@ -64,14 +64,13 @@ def test_the_error_of_bricks_is_that_against_finer_ones(tmp_path):
     assert np.abs(error.channels).max() > 1.5 * np.abs(motion_error(found).channels).max()
 
 
+@pytest.mark.slow
 def test_the_error_of_bricks_of_rubber_is_found_in_a_few_frames(tmp_path):
-    found = known(tmp_path, "rubber")
+    found = known(tmp_path, "rubber", frames=17)
     error = brick_mesh_error(found)
-    (coarse, coarse_force), (finer, force) = (bricks(one, found.parameters)
-                                              for one in (found.experiment, refined(found.experiment).experiment))
-    lacks = finer[:, :found.experiment.mesh.n_nodes] - coarse
-    assert np.linalg.norm(error.u - lacks) < 0.1 * np.linalg.norm(lacks)
-    np.testing.assert_allclose(error.channels, force - coarse_force, atol=0.05 * np.abs(force - coarse_force).max())
+    (_, coarse), (_, finer) = (bricks(one, found.parameters)
+                               for one in (found.experiment, refined(found.experiment).experiment))
+    np.testing.assert_allclose(error.channels, finer - coarse, atol=0.02 * np.abs(finer - coarse).max())
 
 
 def test_bricks_that_are_too_many_keep_the_error_of_the_sheet(tmp_path, monkeypatch):

@@ -11,6 +11,7 @@ from idic.report.words import short_names, with_std
 MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
 MOSTLY = 0.5  # explained share from which a nearest candidate explains most of it
 MIN_LEFT_PX = 5e-4  # motion that is worth a word
+MAX_SMALL = 3  # candidates below the margin that are told by name
 MAX_SHAPES = 2  # of a free end, that are told
 MIN_TEXT_Z = 5.0  # standard deviations: a smaller residual excess is not reported
 
@@ -26,6 +27,7 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
         body = f"; by the model's own errors (mesh, thickness, small strains) {', '.join(moved)}" if moved else ""
         small, open_ = ([_titled(name, titles) for name in names]
                         for names in (below_margin(content), unconfirmed(content)))
+        small = small if len(small) <= MAX_SMALL + 1 else [*small[:MAX_SMALL], f"{len(small) - MAX_SMALL} others"]
         seen = f"; {_joined(small)} {_is(small)} seen, but below the practical margin" if small else ""
         doubt = f"; {_joined(open_)} {_is(open_)} suspected by the score, and not confirmed by a refit" if open_ else ""
         said = "No missing physics matters" if small else "No missing physics is significant"
