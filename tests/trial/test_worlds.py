@@ -19,7 +19,7 @@ from idic.validation.trial.pool import target_table
 from idic.validation.trial.scenes import solve as solve_module
 from idic.validation.trial.scenes.recording import MODEL, Paint, model_mesh, write_public
 from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
-from idic.validation.trial.scenes.solve import DIVISIONS, Motion, solve, true_mesh
+from idic.validation.trial.scenes.solve import DIVISIONS, Motion, campaign_mesh, solve, true_mesh
 from idic.validation.trial.scenes.specimens import SPECIMENS, bricks, specimen_mesh
 from idic.validation.trial.scenes.worlds import as_solid, drawn_world, view_of, world_geometry, world_scene
 from idic.validation.trial.seal import Folder, seal
@@ -43,10 +43,10 @@ def test_the_true_mesh_is_finer_than_the_users_whatever_the_images(columns):
     """It was coarser in large ones, and clean D-shapes were told an orthotropy of the truth's own mesh."""
     for kind in SPECIMENS:
         scene = world_scene(WORLD | {"specimen": kind, "columns": columns}, "elastic", 1.0, NULLS["elastic"].truth)
-        true, users = true_mesh(scene), model_mesh(scene.geometry, scene.view)
+        true, users = campaign_mesh(scene), model_mesh(scene.geometry, scene.view)
         assert true.n_elements > 1.9 * users.n_elements, kind
     yielding = replace(scene, law="j2_linear")
-    assert users.n_elements < true_mesh(yielding).n_elements <= true.n_elements
+    assert users.n_elements < campaign_mesh(yielding).n_elements <= true.n_elements
 
 
 @pytest.mark.parametrize("kind", SPECIMENS)

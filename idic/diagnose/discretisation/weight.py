@@ -17,14 +17,15 @@ MIN_SHIFT_STD = 0.5  # of a parameter by the change of a known error: what the p
 
 def counts(residual: ResidualEvidence, error: MotionError) -> bool:
     """Whether an error changes chi-square by more than one beside the identified parameters, which is the most that it
-    can feign of any cause, and does not raise that of the recording.
+    can feign of any cause, or moves one of these by half a standard deviation; and does not raise the chi-square of the
+    recording. A mesh that is too stiff makes E too low, and nothing is left of that.
 
     A virtual test on the mesh of its own model has no such error, and its chi-square rises by five standard deviations
     or more. Where a cause is still unknown, the sign is one of chance; it is asked again for every model that a cause
     has joined.
     """
-    chi2, rise, _ = weighed(residual, error)
-    return chi2 >= MIN_ERROR_CHI2 and rise <= MAX_RISE
+    chi2, rise, shift = weighed(residual, error)
+    return (chi2 >= MIN_ERROR_CHI2 or shift >= MIN_SHIFT_STD) and rise <= MAX_RISE
 
 
 def change_matters(residual: ResidualEvidence, old: MotionError | None, new: MotionError) -> bool:

@@ -19,6 +19,8 @@ from idic.fe.mesh.refine import can_raise_order, is_raised_by_default, raise_ord
 from idic.model.drives import DriveTable, set_nodes
 from idic.model.experiment import Experiment, Parametrised, Prescribed, TemperatureField
 
+RAISED = "quadratic elements"  # in the place of linear ones
+
 
 @dataclass(frozen=True)
 class Refined:
@@ -44,7 +46,7 @@ def refined(experiment: Experiment, raise_bricks: bool = False) -> Refined:
         raise InputError("an external solver has its own mesh", expected="the built-in solver", found="external",
                          remedy="refine the mesh of the external solver and identify again")
     if is_raised_by_default(mesh) or (raise_bricks and can_raise_order(mesh)):
-        fine, how = curved(raise_order(mesh)), "quadratic elements"
+        fine, how = curved(raise_order(mesh)), RAISED
         carry = _midpoints(mesh.n_nodes, fine)
     elif can_halve(mesh):
         found = halve(mesh)

@@ -20,7 +20,7 @@ from idic.validation.trial.plan import Truth, paint_of, scene_of
 from idic.validation.trial.scenes.calculix import calculix, solve_with_calculix
 from idic.validation.trial.scenes.recording import write_public
 from idic.validation.trial.scenes.scene import Scene
-from idic.validation.trial.scenes.solve import Motion, solve, true_mesh
+from idic.validation.trial.scenes.solve import Motion, campaign_mesh, solve
 from idic.validation.trial.seal import Folder, opened
 from idic.validation.trial.tool_run import run_tool
 
@@ -82,9 +82,9 @@ def _attempts(folder: Folder, number: str) -> int:
 def motion_of(folder: Folder, number: str, truth: Truth, scene: Scene | None = None) -> Motion:
     """The motion of a trial, solved once and stored."""
     scene, path = scene_of(truth) if scene is None else scene, folder.motion(number)
-    mesh = true_mesh(scene)
+    mesh = campaign_mesh(scene)
     if not path.exists():
-        motion = (solve_with_calculix if truth.solver == "calculix" else solve)(scene)
+        motion = (solve_with_calculix if truth.solver == "calculix" else solve)(scene, mesh)
         path.parent.mkdir(parents=True, exist_ok=True)
         _store(path, {"u": motion.u, "force": motion.force})
     with np.load(path, allow_pickle=False) as stored:

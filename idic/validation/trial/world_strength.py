@@ -21,8 +21,7 @@ from idic.errors import NotConverged
 from idic.validation.trial.scenes.effects import Effect
 from idic.validation.trial.scenes.photographs import Photograph
 from idic.validation.trial.scenes.recording import Paint, on_photograph
-from idic.validation.trial.scenes.scene import IMAGE_SHAPE_PX, Scene
-from idic.validation.trial.scenes.solve import DIVISIONS, Motion, solve, true_mesh
+from idic.validation.trial.scenes.scene import IMAGE_SHAPE_PX
 from idic.validation.trial.scenes.worlds import world_scene
 from idic.validation.trial.strength import FAINT, Bench, Seen, calibrated
 from idic.validation.trial.strengths import FIRST_AMPLITUDE, NOT_CONVERGED, strengths
@@ -42,7 +41,7 @@ def amplitude_in(world: Mapping[str, Any], null: str, values: Mapping[str, float
 
     def measure(a: float) -> Seen:
         try:
-            return bench.measure(effect.change(bench.plain, a, np.random.default_rng(5)), _solved)
+            return bench.measure(effect.change(bench.plain, a, np.random.default_rng(5)))
         except NotConverged:
             return NOT_CONVERGED
 
@@ -55,10 +54,4 @@ def _bench(world: str, null: str, values: str, photograph: Photograph | None) ->
     """The identified test of a world without effects, in plane stress."""
     plain = replace(world_scene(loads(world), null, 1.0, loads(values)), finite=False)
     with tempfile.TemporaryDirectory(prefix="bench-") as folder:
-        return Bench.of(plain, Path(folder), Paint(1, 2) if photograph is None else on_photograph(1, 2, photograph),
-                        _solved)
-
-
-def _solved(scene: Scene) -> Motion:
-    """On one mesh for images of every size: a strength is the difference of two motions."""
-    return solve(scene, true_mesh(scene, DIVISIONS))
+        return Bench.of(plain, Path(folder), Paint(1, 2) if photograph is None else on_photograph(1, 2, photograph))

@@ -50,8 +50,8 @@ def calculix() -> str:
     return found
 
 
-def solve_with_calculix(scene: Scene) -> Motion:
-    """Simulate a scene by CalculiX.
+def solve_with_calculix(scene: Scene, mesh: Mesh | None = None) -> Motion:
+    """Simulate a scene by CalculiX, on the true mesh or on another one.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def solve_with_calculix(scene: Scene) -> Motion:
     NotConverged
         If it gave up, or wrote too little.
     """
-    program, mesh = calculix(), true_mesh(scene)
+    program, mesh = calculix(), true_mesh(scene) if mesh is None else mesh
     if not has_memory(scene):
         return _solved(program, scene, mesh, MAX_INCREMENT_SHARE)
     coarser, halved = (_solved(program, scene, mesh, share * MAX_INCREMENT_SHARE) for share in (1.0, 0.5))
