@@ -33,6 +33,7 @@ MIN_RIVAL_SHARE = 0.3  # of the winner's drop of chi-square: a rival that may st
 MIN_LEFT_OF_DIFFERENCE = 0.1  # excess left over the difference of two rivals: it may decide the sign of the difference
 MAX_EXCESS_GROWTH = 0.05  # of the excess before
 MAX_EXCESS_GROWTH_STD = 5.0  # standard deviations of the excess; the larger of the two counts
+MIN_MOVE_BY_MESH_STD = 2.0  # of a parameter: what a mesh moves by less is no news
 STATUS_WORDS = {"stalled": "no step lowered the residual", "max_iterations": "it reached its limit of evaluations",
                 "at_bound": "a parameter is at its bound", "forward_failed": "the simulation failed",
                 "interrupted": "it was interrupted"}
@@ -132,12 +133,15 @@ def finite_caution(diagnosis: Diagnosis) -> list[str]:
 
 
 def mesh_caution(diagnosis: Diagnosis) -> list[str]:
-    """Where the error of the mesh has moved the identified parameters, and no cause was named that would be fitted with
-    it."""
+    """Where the error of the mesh has moved an identified parameter by `MIN_MOVE_BY_MESH_STD`, and no cause was named
+    that would be fitted with it."""
     error, better = diagnosis.source.motion_error, diagnosis.corrected
     if better is None or error is None or error.thickness is not None:
         return []
     known = diagnosis.found.parameters
+    moves = {name: abs(better.values[name] - known[name].value) for name in known.free}
+    if all(move <= MIN_MOVE_BY_MESH_STD * (better.stds.get(name) or np.inf) for name, move in moves.items()):
+        return []
     values = "; ".join(f"{name} {known[name].shown:.5g}, about {better.values[name] / known[name].factor:.5g} on a "
                        f"finer mesh" for name in known.free)
     return [f"The mesh is coarse for the body ({values}). The diagnosis counts its error; the identified parameters do "

@@ -17,7 +17,14 @@ def failing(jobs):
                   problem="null: no equilibrium at 3 s") for job in jobs]
 
 
+class Source:
+    """Knows no experiment: none is asked for."""
+
+    def with_motion_error(self, error):
+        return self
+
+
 def test_a_null_model_without_a_refit_is_a_message_and_not_a_traceback(tmp_path):
     found = identify(load_experiment(write_folder(tmp_path / "clean", Side())))
     with pytest.raises(NotConverged, match="fitted again to a copy .* no equilibrium at 3 s"):
-        diagnose(None, found, failing, library=())
+        diagnose(Source(), found, failing, library=())
