@@ -8,7 +8,7 @@ import pytest
 
 from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.known_error import MAX_FURTHER_SHARE, error_beside, further_share
-from idic.diagnose.discretisation.mesh_error import (READINGS_LEFT, brick_mesh_error, compared_frames,
+from idic.diagnose.discretisation.mesh_error import (REACTION_LEFT, brick_mesh_error, compared_frames,
                                                        motion_error)
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.residual_evidence import residual_evidence
@@ -71,7 +71,7 @@ def test_the_error_of_bricks_of_rubber_is_found_in_a_few_frames(tmp_path):
     error = brick_mesh_error(found)
     (_, coarse), (_, finer) = (bricks(one, found.parameters)
                                for one in (found.experiment, refined(found.experiment).experiment))
-    limit = (1.0 + READINGS_LEFT) * (finer - coarse)
+    limit = (1.0 + REACTION_LEFT) * (finer - coarse)
     np.testing.assert_allclose(error.channels, limit, atol=0.02 * np.abs(limit).max())
 
 

@@ -42,9 +42,9 @@ from idic.model.experiment import Experiment
 from idic.model.forward import ForwardModel, build_forward
 from idic.model.motion_error import MotionError
 
-# of the change of a reading by elements of half the size: a reaction converges with the order p = 2 lambda = 1.5 of the
+# of the change of a reaction by elements of half the size: it converges with the order p = 2 lambda = 1.5 of the
 # singular strains at the corner of a grip (lambda: Williams 1952, doi:10.1115/1.4010553), and 1/(2^p - 1) is left
-READINGS_LEFT = 1.0 / (2.0**1.5 - 1.0)
+REACTION_LEFT = 1.0 / (2.0**1.5 - 1.0)
 Difference = Callable[[np.ndarray, np.ndarray], np.ndarray]
 MAX_NODES_OF_FINER_BRICKS = 20_000  # of half the thickness, where motions are not superposed: 5 CPU s per frame
 MAX_STRIDE_SHARE = 0.125  # of the frames: how far apart those may be in which finer bricks are compared
@@ -75,7 +75,7 @@ def motion_error(found: Identification) -> MotionError | None:
     finer = refined(experiment, raise_bricks=True)
     start = carried_local(build_drives(experiment), build_drives(finer.experiment), experiment, finer, found.local)
     error = lacking(found, experiment, finer.experiment, start, _on_given(finer))
-    return error if error is None or _is_raised(finer) else _with_readings_of_the_limit(error)
+    return error if error is None or _is_raised(finer) else _with_reactions_of_the_limit(error, experiment)
 
 
 def brick_mesh_error(found: Identification) -> MotionError | None:
@@ -107,7 +107,7 @@ def brick_mesh_error(found: Identification) -> MotionError | None:
     seen = experiment.reference + np.arange(len(own.frames))
     made[seen] = between(seen)
     error = MotionError(made[:, :2 * n].reshape(-1, n, 2), made[:, 2 * n:])
-    return error if _is_raised(finer) else _with_readings_of_the_limit(error)
+    return error if _is_raised(finer) else _with_reactions_of_the_limit(error, experiment)
 
 
 def _is_raised(finer: Refined) -> bool:
@@ -115,10 +115,11 @@ def _is_raised(finer: Refined) -> bool:
     return finer.how == RAISED
 
 
-def _with_readings_of_the_limit(error: MotionError) -> MotionError:
-    """With what still smaller elements would change in the readings. Motions converge faster: of six specimens of the
+def _with_reactions_of_the_limit(error: MotionError, experiment: Experiment) -> MotionError:
+    """With what still smaller elements would change in reactions. Motions converge faster: of six specimens of the
     trial the second halving changed them by a tenth of the first, and the force by 0.17 to 0.5."""
-    return replace(error, channels=(1.0 + READINGS_LEFT) * error.channels)
+    factor = np.array([1.0 + REACTION_LEFT if channel.kind == "reaction" else 1.0 for channel in experiment.channels])
+    return replace(error, channels=factor * error.channels)
 
 
 def _on_given(finer: Refined) -> Difference:
