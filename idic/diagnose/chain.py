@@ -457,7 +457,8 @@ def located(found: Identification, residual: ResidualEvidence, margin: Margin = 
         mismatch = locate(found, residual, margin=margin)
     except NotConverged:
         return None
-    if mismatch.side != "force" or any(one.was_off for one in channels_left(residual, None)):
+    if mismatch.side != "force" or any(
+            one.was_beyond_discretisation for one in channels_left(residual, None)):
         return mismatch
     reason = f"readings differ by less than {100.0 * MIN_READING_SHARE:g} % of the largest one, as two meshes may"
     return replace(mismatch, side="", nested_tests=replace(mismatch.nested_tests, side="", reason=reason))

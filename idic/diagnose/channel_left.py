@@ -47,8 +47,13 @@ class ChannelLeft:
     @property
     def was_off(self) -> bool:
         """The same before the addition, and by more than discretisation."""
+        return _beyond_noise(self.before) and self.was_beyond_discretisation
+
+    @property
+    def was_beyond_discretisation(self) -> bool:
+        """Whether before the addition the residual, beyond noise, is larger than two meshes of one law differ by."""
         rms = self.noise_share * float(np.sqrt(max(excess(self.before), 0.0) / max(len(self.before), 1)))
-        return _beyond_noise(self.before) and rms > MIN_READING_SHARE
+        return rms > MIN_READING_SHARE
 
     @property
     def share(self) -> float:

@@ -245,3 +245,13 @@ def test_a_larger_model_that_waits_for_its_limit_is_not_excluded_where_a_part_re
     assert [entry["name"] for entry in found] == told
     assert all("has orthotropic elasticity as a special case; its score promised 110%" in entry["why"]
                for entry in found)
+
+
+def test_a_faint_misfit_of_readings_is_small_by_its_size_and_not_by_its_significance():
+    """At 3 standard deviations, of readings with a noise of 1 % or 0.01 % of the largest one."""
+    z = np.full(20, 1.4)
+    coarse, fine = (ChannelLeft("force_N", z, z, noise) for noise in (1e-2, 1e-4))
+    assert not coarse.was_off and coarse.was_beyond_discretisation
+    assert not fine.was_beyond_discretisation
+    strong = ChannelLeft("force_N", 5.0 * z, z, 1e-4)  # 7 standard deviations of each reading, 0.07 % of the largest
+    assert strong.before.min() > 5.0 and not strong.was_off
