@@ -169,3 +169,13 @@ def l2_error(mesh, u, exact):
         error += np.sum(jac[..., None] * (uh - true) ** 2)
         size += np.sum(jac[..., None] * true**2)
     return np.sqrt(error / size)
+
+
+def volume(mesh) -> float:
+    """Of a solid, or the area of a plane mesh, by the quadrature of the elements."""
+    total = 0.0
+    for block in mesh.blocks:
+        points, weights = element.quadrature(block.cell)
+        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], element.gradient(block.cell, points))
+        total += float((np.linalg.det(jac) * weights).sum())
+    return total

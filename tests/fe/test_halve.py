@@ -2,22 +2,13 @@
 
 import numpy as np
 import pytest
+from fe_bodies import volume
 
 from idic.errors import InputError
 from idic.fe.mesh.halve import can_halve, halve
-from idic.fe.mesh import element
 from idic.fe.mesh.mesh import boundary_faces, check_elements, make_mesh
 from idic.fe.mesh.refine import raise_order
 from idic.virtual_tests.meshes import strip_with_hole
-
-
-def volume(mesh):
-    total = 0.0
-    for block in mesh.blocks:
-        points, weights = element.quadrature(block.cell)
-        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], element.gradient(block.cell, points))
-        total += float((np.linalg.det(jac) * weights).sum())
-    return total
 
 
 def triangles():
