@@ -222,6 +222,7 @@ def test_a_sound_model_is_left_in_peace(sound):
     # is less than a standard deviation of any parameter
     assert content["cautions"] == []
     before, real = content["model"]["parameters_before"], content["model"]["parameters_of_real_body"]
+    assert set(real) == set(before)
     assert all(abs(one["value"] - before[name]["value"]) < one["std"] for name, one in real.items())
     page = (sound[0] / "diagnosis.html").read_text(encoding="utf-8")
     assert "no candidate was selected" in page and "Change of the parameters" not in page

@@ -230,7 +230,7 @@ def test_a_candidate_that_promises_nearly_as_much_is_refitted_though_five_others
 
 def test_a_lucky_refit_of_a_faint_cause_keeps_no_rival_from_its_own():
     """A drift at 5 standard deviations brought 31 on its copy where 14 were promised; the offset, the truth, promised
-    half as much as that less a hair."""
+    13.5, less than half of 31."""
     drift, offset, other = (ranked(YIELD, gain=gain, name=name)
                             for gain, name in ((14.4, "drift"), (13.5, "offset"), (7.0, "other")))
     assert asked_for([drift, offset, other], [], 31.2, 20.0) == ["drift", "offset"]

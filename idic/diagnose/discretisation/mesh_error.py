@@ -46,7 +46,7 @@ from idic.model.motion_error import MotionError
 # singular strains at the corner of a grip (lambda: Williams 1952, doi:10.1115/1.4010553), and 1/(2^p - 1) is left
 REACTION_LEFT = 1.0 / (2.0**1.5 - 1.0)
 Difference = Callable[[np.ndarray, np.ndarray], np.ndarray]
-MAX_NODES_OF_FINER_BRICKS = 20_000  # of half the thickness, where motions are not superposed: 5 CPU s per frame
+MAX_NODES_OF_FINER_BRICKS = 20_000  # of half the thickness, not superposed: rubber takes 2 s per frame
 MAX_STRIDE_SHARE = 0.125  # of the frames: how far apart those may be in which finer bricks are compared
 STILL_SHARE = 0.05  # of the largest rate of a motion: a slower one is taken as rest
 MAX_NODES_OF_A_PLANE = 40_000  # of the finer mesh; of a solid as many as an identification spends on its error

@@ -27,7 +27,7 @@ ENDS = ("LEFT", "RIGHT")
 DIVISIONS = (5, 6, 4)  # elements per eighth of the hole, from the hole outwards, beside it
 # of a campaign, in small images and in those in which the user's mesh is finer, too (`is_fine`)
 CAMPAIGN_DIVISIONS, FINER_DIVISIONS = (8, 10, 7), (10, 12, 8)
-DIVISIONS_WITH_MEMORY = (7, 8, 6)  # there, of a law with memory: with the others CalculiX takes a quarter of an hour
+DIVISIONS_WITH_MEMORY = (7, 8, 6)  # there, of a law with memory: with the others CalculiX takes ten minutes
 STIFFNESS_CLASSES = 100  # per unit of the stiffness factor, where the stiffness is not uniform
 
 
@@ -61,7 +61,7 @@ def campaign_mesh(scene: Scene) -> Mesh:
 
     With 5, 6, 4 beside 6, 6, 4 of the user a clean D-shape of 308 columns had an orthotropy of 5.2 standard deviations,
     and a wrong origin was told; with 7, 8, 6 it has 3.5, with 10, 12, 8 none. In small images the user's mesh has
-    3, 3, 2, and bricks behind 5, 6, 4 still are 0.15 % too stiff.
+    3, 3, 2, and bricks behind 5, 6, 4 still are about 0.15 % too stiff (estimated from the order of convergence).
     """
     if has_memory(scene):
         return true_mesh(scene, DIVISIONS_WITH_MEMORY)
