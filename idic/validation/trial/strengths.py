@@ -14,8 +14,6 @@ from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 
-import numpy as np
-
 from idic.errors import NotConverged
 from idic.validation.trial.scenes.effects import EFFECTS, Effect
 from idic.validation.trial.scenes.outside import OUTSIDE
@@ -38,7 +36,7 @@ def measured(bench: Bench, effect: Effect, wanted: Sequence[str] = STRENGTHS) ->
     """The entries of one effect."""
     def measure(a: float) -> Seen:
         try:
-            return bench.measure(effect.change(bench.plain, a, np.random.default_rng(5)))
+            return bench.measure_effect(effect, a)
         except NotConverged:
             return NOT_CONVERGED
 

@@ -15,8 +15,6 @@ from json import dumps, loads
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from idic.errors import NotConverged
 from idic.validation.trial.scenes.effects import Effect
 from idic.validation.trial.scenes.photographs import Photograph
@@ -41,7 +39,7 @@ def amplitude_in(world: Mapping[str, Any], null: str, values: Mapping[str, float
 
     def measure(a: float) -> Seen:
         try:
-            return bench.measure(effect.change(bench.plain, a, np.random.default_rng(5)))
+            return bench.measure_effect(effect, a)
         except NotConverged:
             return NOT_CONVERGED
 
