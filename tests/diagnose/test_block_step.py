@@ -86,4 +86,5 @@ def test_frames_that_do_not_determine_the_model_do_not_judge():
 
 
 def test_without_a_block_nothing_is_held_against_a_model():
-    assert holds(()) and not holds([BlockJudgement("a", 0.0, 0.0, 1.0, -1.0)])
+    assert holds(()) and not holds([BlockJudgement("a", 0.0, 0.0, 1.0, -10.0)])
+    assert holds([BlockJudgement("a", 0.0, 0.0, 1.0, -5.0), BlockJudgement("b", 0.0, 0.0, 1.0, 1.0)])  # noise

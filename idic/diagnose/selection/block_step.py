@@ -34,6 +34,9 @@ FITTED_FRAME_SHARES = (0.5, 0.75)  # of the frames that fit; the following ones 
 # of the whole recording's information on every direction: a smaller part does not determine the model
 MIN_PART_SHARE = 0.05
 MIN_SEEN_NODES = 8  # of a part
+# of chi-square: two models that differ by D lower it by D +- 2 sqrt(D) with the right one; however large D is, noise
+# raises it by as much in one of 700 cases
+MAX_LUCK_OF_BLOCKS = 9.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +93,13 @@ def judged_by_step(before: ResidualEvidence, after: ResidualEvidence, grid: Grid
 
 
 def holds(judged: Sequence[BlockJudgement]) -> bool:
-    """Whether a model explains more of the blocks that had no part in its fit; also where none says anything."""
-    return not judged or sum(one.drop for one in judged) > 0.0
+    """Whether a model explains more of the blocks that had no part in its fit, or no less than noise allows; also where
+    none says anything.
+
+    Squares say next to nothing of a cause that only readings show: a faint force offset raised their chi-square by 3.7,
+    that of later frames fell by 1.8, and both noise copies confirmed it by 46.
+    """
+    return not judged or sum(one.drop for one in judged) > -MAX_LUCK_OF_BLOCKS
 
 
 def _fits(residual: ResidualEvidence, grid: Grid) -> list[tuple[str, Fit | None]]:
