@@ -12,17 +12,20 @@ CANDIDATES_SHOWN = 8
 def candidates_table(content: Mapping) -> Table:
     """The strongest candidates of a diagnosis.json, and those that it names."""
     from idic.identify.judgement.significance import p_text, z_text
+    from idic.diagnose.screen.candidate import candidates
+    from idic.report.diagnosis.page import STANDINGS
     from idic.report.diagnosis.words import heldout_drop, standing_of, strongest
 
+    titles = {one.name: one.title for one in candidates()}
     table = Table(box=None, header_style="bold")
     for column in ("candidate", "score", "p", "effect px", "visible", "predicted", "achieved", "held out", ""):
         table.add_column(column, justify="left" if column in ("candidate", "") else "right")
     for entry in strongest(content, CANDIDATES_SHOWN):
         drops = [_number(entry[key]) for key in ("predicted_chi2_drop", "achieved_chi2_drop")]
-        standing = standing_of(content, entry, entry["standing"].replace("_", " "))
-        table.add_row(entry["name"], z_text(entry["score"]), p_text(entry["p_familywise"]),
-                      f"{entry['effect_px_rms']:.2g}", f"{entry['visibility']:.2f}", *drops, heldout_drop(entry),
-                      standing)
+        standing = standing_of(content, entry, STANDINGS[entry["standing"]])
+        title = titles.get(entry["name"], entry["name"].replace("_", " "))
+        table.add_row(title, z_text(entry["score"]), p_text(entry["p_familywise"]), f"{entry['effect_px_rms']:.2g}",
+                      f"{entry['visibility']:.2f}", *drops, heldout_drop(entry), standing)
     return table
 
 

@@ -37,14 +37,16 @@ class ProgressView:
         self._bars: dict[str, int] = {}
         self._paces: dict[str, Pace] = {}
         self._shown, self._began = 0, time.monotonic() - spent_s
-        self._heading, self._evaluating = "", self._began
+        self._heading, self._number, self._evaluating = "", 0, self._began
 
     def stage(self, text: str) -> None:
-        """Begin a stage; a text that is none of the list is a step of the present one."""
+        """Begin a stage; a text that is none of the list is a step of the present one, a stage that comes again has
+        no number."""
         self._hide_bars()
         numbers = [k for k, name in enumerate(self._stages, start=1) if text.startswith(name)]
         if numbers:
-            self._heading = f"stage {numbers[0]} of {len(self._stages)}: "
+            comes_again, self._number = numbers[0] < self._number, max(numbers[0], self._number)
+            self._heading = "" if comes_again else f"stage {numbers[0]} of {len(self._stages)}: "
         shown = f"{self._heading}{text}"
         self._progress.update(self._stage, description=shown)
         self._evaluating = time.monotonic()

@@ -97,12 +97,14 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
     identified, first = diagnosis.found.parameters, diagnosis.rounds[0]
     known = None if first.source is None else first.source.motion_error
     bricks = first.null if diagnosis.corrected is None else diagnosis.corrected
-    values = "; ".join(f"{name} {identified[name].value:.4g}, about {bricks.values[name]:.4g} with bricks"
-                       for name in identified.free)
-    told = f" ({values})" if known is not None and known.thickness is not None else ""  # counted before any cause
+    moves = {name: (f"{identified[name].value:.4g}", f"{bricks.values[name]:.4g}") for name in identified.free}
+    values = "; ".join(f"{name} {own}, about {real} with bricks" for name, (own, real) in moves.items() if own != real)
+    is_first = known is not None and known.thickness is not None  # counted before any cause
+    told = f" ({values})" if is_first and values else ""
     return [f"The specimen is not in plane stress: the motion of bricks of its thickness ({experiment.thickness:.3g} "
             f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
-            f"shows it. The diagnosis counts the difference; the identified parameters do not{told}. "
+            f"shows it. The diagnosis counts the difference; the identified parameters do not{told}, nor does the "
+            "enriched experiment. "
             "Identify again with a mesh of bricks (kind = \"solid\")."]
 
 

@@ -25,6 +25,7 @@ from idic.diagnose.selection.rival import Round
 
 MIN_RECOVERED_SHARE = 0.7  # of the explainable share; below, the library does not hold the missing effect
 MAX_AVERAGED_IMAGES = 400  # to be averaged: more is impractical
+UNLOADING = "unload to zero"  # beginning of a test that a recording may hold already
 
 
 @dataclass(frozen=True)
@@ -138,8 +139,8 @@ def _is_unexplained(excess: ExcessLeft, share: float, readings: bool = False) ->
 
 
 def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | None, in_motions: bool) -> str | None:
-    """The next test: it separates the members of a set (cheapest first), makes a blind test sensitive, or locates the
-    side of an unexplained mismatch.
+    """The next test: it separates the members of a set (cheapest first), makes a blind test sensitive, locates the side
+    of an unexplained mismatch, or confirms a cause.
     """
     for one in won:
         if one.equals:
@@ -155,6 +156,10 @@ def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | Non
     if word == "blind":
         return _more_sensitive(first) if is_insensitive(first) else (
             "lock parameters that are known from another test, and diagnose again")
+    if won:
+        cause = won[0].winner.ranked.candidate  # type: ignore[union-attr]
+        test = next((test for test in cause.separating_tests if not (unloads and test.startswith(UNLOADING))), None)
+        return None if test is None else f"to confirm {cause.title}, {test}"
     return None
 
 

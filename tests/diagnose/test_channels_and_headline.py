@@ -173,6 +173,12 @@ def test_finite_strains_beside_a_cause_belong_to_the_description_and_alone_they_
         said = headline(both, titles)
         assert said.startswith("Friction in the load train (") and "explains 97 %" in said
         assert said.endswith("; geometric nonlinearity belongs to the description.")
+    blur = {"winner": "defocus", "form": None, "new": [], "equals": []}
+    grew = {"name": "defocus", "form": None, "expected_change": {"blur grows with time, place 1 of 1": 0.02},
+            "expected_change_std": 0.001}
+    said = headline(CONTENT | {"verdict": "multiple", "named": [CONTENT["rounds"][0]["winner"], "defocus"],
+                               "rounds": [*CONTENT["rounds"], blur], "candidates": [grew]}, titles)
+    assert "and defocus (blur grows with time: 0.0200 ± 0.0010 px²)" in said and "belongs" not in said
     alone = headline(CONTENT | {"named": ["geometric_nonlinearity"], "rounds": [finite]}, titles)
     assert alone.startswith("Geometric nonlinearity") and "explains" in alone and "belongs" not in alone
 
@@ -200,8 +206,17 @@ def test_what_is_left_is_said_with_its_size():
     said = left_over(CONTENT | {"left": left_of, "camera_floor_px": 0.019})
     assert "0.02 px of motion that images at rest show too and 0.4 %" in said  # no share: 97 % explained leave it out
     assert "0.02 px of motion (29 % of the excess before)" in left_over(CONTENT | {"left": left_of})
-    assert "0.4 % of force_N (3 % of the excess before)" in said and "not a further cause" in said
+    assert "0.4 % of force_N (3 % of the excess before)" in said
+    assert said.endswith("; no further candidate is significant.")
     assert left_over(CONTENT) is None
+    near = CONTENT | {"left": left_of | {"motion_px": 0.002, "place": "around (1, 2) mm", "nearest": ["placement"]},
+                      "margin": {"px": 0.004}}
+    said = left_over(near, {"placement": "wrong place of the mesh"})
+    assert "0.002 px of motion, largest around (1, 2) mm (29 % of the excess before)" in said
+    assert "below the practical margin of 0.004 px" in said
+    assert said.endswith("; nearest further candidates, not selected: wrong place of the mesh.")
+    assert "explains nearly all of the residual" in headline(
+        near | {"fit": {"explainable_share_recovered": 0.999}}, TITLES)
 
 
 # not excluded -------------------------------------------------------------------------------------

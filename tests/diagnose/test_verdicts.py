@@ -266,7 +266,10 @@ def test_one_winner_is_single_with_equals_a_set_and_two_rounds_are_multiple():
     twins = round_of(entries, [rival("plasticity", 3000.0), rival("creep", 2999.0)])
     light = round_of(screening(ranked("illumination")), [rival("illumination", 400.0)])
     before, after = left(300.0), left(0.0)
-    assert conclude([alone], before, after, True, [ExcessLeft(before, after, POWER)]).word == "single"
+    found = conclude([alone], before, after, True, [ExcessLeft(before, after, POWER)])
+    assert found.word == "single" and found.next_experiment == "to confirm plasticity, unload to zero once"
+    found = conclude([alone], before, after, True, [ExcessLeft(before, after, POWER)], unloads=True)
+    assert found.next_experiment == f"to confirm plasticity, {KNOWN['plasticity'].separating_tests[1]}"
     found = conclude([twins], before, after, True, [ExcessLeft(before, after, POWER)])
     assert found.word == "set" and found.indistinguishable == (("plasticity", "creep"),)
     assert found.next_experiment == KNOWN["plasticity"].separating_tests[0]

@@ -247,6 +247,13 @@ def test_a_course_that_stays_at_unloading_follows_the_largest_load():
     assert fingerprint(load, np.full(15, 0.1), times, load, 0.0).words.startswith("The amplitude follows the load")
 
 
+def test_a_specimen_that_keeps_a_fourth_of_its_load_keeps_nothing_of_an_elastic_mismatch():
+    """An offset of the load cell beside it: the amplitude in the last frame is 58 % of the largest."""
+    load = np.array([1, 2, 3, 4, 5, 6, 7, 8, 6, 4, 2.0])
+    said = fingerprint(load + 6.0, np.full(11, 0.1), np.arange(1.0, 12.0), load, 0.0)
+    assert said.kept == pytest.approx(0.0, abs=1e-12) and said.words.endswith("it goes back at unloading.")
+
+
 def test_growth_after_the_corner_widens_the_interval():
     """The record did without a corner; the enriched model says when it begins, and the record has no say against it."""
     open_ = SimpleNamespace(is_significant=True, onset_frame=1, onset_ci=(0, 2), onset=SimpleNamespace(from_start=True))

@@ -184,7 +184,7 @@ def test_the_table_of_candidates_is_whole_at_1200_px(tmp_path):
                  "predicted": "1.23e+04", "achieved": "1.19e+04", "heldout": "4.1e+03 of 5.2e+03",
                  "standing": "significant, below the practical margin"}
     page = filled_in("diagnosis.html.j2", title="t", first="One candidate selected.", rest=[], facts=[], sure=True,
-                     left_over=None, not_excluded=[], detail="", cautions=(),
+                     left_over=None, not_excluded=[], cautions=(),
                      sections=(), parameters=[], candidates=[candidate] * 5, excluded=[], cannot_tell=[], costs=[])
     file = tmp_path / "diagnosis.html"
     file.write_text(page, encoding="utf-8")

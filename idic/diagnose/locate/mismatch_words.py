@@ -78,7 +78,7 @@ def _onset(mismatch: Mismatch, selected: SelectedEffect | None) -> str | None:
     if first is None:
         return None
     if first == 0:
-        seen = "" if mismatch.visible_frame is None else f"; visible from frame {mismatch.visible_frame} on"
+        seen = "" if mismatch.visible_frame is None else f"; more than noise from frame {mismatch.visible_frame} on"
         how = "" if selected else ", as far as the recording shows"
         return f"Onset: present from the start{how}{seen}. {mismatch.course.words}"
     between = f" (95 %: {interval[0]} to {interval[1]})" if interval else ""

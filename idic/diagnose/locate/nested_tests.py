@@ -288,6 +288,10 @@ def _share(levels: dict[str, Level], name: str) -> float:
     return levels[name].excess / room if room > 0.0 and name in levels else float("nan")
 
 
+def _percent(levels: dict[str, Level], name: str) -> str:
+    return f"{100.0 * _share(levels, name):.0f} %"
+
+
 def _kinematic(per_frame: dict[str, Level], per_window: dict[str, Level]) -> dict[str, Level]:
     """The freedoms that see more: new in every frame, or lasting."""
     return max((per_frame, per_window), key=lambda levels: levels["bulk"].z)
@@ -305,8 +309,8 @@ def decide(per_frame: dict[str, Level], per_window: dict[str, Level], has_force:
         return "camera", "smooth changes of brightness explain more of the residual than any smooth motion"
     if min(kinematic[name].p_margin for name in KINEMATIC_LEVELS) > MAX_LEVEL_P:
         if force is not None and force.p < MAX_LEVEL_P:
-            return "force", ("the images are explained, the force is not: force scale, offset or drift, the "
-                             "thickness, or a law whose error does not change the motion")
+            return "force", ("motions agree within the practical margin, the force does not: force scale, offset or "
+                             "drift, the thickness, or a law whose error does not change the motion")
         return "", "no level explains more than noise"
     responsible = [name for name in ("camera", "boundary") if _responsible(kinematic, name)]
     if responsible:
@@ -314,12 +318,12 @@ def decide(per_frame: dict[str, Level], per_window: dict[str, Level], has_force:
                    key=lambda name: (kinematic[name].excess > 0.9 * max(kinematic[n].excess for n in responsible),
                                              kinematic[name].excess / max(kinematic[name].rank, 1)))
         words = {"camera": "camera motion and distortion", "boundary": "free motion of the driven edges"}[best]
-        text = f"{words} recovers {_share(kinematic, best):.0%} of what any smooth motion explains"
-        rest = [f"; the {name} level does nearly as well ({_share(kinematic, name):.0%})" for name in responsible
+        text = f"{words} recovers {_percent(kinematic, best)} of what any smooth motion explains"
+        rest = [f"; the {name} level does nearly as well ({_percent(kinematic, name)})" for name in responsible
                 if name != best]
         return best, text + "".join(rest)
     text = ("smooth motion inside the specimen is needed: the driven edges recover "
-            f"{_share(kinematic, 'boundary'):.0%}, the camera {_share(kinematic, 'camera'):.0%}")
+            f"{_percent(kinematic, 'boundary')}, the camera {_percent(kinematic, 'camera')}")
     return "bulk", text + ("" if has_force else "; no force is logged, so that bulk and boundary are separated by the "
                            "motion of the edges alone")
 

@@ -152,7 +152,7 @@ def selected_rounds(source: ExperimentSource, found: Identification, null: Refit
         if len(rounds) > 1:
             rounds, source, null, whole = _beside_its_errors(rounds, source, null, whole, setting)
     if doubted is not None:
-        setting.stage("judgement of all causes on blocks of the recording")
+        setting.stage("judgement of all causes on parts of the recording")
         with setting.clock.step("blocks_s"):
             judged = judged_by_step(doubted.model.whole, whole, setting.grid)
         rounds, last_model = judged_together(rounds, Last(source, null, whole), doubted, judged)
@@ -252,7 +252,7 @@ def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidenc
 
     whole : its residual on the recording itself
     """
-    setting.stage("mesh, bricks of the thickness and finite strains beside the cause")
+    setting.stage("error of the mesh, plane stress and finite strains, tested beside the cause")
     with setting.clock.step("mesh_s"):
         known = source.motion_error
         found = identification_at(source.load(), null.values, null.local, null.steps)
@@ -334,7 +334,7 @@ def held_by_blocks(one: Round, whole: ResidualEvidence, setting: Setting,
     an inclusion that leaves motion at its own place describes a flaw of that cause then and is none itself. Blocks
     measure motions and readings: of a cause that acts on grey values they say nothing
     """
-    setting.stage("judgement on blocks of the recording")
+    setting.stage("judgement on parts of the recording")
     with setting.clock.step("blocks_s"):
         winner = one.winner
         after = _residual_of_winner(one)

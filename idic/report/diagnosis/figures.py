@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from idic.report.diagnosis.record import Curve, DiagnosisRecord
-from idic.report.diagnosis.words import name_of_best, strongest
+from idic.report.diagnosis.words import is_sure, name_of_best, strongest
 from idic.report.figures.style import (BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, Picture, label_frames,
                                        look, new_figure, to_picture)
 from idic.report.words import short_names
@@ -122,10 +122,11 @@ def _scores(axis, record: DiagnosisRecord, entries) -> list[Patch]:
                   va="center", fontsize=8, color=GREY)
     axis.set(yticks=y, xlabel="score [standard deviations]", title="Score", xlim=(0.0, 1.12 * largest))
     axis.set_yticklabels([_label(record, c) for c in entries])
-    names = {GREEN: name_of_best(record.content), ORANGE: "significant by score", FAINT: "not significant"}
+    names = {_best_colour(record): name_of_best(record.content), ORANGE: "significant by score",
+             GREY: "significant, below the practical margin", FAINT: "not significant"}
     filled = {colour for one, colour in zip(hollow, colours, strict=True) if not one}
     return [Patch(facecolor=colour, label=name) for colour, name in names.items() if colour in filled] + [
-        Patch(facecolor="white", edgecolor=GREEN, label="indistinguishable")] * any(hollow)
+        Patch(facecolor="white", edgecolor=_best_colour(record), label="indistinguishable")] * any(hollow)
 
 
 def parameters(record: DiagnosisRecord) -> Picture | None:
@@ -217,8 +218,13 @@ def _in_set(record: DiagnosisRecord, entry) -> bool:
 
 def _colour(record: DiagnosisRecord, entry) -> str:
     if entry["named"] or _in_set(record, entry):
-        return GREEN
-    return ORANGE if entry["standing"] == "significant" else FAINT
+        return _best_colour(record)
+    return {"significant": ORANGE, "small": GREY}.get(entry["standing"], FAINT)
+
+
+def _best_colour(record: DiagnosisRecord) -> str:
+    """Of the selected candidate: green is for good news alone."""
+    return GREEN if is_sure(record.content) else BLUE
 
 
 def _label(record: DiagnosisRecord, entry) -> str:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from idic.diagnose.selection.rival import NO_CAUSE
 from idic.report.diagnosis.words import (MIN_GOOD_PROBABILITY, below_margin, new_values, selected_titles,
-                                         side_in_words, unconfirmed, when_and_where)
+                                         side_in_words, size_of_grey, unconfirmed, when_and_where, with_size)
 from idic.report.words import short_names, with_std
 
 MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
 MOSTLY = 0.5  # explained share from which a nearest candidate explains most of it
 MIN_LEFT_PX = 5e-4  # motion that is worth a word
 MAX_SMALL = 3  # candidates below the margin that are told by name
+CAME_OUT = "came out"
 MAX_SHAPES = 2  # of a free end, that are told
 MIN_TEXT_Z = 5.0  # standard deviations: a smaller residual excess is not reported
 
@@ -24,11 +26,12 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
     word, share = content["verdict"], content["fit"]["explainable_share_recovered"]
     if word == "none":
         moved = moves(content, "parameters_of_real_body")
-        body = f"; by the model's own errors (mesh, thickness, small strains) {', '.join(moved)}" if moved else ""
+        body = f"; as the model simplifies the body, {_in_one(moved)}" if moved else ""
         small, open_ = ([_titled(name, titles) for name in names]
                         for names in (below_margin(content), unconfirmed(content)))
-        small = small if len(small) <= MAX_SMALL + 1 else [*small[:MAX_SMALL], f"{len(small) - MAX_SMALL} others"]
-        seen = f"; {_joined(small)} {_is(small)} seen, but below the practical margin" if small else ""
+        listed = (f"{_joined(small)} {_is(small)} seen" if len(small) <= MAX_SMALL else
+                  f"{len(small)} candidates are seen, {small[0]} most")
+        seen = f"; {listed}, but below the practical margin" if small else ""
         doubt = f"; {_joined(open_)} {_is(open_)} suspected by the score, and not confirmed by a refit" if open_ else ""
         said = "No missing physics matters" if small else "No missing physics is significant"
         return f"{said}: the residual of images and channels is {_nothing(content)}{body}{seen}{doubt}."
@@ -42,15 +45,16 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
                 f"{f' ({where})' if where else ''}: do not trust the parameters.{free_form_words(content)}")
     causes = _joined(_causes(content, titles, sizes=word != "outside_library"))
     formal = [title for title, one in _with_rounds(content, titles) if _is_formulation(content, one)]
-    where = when_and_where(content, sizes=word != "outside_library")
+    where = when_and_where(content, sizes=word != "outside_library", visible=False)
     said = _begun(content, f"{causes}{f', {where},' if where else ''} ")
     if word == "outside_library":
         return (f"{said}explain{_s(content)} most of it ({per_cent(share)}), but not all{_of_what(content)}: do not "
                 f"trust the parameters yet.{free_form_words(content)}")
-    moved = moves(content)
-    effect = f"; without {'it' if len(content['named']) == 1 else 'them'} {', '.join(moved)}" if moved else ""
+    moved, pronoun = moves(content), "it" if len(content["named"]) - len(formal) == 1 else "them"
+    effect = f"; without {pronoun} {_in_one(moved)}" if moved else ""
     beside = f"; {_joined(formal)} {'belongs' if len(formal) == 1 else 'belong'} to the description" if formal else ""
-    return f"{said}explain{_s(content)} {per_cent(share)} of the residual{_faint(content)}{effect}{beside}."
+    what = "nearly all" if share is not None and per_cent(share) == "all" and left_over(content) else per_cent(share)
+    return f"{said}explain{_s(content)} {what} of the residual{_faint(content)}{effect}{beside}."
 
 
 def free_end_words(end: Mapping) -> str:
@@ -97,23 +101,37 @@ def _faint(content: Mapping) -> str:
     return f", which shows by {shown_by}, not by free motions" if shown_by else ""
 
 
-def left_over(content: Mapping) -> str | None:
-    """The remaining residual of the last model, in a sentence; None where it is noise."""
+def left_over(content: Mapping, titles: Mapping[str, str] | None = None) -> str | None:
+    """The remaining residual of the last model, in a sentence; None where it is noise.
+
+    titles : candidate -> its name in standard words
+    """
     left = content.get("left") or {}
     parts = []
     if (left.get("motion_z") or 0.0) > MIN_TEXT_Z and (left.get("motion_px") or 0.0) > MIN_LEFT_PX:
         floor = content.get("camera_floor_px")
         at_rest = bool(floor) and left["motion_px"] < 1.5 * floor  # the explained share does not count that either
-        place = f", largest {left['place']}," if left.get("place") else ""
-        share = " that images at rest show too" if at_rest else _of_before(left.get("motion_share"))
+        place = f", largest {left['place']}" if left.get("place") else ""
+        share = ((", " if place else " ") + "that images at rest show too" if at_rest
+                 else _of_before(left.get("motion_share")))
         parts.append(f"{left['motion_px']:.2g} px of motion{place}{share}")
     parts += [f"{100.0 * one['reading_share']:.2g} % of {one['column']}{_of_before(one['share'])}"
               for one in left.get("channels", ()) if one["significant"]]
     if not parts:
         return None
-    small = content["verdict"] in ("single", "set", "multiple")
-    cause = "; an error of the selected model, not a further cause" if small else ""
+    cause = _further(content, titles or {}) if content["verdict"] in ("single", "set", "multiple") else ""
     return f"Remaining residual: {_joined(parts)}{cause}."
+
+
+def _further(content: Mapping, titles: Mapping[str, str]) -> str:
+    """What further causes the residual of a selected cause may have."""
+    left, margin = content["left"], (content.get("margin") or {}).get("px")
+    small = margin is not None and 0.0 < (left.get("motion_px") or 0.0) < margin
+    size = f"; the motion is below the practical margin of {margin:.2g} px" if small else ""
+    nearest = [_titled(name, titles) for name in left.get("nearest") or ()]  # not in diagnoses of earlier versions
+    if nearest:
+        return f"{size}; nearest further candidates, not selected: {_joined(nearest)}"
+    return f"{size}; no further candidate is significant"
 
 
 def _of_before(share: float | None) -> str:
@@ -129,7 +147,14 @@ def _is(names: Sequence[str]) -> str:
 
 
 def _nothing(content: Mapping) -> str:
+    if below_margin(content) or left_over(content):
+        return "below what matters in practice"
     return "noise and motion that the camera shows at rest" if content.get("camera_floor_px") else "noise"
+
+
+def _in_one(moved: Sequence[str]) -> str:
+    """Shifts of parameters in one clause: its verb stands once."""
+    return _joined([moved[0], *(one.replace(f" {CAME_OUT} ", " ", 1) for one in moved[1:])])
 
 
 def _causes(content: Mapping, titles: Mapping[str, str], sizes: bool) -> list[str]:
@@ -138,26 +163,26 @@ def _causes(content: Mapping, titles: Mapping[str, str], sizes: bool) -> list[st
     for place, (title, one) in enumerate(_with_rounds(content, titles)):
         if _is_formulation(content, one):
             continue
-        size = new_values(content, one["new"], place) if sizes else ""
+        size = (new_values(content, one["new"], place) or size_of_grey(content, one["winner"])) if sizes else ""
         others = [_titled(name, titles) for name in dict.fromkeys(one["equals"])]
-        found.append(_either([title + (f" ({size})" if size else ""), *others]))
+        found.append(_either([with_size(title, size), *others]))
     return found
 
 
 def _with_rounds(content: Mapping, titles: Mapping[str, str]) -> list[tuple[str, Mapping]]:
     """Titles of the selected candidates with their rounds."""
     won = [one for one in content.get("rounds", ()) if one["winner"]]
-    return [(title, won[place] if place < len(won) else {"equals": (), "new": None})
+    return [(title, won[place] if place < len(won) else {"equals": (), "new": None, "winner": None})
             for place, title in enumerate(selected_titles(content, titles))]
 
 
 def _is_formulation(content: Mapping, one: Mapping) -> bool:
-    """Whether a selected candidate without an unknown of its own stands next to causes that have some.
+    """Whether a selected candidate is no cause but in every specimen, as finite strains are, and stands next to causes.
 
-    Finite strains are in every specimen: next to a cause they belong to the description, alone they are the finding.
+    Next to a cause they belong to the description, alone they are the finding.
     """
     others = [other for other in content.get("rounds", ()) if other["winner"] and other is not one]
-    return one["new"] == [] and not one["equals"] and any(other["new"] for other in others)
+    return one["winner"] == NO_CAUSE and not one["equals"] and bool(others)
 
 
 def moves(content: Mapping, of_model: str = "parameters_after") -> list[str]:
@@ -169,8 +194,9 @@ def moves(content: Mapping, of_model: str = "parameters_after") -> list[str]:
         if new is None or None in (old["value"], old["std"], new["value"]) or not new["value"]:
             continue
         if abs(new["value"] - old["value"]) > MIN_MOVE_STD * (new["std"] or old["std"]):
-            found.append(f"{shown[name]} came out {_too_much(old['value'] / new['value'])} "
-                         f"({with_std(old['value'], None, old['unit'])} for "
+            unit = None if old["unit"] == new["unit"] else old["unit"]
+            found.append(f"{shown[name]} {CAME_OUT} {_too_much(old['value'] / new['value'])} "
+                         f"({with_std(old['value'], None, unit)} for "
                          f"{with_std(new['value'], new['std'], new['unit'])})")
     return found
 

@@ -20,7 +20,8 @@ from idic.report.words import number, short_names
 STANDINGS = {"significant": "significant", "small": "significant, below the practical margin",
              "inadmissible": "significant with an inadmissible sign", "excluded": "excluded with a bound",
              "cannot_tell": "not visible in this test"}
-VERDICTS = {"none": "no candidate is significant", "single": "one candidate selected",
+MIN_WHOLE_SCORE = 8.0  # from here on a score is shown without decimals
+VERDICTS = {"none": "no candidate is significant and large enough", "single": "one candidate selected",
             "set": "one of several indistinguishable candidates", "multiple": "several candidates selected",
             "outside_library": "unexplained by the library", "blind": "this test cannot decide"}
 
@@ -52,12 +53,12 @@ def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
 def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = None) -> str:
     """The HTML text; `sections` from `draw_sections`, drawn here if not given."""
     content = record.content
-    detail, _, rest = content["sentence"].partition(" Next: ")
+    detail, _, rest = content["sentence"].partition(" Next: ")  # the headline in diagnoses of earlier versions
     bounded = {entry["name"] for entry in content["excluded"]}
-    first = content.get("headline", detail)  # not in diagnoses of earlier versions
+    first = content.get("headline", detail)
     return filled_in(
         "diagnosis.html.j2", title=record.title, first=first, rest=[rest.removesuffix(".")] if rest else [],
-        detail=detail if detail != first else "", left_over=content.get("left_over"),
+        left_over=content.get("left_over"),
         not_excluded=content.get("not_excluded", ()),
         facts=_facts(content), sure=is_sure(content),
         cautions=content.get("cautions", ()),
@@ -74,10 +75,10 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
     after, std = fit["heldout_excess_after"], fit["heldout_excess_std"]
     facts: list[tuple[str, str, bool | None]] = [("verdict", VERDICTS[content["verdict"]], _news(content)),
              ("probability under noise alone", p_text(mismatch["p_value"]), None),
-             ("unexplained motion", f"{mismatch['effect_px_rms']:.2g} px rms{_within_noise(mismatch)}", None),
+             ("residual motion before", f"{mismatch['effect_px_rms']:.2g} px rms{_within_margin(mismatch)}", None),
              ("held-out excess before", number(fit["heldout_excess_before"], std), None)]
     if content.get("probability") is not None:
-        facts.insert(1, ("probability that this is the cause" if content["named"] else "probability",
+        facts.insert(1, ("probability that this is the cause" if content["named"] else "probability of no cause",
                          f"{100.0 * content['probability']:.2g} %", _good_or_bad(content["probability"])))
     if (margin := content.get("margin")) is not None:  # not in diagnoses of earlier versions
         floor = margin["camera_floor_px"]
@@ -85,11 +86,12 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
                   if margin["px"] > margin["assumed_px"] else "assumed, above that of the images at rest")
         facts.append(("practical margin", f"{margin['px']:.2g} px, {source}", None))
     if content["named"]:
+        shown = fit["heldout_excess_before"] > 5.0 * std  # of noise nothing is gained
         facts.append(("held-out excess after", number(after, std),
-                      after < 0.1 * abs(fit["heldout_excess_before"]) + 5.0 * std))
+                      after < 0.1 * fit["heldout_excess_before"] + 5.0 * std if shown else None))
         if fit["explainable_share_recovered"] is not None:
             share = fit["explainable_share_recovered"]
-            faint = share > 0.7 and mismatch.get("located") is False  # a share of next to nothing is no good news
+            faint = share > 0.7 and (mismatch.get("located") is False or bool(content.get("left_over")))  # no good news
             facts.append(("explained share of the residual", f"{100.0 * share:.3g} %", None if faint else share > 0.7))
     return facts
 
@@ -108,8 +110,8 @@ def _good_or_bad(probability: float) -> bool | None:
     return True if probability > MIN_GOOD_PROBABILITY else False if probability < MIN_EVEN_PROBABILITY else None
 
 
-def _within_noise(mismatch: Mapping) -> str:
-    return ", within noise" if mismatch.get("located") is False else ""
+def _within_margin(mismatch: Mapping) -> str:
+    return ", within noise and the practical margin" if mismatch.get("located") is False else ""
 
 
 def _parameters(content: Mapping) -> list[dict]:
@@ -133,11 +135,16 @@ def _value(entry: Mapping | None) -> str:
 def _candidate(record: DiagnosisRecord, entry: Mapping) -> dict:
     drop = lambda key: "–" if entry[key] is None else f"{entry[key]:.3g}"  # noqa: E731
     return {"title": _title(record, entry["name"]) + (f" ({entry['form']})" if entry["form"] else ""),
-            "label": entry["label"], "score": z_text(entry["score"]),
+            "label": entry["label"], "score": _score(entry["score"]),
             "effect": f"{entry['effect_px_rms']:.2g}",
             "visibility": f"{entry['visibility']:.2f}", "predicted": drop("predicted_chi2_drop"),
-            "achieved": drop("achieved_chi2_drop"), "heldout": heldout_drop(entry),
+            "achieved": "given up" if entry.get("problem") and not entry["refitted"] else drop("achieved_chi2_drop"),
+            "heldout": heldout_drop(entry),
             "standing": standing_of(record.content, entry, STANDINGS[entry["standing"]])}
+
+
+def _score(score: float) -> str:
+    return f"{score:.0f}" if abs(score) >= MIN_WHOLE_SCORE else z_text(score)
 
 
 def _title(record: DiagnosisRecord, name: str) -> str:
@@ -145,4 +152,6 @@ def _title(record: DiagnosisRecord, name: str) -> str:
 
 
 def _costs(cost: Mapping) -> list[tuple[str, str]]:
-    return [(key.removesuffix("_s").replace("_", " "), f"{value:.3g} s") for key, value in cost.items()]
+    """Processor and wall time; the parts of it are in diagnosis.json."""
+    return [(key.removesuffix("_s").replace("_", " "), f"{value:.3g} s") for key, value in cost.items()
+            if key in ("cpu_s", "wall_s")]

@@ -14,12 +14,13 @@ from idic.report.words import number, short_names, with_std
 MIN_GOOD_PROBABILITY = 0.9  # that the selected set holds the truth: good news
 MIN_EVEN_PROBABILITY = 0.5  # below, the truth is more probably elsewhere: bad news
 MIN_VALUE_STD = 2.0  # standard deviations: a value that is nearer to zero is not determined
-SAID_BY_TITLE = ("layers", "inclusion", "geometry", "camera")  # first parts of names
+SAID_BY_TITLE = ("layers", "inclusion", "gradient", "geometry", "camera")  # first parts of names
 MIN_COURSE_UNKNOWNS = 3  # unknowns of one kind, one per frame, from which on they are summed up
 OF_ANY_VALUE = (".layers.direction", ".layers.offset")  # parameters whose zero means no absence
 CENTRE = (".inclusion.x", ".inclusion.y")  # parameters that are a place
 FORMS = {"void": "next to no stiffness: a void, a cut or a crack"}
-MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
+UNITS_OF_GREY = {"defocus": "px²"}  # of candidates whose size is that of a column of grey values
+MIN_MOVE_STD = 2.0  # standard deviations after: a parameter that moved less is not worth a word
 SIDE_WORDS = {"bulk": "the specimen", "boundary": "the boundary", "camera": "the camera", "force": "the force"}
 
 
@@ -81,8 +82,8 @@ def standing_of(content: Mapping, entry: Mapping, otherwise: str) -> str:
         return otherwise
     best = "nearest" if content["verdict"] == "outside_library" else "selected"
     if entry["name"] in {one["name"] for one in content["excluded"]}:
-        return f"excluded beside the {best}"
-    return f"not visible beside the {best}" if entry["name"] in content["cannot_tell"] else otherwise
+        return f"excluded beside the {best} cause"
+    return f"not visible beside the {best} cause" if entry["name"] in content["cannot_tell"] else otherwise
 
 
 def _by_score_only(content: Mapping, entry: Mapping) -> bool:
@@ -124,10 +125,26 @@ def _selected(content: Mapping, titles: Mapping[str, str]) -> str:
     won = _won(content)
     for place, title in enumerate(selected_titles(content, titles)):
         values = new_values(content, won[place]["new"] if place < len(won) else None, place)
-        heads.append(title + (f" ({values})" if values else ""))
+        heads.append(with_size(title, values))
     what = f"{100.0 * share:.3g} % of the explainable residual" if share is not None else "the channels"
     listed = " and ".join(heads) if len(heads) < 3 else ", ".join(heads[:-1]) + f", and {heads[-1]}"
     return f"{listed} {verb} {what}"
+
+
+def with_size(title: str, size: str) -> str:
+    """A title with the values of its parameters, in one bracket with its form."""
+    if not size:
+        return title
+    return f"{title[:-1]}; {size})" if title.endswith(")") else f"{title} ({size})"
+
+
+def size_of_grey(content: Mapping, name: str | None) -> str:
+    """Size of a candidate that changes grey values and has no parameter, "" of another one."""
+    entry = next((c for c in content["candidates"] if c["name"] == name), None)
+    if name not in UNITS_OF_GREY or not entry or not entry.get("expected_change"):
+        return ""
+    (label, value), = entry["expected_change"].items()
+    return f"{label.partition(', place')[0]}: {with_std(value, entry['expected_change_std'], UNITS_OF_GREY[name])}"
 
 
 def _won(content: Mapping) -> list[Mapping]:
@@ -225,7 +242,7 @@ def _moves(content: Mapping) -> list[str]:
         new = after.get(name)
         if new is None or old["value"] is None or old["std"] is None:
             continue
-        if abs(new["value"] - old["value"]) > MIN_MOVE_STD * old["std"]:
+        if abs(new["value"] - old["value"]) > MIN_MOVE_STD * (new["std"] or old["std"]):
             found.append(f"{shown[name]} moves from {with_std(old['value'], old['std'], old['unit'])} to "
                          f"{with_std(new['value'], new['std'], new['unit'])}")
     return found
@@ -275,13 +292,14 @@ def _unexplained(content: Mapping) -> str:
                         for what in content.get("unexplained", ())) or MOTION
 
 
-def when_and_where(content: Mapping, sizes: bool = False) -> str:
-    """Onset and place, "" where neither is known; sizes : the values of a cause stand beside it.
+def when_and_where(content: Mapping, sizes: bool = False, visible: bool = True) -> str:
+    """Onset and place, "" where neither is known; sizes : the values of a cause stand beside it; visible : also since
+    when it exceeds the practical margin.
 
     The centre of a fitted inclusion is the place then: that of the source elements, from the residual alone, is
     another one by up to its radius.
     """
-    return _when_where(content, not (sizes and _has_own_place(content))).removesuffix(": ")
+    return _when_where(content, not (sizes and _has_own_place(content)), visible).removesuffix(": ")
 
 
 def _has_own_place(content: Mapping) -> bool:
@@ -290,14 +308,14 @@ def _has_own_place(content: Mapping) -> bool:
                for name, entry in content["model"].get("parameters_after", {}).items())
 
 
-def _when_where(content: Mapping, with_place: bool = True) -> str:
+def _when_where(content: Mapping, with_place: bool = True, with_visible: bool = True) -> str:
     onset, place = content["mismatch"].get("onset_frame"), with_place and content["mismatch"].get("place")
-    visible = content["mismatch"].get("visible_frame")
+    visible = with_visible and content["mismatch"].get("visible_frame")
     when = f"from frame {onset} on" if onset else "from the start" if onset == 0 else ""
     if began := _began(content):
         when = began
     elif onset == 0 and (visible or 0) > 1:
-        when += f" (visible from frame {visible} on)"
+        when += f" (more than noise from frame {visible} on)"
     where = f"{place}" if place else ""
     head = ", ".join(part for part in (when, where) if part)
     return f"{head}: " if head else ""

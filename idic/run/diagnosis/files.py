@@ -29,6 +29,7 @@ from idic.store.result_file import RESULT_FILE, finite, read_result, write_json
 
 DIAGNOSIS_FILE = "diagnosis.json"
 SCHEMA = "idic.diagnosis/1"
+MAX_NEAREST = 2  # further candidates that are told beside a remaining residual
 
 
 def write_diagnosis(run: Path | str, verdict: Mapping, enriched: Path | None, wall_s: float,
@@ -88,7 +89,7 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
     content["cautions"] = cautions(diagnosis)
     content["sentence"] = sentence(content, titles)
     content["headline"] = headline(content, titles)
-    content["left_over"] = left_over(content)
+    content["left_over"] = left_over(content, titles)
     content["not_excluded"] = [entry | {"title": titles.get(entry["name"], entry["name"])}
                                for entry in left_open]
     return content
@@ -111,8 +112,18 @@ def _left(diagnosis: Diagnosis) -> dict:
             "motion_share": left.share if left is not None and diagnosis.verdict.selected else None,
             "place_mm": None if place is None else place.tolist(),
             "place": None if place is None else f"around {in_words(place)} {diagnosis.found.experiment.length_unit}",
+            "nearest": _nearest(diagnosis),
             "channels": [{"column": one.column, "z": one.z, "share": one.share, "reading_share": one.reading_share,
                           "significant": one.is_significant, "matters": one.matters} for one in diagnosis.channels]}
+
+
+def _nearest(diagnosis: Diagnosis) -> list[str]:
+    """Candidates beside the last model that are significant and not selected, the strongest first."""
+    last, verdict = diagnosis.rounds[-1], diagnosis.verdict
+    in_model = set(verdict.selected).union(*verdict.indistinguishable)
+    seen = sorted((r for r in last.screening.ranked if r.standing in ("significant", "small")
+                   and r.candidate.name not in in_model), key=lambda r: -r.statistic)
+    return list(dict.fromkeys(r.candidate.name for r in seen))[:MAX_NEAREST]
 
 
 def _courses(diagnosis: Diagnosis) -> list[dict]:

@@ -44,7 +44,8 @@ def where_record(residual: ResidualEvidence, mismatch: Mismatch, selected: Selec
     real = mismatch.is_significant or selected is not None
     abscissa = experiment.times
     elsewhere = selected is not None and selected.side != mismatch.side and mismatch.is_significant
-    words = {"side": f"Share of the drop in chi-square of any smooth motion: {nested_tests.reason}."
+    words = {"side": f"How much of the residual each freedom explains, of what any smooth motion does. By it "
+                     f"{nested_tests.reason}."
                      + (" The selected candidate acts on another side: motion alone cannot attribute such a smooth "
                         "field, the refits can." if elsewhere else ""),
              "where": place_words(mismatch, experiment.length_unit) or "",
@@ -69,7 +70,8 @@ def _when(begin: int | None, interval: tuple[int, int] | None, visible: int | No
     if begin is None:
         return ""
     if begin == 0:
-        return f"The mismatch is present from the start and visible from frame {visible} on."
+        return "The mismatch is present from the start" + ("." if visible is None else
+                                                           f" and more than noise from frame {visible} on.")
     return f"The mismatch begins at frame {begin}" + (f" (95 %: {interval[0]} to {interval[1]})." if interval else ".")
 
 
