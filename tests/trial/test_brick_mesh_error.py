@@ -9,13 +9,14 @@ import pytest
 from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.known_error import MAX_FURTHER_SHARE, error_beside, further_share
 from idic.diagnose.discretisation.mesh_error import (REACTION_LEFT, brick_mesh_error, compared_frames,
-                                                       motion_error)
+                                                       motion_error, without_reactions)
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.experiment_file.load import load_rendered
 from idic.identify.systematic.real_thickness import thick
 from idic.identify.systematic.refinement import refined
 from idic.model.forward import build_forward, solve
+from idic.model.motion_error import MotionError
 from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS
 from idic.validation.trial.scenes.solve import Motion, true_mesh
@@ -99,14 +100,20 @@ def test_what_finer_bricks_lack_still_is_estimated_from_the_recording(tmp_path, 
     share = np.vdot(error.of_mesh.u, mesh.u) / np.vdot(mesh.u, mesh.u) - 1.0
     assert 0.7 < share < 1.3
     np.testing.assert_allclose(error.of_mesh.u, (1.0 + share) * mesh.u, atol=1e-12)
+    np.testing.assert_allclose(error.of_mesh.channels, mesh.channels, atol=1e-12)  # at their limit already
+    (_, own), (_, force) = (bricks(one, found.parameters) for one in (found.experiment, refined(refined(
+        found.experiment).experiment).experiment))
+    assert error.of_mesh.channels[-1, 0] == pytest.approx(force[-1, 0] - own[-1, 0], rel=0.2)
+    motions = without_reactions(mesh, found.experiment)
 
     def beside(factor):
-        there = replace(found.experiment, motion_error=mesh.scaled(factor).with_thickness(of_bricks))
+        there = replace(found.experiment, motion_error=motions.scaled(factor).with_thickness(
+            of_bricks.with_thickness(MotionError(0.0 * mesh.u, mesh.channels))))
         return residual_evidence(replace(found, experiment=there, forward=build_forward(there)), light=False)
 
-    assert further_share(beside(1.0 + share), mesh) == 0.0
-    assert further_share(beside(-5.0), mesh) == MAX_FURTHER_SHARE
-    assert further_share(beside(4.0), mesh) == 0.0  # less than the finer bricks say is no error of theirs
+    assert further_share(beside(1.0 + share), motions) == 0.0
+    assert further_share(beside(-5.0), motions) == MAX_FURTHER_SHARE
+    assert further_share(beside(4.0), motions) == 0.0  # less than the finer bricks say is no error of theirs
 
 
 def histories(*columns):

@@ -8,7 +8,7 @@ import numpy as np
 
 from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.following import at_values, following, moved
-from idic.diagnose.discretisation.mesh_error import brick_mesh_error, motion_error
+from idic.diagnose.discretisation.mesh_error import brick_mesh_error, motion_error, without_reactions
 from idic.diagnose.discretisation.turns import Begun, in_turns
 from idic.diagnose.discretisation.weight import change_matters, counts, error_column
 from idic.diagnose.refit_job import ExperimentSource
@@ -48,6 +48,7 @@ def error_beside(found: Identification, bricks: MotionError, of_sheet: MotionErr
     Where strains are singular, at the corners of a grip, elements of half the size halve an error, and the finer bricks
     have as much of it again. How much is estimated from the recording, within what such a convergence allows
     (`MAX_FURTHER_SHARE`), and only where it explains `MIN_FURTHER_DROP` of chi-square beside the free parameters.
+    Reactions have their own limit in the error already, and stay.
 
     of_sheet : where it is known
     """
@@ -55,10 +56,10 @@ def error_beside(found: Identification, bricks: MotionError, of_sheet: MotionErr
     if mesh is None:
         nothing = MotionError(np.zeros_like(bricks.u), np.zeros_like(bricks.channels))
         return (of_sheet or motion_error(found) or nothing).with_thickness(bricks)
-    error = mesh.with_thickness(bricks)
+    error, own = mesh.with_thickness(bricks), without_reactions(mesh, found.experiment)
     there = at_values(found, replace(found.experiment, motion_error=error), found.parameters.as_values())
-    further = further_share(residual_evidence(there, light=False), mesh)
-    return mesh.scaled(1.0 + further).with_thickness(bricks) if further else error
+    further = further_share(residual_evidence(there, light=False), own)
+    return MotionError(mesh.u + further * own.u, mesh.channels + further * own.channels).with_thickness(bricks)
 
 
 def further_share(residual: ResidualEvidence, mesh: MotionError) -> float:

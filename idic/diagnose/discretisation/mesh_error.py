@@ -122,6 +122,12 @@ def _with_reactions_of_the_limit(error: MotionError, experiment: Experiment) -> 
     return replace(error, channels=factor * error.channels)
 
 
+def without_reactions(error: MotionError, experiment: Experiment) -> MotionError:
+    """The same error of motions and other channels: reactions are at their limit, whatever else is lacking."""
+    factor = np.array([0.0 if channel.kind == "reaction" else 1.0 for channel in experiment.channels])
+    return replace(error, channels=factor * error.channels)
+
+
 def _on_given(finer: Refined) -> Difference:
     """Difference of two motions on the given mesh; of : the motion on it, and that on the finer one"""
     onto_given = projection(finer.experiment.mesh, finer.carry)

@@ -6,20 +6,25 @@ a radius of 3 mm they lie 0.03 mm inside the circle, and the body is stiffer by 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from idic.fe.mesh import element
-from idic.fe.mesh.mesh import Mesh, PerMesh, boundary_edges
-from idic.fe.mesh.morph import Hole, find_holes, fit_circle, jacobian_ratios, on_circle
+from idic.fe.mesh.mesh import Mesh, PerMesh, boundary_edges, make_mesh
+from idic.fe.mesh.morph import fit_circle, ratios_of_block, walls_about_a_centre
 
 MAX_TURN = np.radians(31.0)  # between neighbouring edges of an arc: twelve around a circle; an octagon stays one
 MIN_TURN = 1e-4  # flatter arcs are straight lines
 MAX_OFF_ARC = 0.25  # of the height of an arc over its chord: how far the corners that define an arc may lie off it
 CORNERS_OF_AN_ARC = 5  # in a row, on one circle: four may belong to a chamfer of one element between straight edges
-MIN_JACOBIAN = 0.25  # of its value with straight edges, at corners too: an element that keeps less keeps them
+MIN_JACOBIAN = 0.25  # of its value with straight edges, at nodes too: an element that keeps less keeps them
+MIN_SHIFT = 1e-9  # of the size of the body: a smaller one is rounding
+THIN_HEIGHTS = 20.0  # of an arc over its chord, between two arcs: a layer whose thickness a polygon changes by a tenth
 
 _CURVED = PerMesh()  # a diagnosis loads an experiment for every variant, on one mesh
 
@@ -27,47 +32,83 @@ _CURVED = PerMesh()  # a diagnosis loads an experiment for every variant, on one
 def curved(mesh: Mesh) -> Mesh:
     """The mesh of quadratic elements with straight edges, its middle nodes put on the arcs of the boundary.
 
-    In the plane any row of five corners of a boundary on one circle counts as an arc; of a solid, round holes along z.
-    Elements that this would flatten keep straight edges. The same object where no edge is curved.
+    In the plane any row of five corners of a boundary on one circle counts as an arc; of a solid, round walls along z.
+    Boundaries are those of the body and those of its element sets, so that a thin layer between two of them keeps its
+    thickness. Elements that this would flatten keep straight edges. The same object where no edge is curved.
     """
-    return _CURVED.once(mesh, (), lambda: _curved(mesh))
+    made = _CURVED.once(mesh, (), lambda: _curved(mesh))
+    return mesh if made is None else made
 
 
-def _curved(mesh: Mesh) -> Mesh:
+def _curved(mesh: Mesh) -> Mesh | None:
     if any(len(element.cell(block.cell).reference_nodes) == element.cell(block.cell).n_corners
            for block in mesh.blocks):
         raise ValueError("linear elements have no middle nodes")
-    if mesh.n_dim == 2:
-        nodes = mesh.nodes.copy()
-        for middle, place in _on_arcs(mesh):
-            nodes[middle] = place
-    else:
-        nodes = on_circle(mesh, _round_holes(mesh)).nodes
-    moved = np.flatnonzero((nodes != mesh.nodes).any(axis=1))
-    for block, flat in _flattened(mesh, nodes):
-        kept = np.intersect1d(block.connectivity[flat], moved)
+    arcs = _arcs_in_plane(mesh) if mesh.n_dim == 2 else list(_round_walls(mesh))
+    nodes = mesh.nodes.copy()
+    for arc in arcs:
+        nodes[arc.middles] = arc.places
+    while len(flat := _flattened(mesh, nodes)):
+        kept = _straight_again(mesh, nodes, arcs, flat)
         nodes[kept] = mesh.nodes[kept]
-    return replace(mesh, nodes=nodes) if (nodes != mesh.nodes).any() else mesh
+    return replace(mesh, nodes=nodes) if (nodes != mesh.nodes).any() else None
 
 
-def _on_arcs(mesh: Mesh) -> Iterator[tuple[int, np.ndarray]]:
-    """Middle nodes of the boundary and their places on arcs."""
-    for loop in boundary_edges(mesh):
-        ends = np.array([mesh.face_nodes(edge)[:3] for edge in loop])  # corner, corner, middle, in walking order
-        n = len(loop)
-        if n < CORNERS_OF_AN_ARC:
-            continue
-        corners = mesh.nodes[ends[:, 0]]
-        places: dict[int, list[np.ndarray]] = {}
-        for first in range(n):
-            edges = (first + np.arange(CORNERS_OF_AN_ARC - 1)) % n
-            arc = _arc(corners[(first + np.arange(CORNERS_OF_AN_ARC)) % n])
-            for edge in edges if arc is not None else ():
-                middle = int(ends[edge, 2])
-                offset = mesh.nodes[middle] - arc[0]
-                places.setdefault(middle, []).append(arc[0] + offset * (arc[1] / np.hypot(*offset)))
-        for middle, found in places.items():
-            yield middle, np.mean(found, axis=0)
+@dataclass(frozen=True, eq=False)
+class _Arc:
+    """Middle nodes that hang together (n,), their places (n, dim) mm, and the largest height of an arc over its chord,
+    mm."""
+
+    middles: np.ndarray
+    places: np.ndarray
+    height: float
+
+
+def _parts(mesh: Mesh) -> Iterator[Mesh]:
+    """The body, and every element set of it, on the same nodes."""
+    yield mesh
+    for elements in mesh.element_sets.values():
+        if 0 < len(elements) < mesh.n_elements:
+            yield make_mesh(mesh.nodes, [(block.cell, block.connectivity[own - block.first]) for block in mesh.blocks
+                                         if len(own := elements[(elements >= block.first) & (
+                                             elements < block.first + block.n_elements)])])
+
+
+def _arcs_in_plane(mesh: Mesh) -> list[_Arc]:
+    places: dict[int, list[np.ndarray]] = {}
+    ends: dict[int, np.ndarray] = {}
+    for part in _parts(mesh):
+        for loop in boundary_edges(part):
+            edges = np.array([part.face_nodes(edge)[:3] for edge in loop])  # corner, corner, middle, in walking order
+            ends |= {int(middle): edges[k, :2] for k, middle in enumerate(edges[:, 2])}
+            for middle, place in _on_arcs(mesh.nodes, edges):
+                places.setdefault(middle, []).append(place)
+    if not places:
+        return []
+    middles = np.array(sorted(places))
+    at = np.array([np.mean(places[middle], axis=0) for middle in middles])
+    far = np.hypot(*(at - mesh.nodes[middles]).T)
+    middles, at, far = (one[far > MIN_SHIFT * np.ptp(mesh.nodes, axis=0).max()] for one in (middles, at, far))
+    label = _hanging_together(np.array([ends[middle] for middle in middles]).reshape(-1, 2), mesh.n_nodes)
+    return [_Arc(middles[label == k], at[label == k], float(far[label == k].max())) for k in np.unique(label)]
+
+
+def _hanging_together(edges: np.ndarray, n_nodes: int) -> np.ndarray:
+    """Label of every edge (n, 2): edges that share a corner have the same one  # (n,)"""
+    graph = sparse.coo_array((np.ones(len(edges)), edges.T), shape=(n_nodes, n_nodes))
+    return connected_components(graph, directed=False)[1][edges[:, 0]]
+
+
+def _on_arcs(nodes: np.ndarray, edges: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Middle nodes of a closed loop of edges (n, 3) and their places on arcs."""
+    n = len(edges)
+    for first in range(n if n >= CORNERS_OF_AN_ARC else 0):
+        own = (first + np.arange(CORNERS_OF_AN_ARC)) % n
+        arc = _arc(nodes[edges[own, 0]])
+        for edge in own[:-1] if arc is not None else ():
+            middle = int(edges[edge, 2])
+            offset = nodes[middle] - arc[0]
+            yield middle, arc[0] + offset * (arc[1] / np.hypot(*offset))
 
 
 def _arc(corners: np.ndarray) -> tuple[np.ndarray, float] | None:
@@ -89,24 +130,45 @@ def _height(chord: float, radius: float) -> float:
     return radius - float(np.sqrt(max(radius**2 - 0.25 * chord**2, 0.0)))
 
 
-def _round_holes(mesh: Mesh) -> Iterable[Hole]:
-    """Holes along z whose corners lie on a circle."""
-    for hole in find_holes(mesh):
-        corners = np.intersect1d(hole.rim, np.concatenate(
-            [block.connectivity[:, :element.cell(block.cell).n_corners].ravel() for block in mesh.blocks]))
-        offset = mesh.nodes[corners, :2] - hole.centre
-        around = np.unique(np.round(np.arctan2(offset[:, 1], offset[:, 0]), 6))
-        turn = np.diff(np.append(around, around[0] + 2.0 * np.pi))
-        off = np.abs(np.hypot(*offset.T) - hole.radius).max()
-        if turn.max() <= MAX_TURN and off <= MAX_OFF_ARC * hole.radius * (1.0 - np.cos(0.5 * np.median(turn))):
-            yield hole
+def _round_walls(mesh: Mesh) -> Iterator[_Arc]:
+    """Holes and outsides along z whose corners lie on a circle."""
+    corners = np.unique(np.concatenate([block.connectivity[:, :element.cell(block.cell).n_corners].ravel()
+                                        for block in mesh.blocks]))
+    known: set[int] = set()
+    for part in _parts(mesh):
+        for wall in walls_about_a_centre(part):
+            height = wall.hole.radius * float(1.0 - np.cos(0.5 * np.median(wall.turns)))
+            middles = np.setdiff1d(wall.hole.rim, [*corners, *known])
+            if wall.turns.max() > MAX_TURN or wall.off > MAX_OFF_ARC * height or not len(middles):
+                continue
+            known.update(middles.tolist())
+            places = mesh.nodes[middles].copy()
+            offset = places[:, :2] - wall.hole.centre
+            places[:, :2] = wall.hole.centre + offset * (wall.hole.radius / np.hypot(*offset.T))[:, None]
+            far = np.hypot(*(places - mesh.nodes[middles])[:, :2].T)
+            moves = far > MIN_SHIFT * np.ptp(mesh.nodes, axis=0).max()  # others stand in the corners' lines along z
+            yield _Arc(middles[moves], places[moves], height)
 
 
-def _flattened(mesh: Mesh, nodes: np.ndarray) -> Iterator[tuple]:
-    """Blocks, and which of their elements keep too little of their Jacobian with other nodes  # (n_elements,) bool"""
-    ratios, start = jacobian_ratios(mesh, nodes), 0
-    for block in mesh.blocks:
-        per_element = len(element.quadrature(block.cell)[0]) + element.cell(block.cell).n_corners
-        n = block.n_elements * per_element
-        yield block, ratios[start:start + n].reshape(-1, per_element).min(axis=1) < MIN_JACOBIAN
-        start += n
+def _flattened(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
+    """Nodes of elements that keep too little of their Jacobian with other nodes."""
+    flat = [block.connectivity[ratios_of_block(block, mesh.nodes, nodes, len(
+        element.cell(block.cell).reference_nodes)).min(axis=1) < MIN_JACOBIAN].ravel() for block in mesh.blocks]
+    return np.unique(np.concatenate(flat))
+
+
+def _straight_again(mesh: Mesh, nodes: np.ndarray, arcs: Sequence[_Arc], flat: np.ndarray) -> np.ndarray:
+    """Middle nodes that go back to their chords for the sake of flattened elements.
+
+    Those of the elements alone; beside another arc, as near as thin layers have it, that arc and its own as a whole:
+    with one side of a thin layer round and the other one not, it would be wrong by more than with two polygons.
+    """
+    left = [arc for arc in arcs if (nodes[arc.middles] != mesh.nodes[arc.middles]).any()]
+    own = [arc for arc in left if np.isin(arc.middles, flat).any()]
+    kept = [flat]
+    for arc in own:
+        tree = cKDTree(mesh.nodes[arc.middles])
+        near = [other for other in left if other is not arc and tree.query(mesh.nodes[other.middles])[0].min()
+                < THIN_HEIGHTS * max(arc.height, other.height)]
+        kept += [one.middles for one in (arc, *near)] if near else []
+    return np.unique(np.concatenate(kept))

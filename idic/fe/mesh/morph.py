@@ -7,7 +7,7 @@ changes are exact on the rim: a circle stays a circle.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from scipy.sparse.linalg import splu
 
 from idic.errors import NotConverged
 from idic.fe.mesh import element
-from idic.fe.mesh.mesh import Mesh, boundary_faces, face_set_nodes
+from idic.fe.mesh.mesh import Block, Mesh, boundary_faces, face_set_nodes
 
 MAX_OFF_CIRCLE = 0.05  # of the radius: how far corner nodes of a rim may lie off its circle (meshes made on an image)
 MAX_WALL_NORMAL_Z = 0.5  # |n_z| of a wall of a solid; top and bottom face are no walls
@@ -37,6 +37,20 @@ class Hole:
     rim: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """A wall around a centre.
+
+    looks_inwards : of a hole, not of the outside of a tube; off : mm, how far its corner nodes lie off the circle;
+    turns : (n,) rad, angle that every face spans
+    """
+
+    hole: Hole
+    looks_inwards: bool
+    off: float
+    turns: np.ndarray
+
+
 @dataclass(frozen=True)
 class Morph:
     """One geometric degree of freedom: its value `start` on the mesh as read, and V = dX/dvalue  # (n_nodes, dim)"""
@@ -51,18 +65,25 @@ def find_holes(mesh: Mesh) -> tuple[Hole, ...]:
 
     Holes that are not round (corner nodes off the circle by more than 5 % of its radius) are left out.
     """
-    faces, normals = _walls(mesh)
-    holes = []
-    for part in _connected(mesh, faces):
-        corners = np.unique(np.concatenate([mesh.face_nodes(face)[:_n_corners(mesh)] for face in faces[part]]))
-        centre, radius = fit_circle(mesh.nodes[corners, :2])
-        middles = np.array([mesh.nodes[mesh.face_nodes(face)[:_n_corners(mesh)], :2].mean(axis=0)
-                            for face in faces[part]])
-        inwards = np.einsum("ni,ni->n", normals[part], centre - middles) > 0  # out of the material, into the hole
-        off = np.abs(np.hypot(*(mesh.nodes[corners, :2] - centre).T) - radius).max()
-        if inwards.all() and off <= MAX_OFF_CIRCLE * radius:
-            holes.append(Hole(centre, radius, face_set_nodes(mesh, faces[part])))
+    holes = [wall.hole for wall in walls_about_a_centre(mesh)
+             if wall.looks_inwards and wall.off <= MAX_OFF_CIRCLE * wall.hole.radius]
     return tuple(sorted(holes, key=lambda hole: tuple(np.round(hole.centre, 9))))
+
+
+def walls_about_a_centre(mesh: Mesh) -> Iterator[Wall]:
+    """Connected walls whose faces all look towards the centre of their circle, or all away from it: holes, tubes."""
+    faces, normals = _walls(mesh)
+    for part in _connected(mesh, faces):
+        own = np.array([mesh.face_nodes(face)[:_n_corners(mesh)] for face in faces[part]])  # (n, corners)
+        corners = np.unique(own)
+        centre, radius = fit_circle(mesh.nodes[corners, :2])
+        offsets = mesh.nodes[own, :2] - centre
+        side = np.einsum("ni,ni->n", normals[part], offsets.mean(axis=1))
+        if (side < 0).all() or (side > 0).all():
+            angles = np.arctan2(offsets[..., 1], offsets[..., 0])
+            turns = np.ptp((angles - angles[:, :1] + np.pi) % (2.0 * np.pi), axis=1)
+            off = float(np.abs(np.hypot(*(mesh.nodes[corners, :2] - centre).T) - radius).max())
+            yield Wall(Hole(centre, radius, face_set_nodes(mesh, faces[part])), bool(side[0] < 0), off, turns)
 
 
 def fit_circle(points: np.ndarray) -> tuple[np.ndarray, float]:
@@ -144,15 +165,16 @@ def morphed(mesh: Mesh, morphs: Iterable[Morph], values: Mapping[str, float]) ->
 
 def jacobian_ratios(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
     """det dX/dxi with other nodes over that of the mesh, at integration points and corners of all elements  # (n,)"""
-    ratios = []
-    for block in mesh.blocks:
-        cell = element.cell(block.cell)
-        points = np.concatenate([element.quadrature(block.cell)[0], cell.reference_nodes[:cell.n_corners]])
-        slopes = element.gradient(block.cell, points)
-        new, old = (np.linalg.det(np.einsum("eai,qaj->eqij", x[block.connectivity], slopes))
-                    for x in (nodes, mesh.nodes))
-        ratios.append((new / old).ravel())
-    return np.concatenate(ratios)
+    return np.concatenate([ratios_of_block(block, mesh.nodes, nodes, element.cell(block.cell).n_corners).ravel()
+                           for block in mesh.blocks])
+
+
+def ratios_of_block(block: Block, before: np.ndarray, after: np.ndarray, n_nodes: int) -> np.ndarray:
+    """The same of one block, at integration points and its first `n_nodes` nodes  # (n_elements, n_points)"""
+    points = np.concatenate([element.quadrature(block.cell)[0], element.cell(block.cell).reference_nodes[:n_nodes]])
+    slopes = element.gradient(block.cell, points)
+    new, old = (np.linalg.det(np.einsum("eai,qaj->eqij", x[block.connectivity], slopes)) for x in (after, before))
+    return new / old
 
 
 def _n_corners(mesh: Mesh) -> int:
