@@ -97,8 +97,9 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
     identified, first = diagnosis.found.parameters, diagnosis.rounds[0]
     known = None if first.source is None else first.source.motion_error
     bricks = first.null if diagnosis.corrected is None else diagnosis.corrected
-    moves = {name: (f"{identified[name].value:.4g}", f"{bricks.values[name]:.4g}") for name in identified.free}
-    values = "; ".join(f"{name} {own}, about {real} with bricks" for name, (own, real) in moves.items() if own != real)
+    values = "; ".join(f"{name} {identified[name].value:.4g}, about {bricks.values[name]:.4g} with bricks"
+                       for name in identified.free
+                       if abs(bricks.values[name] - identified[name].value) > (bricks.stds.get(name) or 0.0))
     is_first = known is not None and known.thickness is not None  # counted before any cause
     told = f" ({values})" if is_first and values else ""
     return [f"The specimen is not in plane stress: the motion of bricks of its thickness ({experiment.thickness:.3g} "

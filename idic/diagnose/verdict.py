@@ -184,7 +184,6 @@ def _separating(candidate: Candidate) -> str | None:
 
 def bound_text(ranked: Ranked) -> str:
     """What is excluded, in the candidate's own unit."""
-    name = ranked.variant.new[0] if ranked.variant.direct else f"the effect of {ranked.label!r}"
     if ranked.variant.direct:
         return f"|{ranked.label}| < {ranked.bound:.2g} (95 %)"
-    return f"less than {100.0 * ranked.bound:.2g} % of {name.removeprefix('the effect of ')} (95 %)"
+    return f"less than {100.0 * ranked.bound:.2g} % of its plausible size ({ranked.label}; 95 %)"

@@ -49,10 +49,13 @@ def mismatch_words(mismatch: Mismatch | None, selected: SelectedEffect | None, s
 
 
 def place_words(mismatch: Mismatch, unit: str) -> str | None:
-    """Number and centre of the source elements; None without one."""
+    """Number and centre of the source elements, or the region over which they are spread; None without one."""
     place = mismatch.place
     if place is None:
         return None
+    if not place.has_centre:
+        size = " × ".join(f"{length:.3g}" for length in place.extent)
+        return f"Place: {len(place.elements)} source elements over {size} {unit}."
     at = in_words(place.centroid, place.centroid_std)
     return f"Place: {len(place.elements)} source elements, centred at {at} {unit}."
 

@@ -18,7 +18,8 @@ class Place:
     """Elements of the source.
 
     elements : (n,) global indices; centroid, centroid_std, extent : (dim,) mm, extent along the axes; p_value : of the
-    strongest element, family-wise
+    strongest element, family-wise; has_centre : whether an element lies at the centroid, which may be the middle of a
+    hole or between two corners
     """
 
     elements: np.ndarray
@@ -26,6 +27,7 @@ class Place:
     centroid_std: np.ndarray
     extent: np.ndarray
     p_value: float
+    has_centre: bool = True
 
 
 def place_of(mesh: Mesh, source_map: SourceMap) -> Place | None:
@@ -41,9 +43,11 @@ def place_of(mesh: Mesh, source_map: SourceMap) -> Place | None:
     elements = _belonging(source_map.z, source_map.p)
     points = centres[elements]
     again = [_centroid(centres, source_map.z + noise, source_map.p) for noise in source_map.draws]
-    nodes = np.concatenate([_nodes_of(mesh, int(e)) for e in elements])
-    return Place(elements, _centroid(centres, source_map.z, source_map.p), np.std(again, axis=0),
-                 np.ptp(mesh.nodes[nodes], axis=0) if len(points) else np.zeros(mesh.n_dim), float(source_map.p.min()))
+    own = [_nodes_of(mesh, int(e)) for e in elements]
+    centroid, nodes = _centroid(centres, source_map.z, source_map.p), np.concatenate(own)
+    size = max(np.linalg.norm(mesh.nodes[of] - at, axis=1).max() for of, at in zip(own, points, strict=True))
+    return Place(elements, centroid, np.std(again, axis=0), np.ptp(mesh.nodes[nodes], axis=0),
+                 float(source_map.p.min()), bool(np.linalg.norm(points - centroid, axis=1).min() <= size))
 
 
 def _belonging(z: np.ndarray, p: np.ndarray) -> np.ndarray:
