@@ -10,8 +10,8 @@ from matplotlib.ticker import MaxNLocator
 
 from idic.report.diagnosis.record import Curve, DiagnosisRecord
 from idic.report.diagnosis.words import is_sure, name_of_best, strongest
-from idic.report.figures.style import (BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, Picture, label_frames,
-                                       look, new_figure, to_picture)
+from idic.report.figures.style import (BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, SKY, Picture,
+                                       label_frames, look, new_figure, to_picture)
 from idic.report.words import short_names
 
 COLOUR_LIMIT_STD = 5.0  # standard deviations at the ends of the colour bar
@@ -123,7 +123,7 @@ def _scores(axis, record: DiagnosisRecord, entries) -> list[Patch]:
     axis.set(yticks=y, xlabel="score [standard deviations]", title="Score", xlim=(0.0, 1.12 * largest))
     axis.set_yticklabels([_label(record, c) for c in entries])
     names = {_best_colour(record): name_of_best(record.content), ORANGE: "significant by score",
-             GREY: "significant, below the practical margin", FAINT: "not significant"}
+             SKY: "significant, below the practical margin", FAINT: "not significant"}
     filled = {colour for one, colour in zip(hollow, colours, strict=True) if not one}
     return [Patch(facecolor=colour, label=name) for colour, name in names.items() if colour in filled] + [
         Patch(facecolor="white", edgecolor=_best_colour(record), label="indistinguishable")] * any(hollow)
@@ -219,7 +219,7 @@ def _in_set(record: DiagnosisRecord, entry) -> bool:
 def _colour(record: DiagnosisRecord, entry) -> str:
     if entry["named"] or _in_set(record, entry):
         return _best_colour(record)
-    return {"significant": ORANGE, "small": GREY}.get(entry["standing"], FAINT)
+    return {"significant": ORANGE, "small": SKY}.get(entry["standing"], FAINT)
 
 
 def _best_colour(record: DiagnosisRecord) -> str:
