@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from side_twins import Side, write_folder
 
-from idic.diagnose.discretisation.following import following
+from idic.diagnose.discretisation.following import following, moved, share_of_step
 from idic.diagnose.discretisation.weight import followed
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.residual_evidence import residual_evidence
@@ -49,3 +49,13 @@ def test_parameters_follow_an_error_before_it_is_simulated(found):
                           for what in ("u", "channels")))
     assert followed(here, None, error)[name] == pytest.approx(-0.002 * values[name], rel=0.02)
     assert followed(here, error, error)[name] == pytest.approx(0.0, abs=1e-9 * values[name])
+
+
+def test_a_step_that_would_carry_a_modulus_to_zero_is_shortened_as_a_whole(found):
+    """The bulk modulus of a bent rubber sheet went from 57 MPa to its bound beside bricks, and ended the diagnosis."""
+    name, values = found.parameters.free[0], found.parameters.as_values()
+    assert found.parameters[name].transform == "log"
+    there = moved(found, {name: -2.0 * values[name]}).parameters
+    assert there[name].value == pytest.approx(0.5 * values[name])
+    assert share_of_step(found.parameters, {name: 0.1 * values[name]}) == 1.0
+    assert share_of_step(found.parameters, {name: 0.0}) == share_of_step(found.parameters, {}) == 1.0

@@ -13,10 +13,12 @@ from idic.identify.in_memory import Identification
 from idic.identify.step.state import AcceptedPoint
 from idic.model.experiment import Experiment
 from idic.model.forward import build_forward
+from idic.parameters import ParameterSet
 
 # of a parameter: an error of the simulation that was found so near is not found anew. Beside a new one the parameters
 # move by a part of this distance
 NEAR_STD = 0.25
+MAX_CHANGE = 0.5  # of a positive parameter, by one step
 
 
 def following(residual: ResidualEvidence) -> tuple[dict[str, float], float]:
@@ -39,12 +41,23 @@ def _leaves(value: float, step: float, bounds: tuple[float, float]) -> bool:
 
 
 def moved(found: Identification, steps: Mapping[str, float]) -> Identification:
-    """At other values of free parameters, within their bounds; steps : of those that move"""
-    values = found.parameters.as_values()
+    """At other values of free parameters, within their bounds; steps : of those that move
+
+    A step is shortened as a whole where a positive parameter would change by more than half its value, as that is
+    beyond first order: a bulk modulus of rubber that a bent sheet hardly determines went to zero.
+    """
+    values, share = found.parameters.as_values(), share_of_step(found.parameters, steps)
     for name, change in steps.items():
         low, high = found.parameters[name].bounds
-        values[name] = float(np.clip(values[name] + change, low, high))
+        values[name] = float(np.clip(values[name] + share * change, low, high))
     return at_values(found, found.experiment, values)
+
+
+def share_of_step(parameters: ParameterSet, steps: Mapping[str, float]) -> float:
+    """How much of a step first order allows: 1, or less where a positive parameter changes by `MAX_CHANGE`."""
+    sizes = [abs(change) / abs(parameters[name].value) for name, change in steps.items()
+             if parameters[name].transform == "log"]
+    return min(1.0, MAX_CHANGE / max(sizes, default=MAX_CHANGE)) if max(sizes, default=0.0) > 0.0 else 1.0
 
 
 def at_values(found: Identification, experiment: Experiment, values: dict[str, float]) -> Identification:
