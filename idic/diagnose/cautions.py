@@ -81,9 +81,10 @@ def outline_caution(share: float | None, word: str) -> list[str]:
     """
     if share is None or word in ("none", "blind"):
         return []
-    return [f"The mesh is the outline of the points, whose narrowest width may be off by {share:.1%}. A wrong "
-            "outline looks like a wrong thickness, force scale or stiffness, and like another stiffness at notches "
-            "and holes: it may explain the whole finding. Draw the outline (outline_mm in mesh) and diagnose again."]
+    return [f"The mesh is the outline of the points, whose narrowest width may be off by {100.0 * share:.1f} %. A "
+            "wrong outline looks like a wrong thickness, force scale or stiffness, and like another stiffness at "
+            "notches and holes: it may explain the whole finding. Draw the outline (outline_mm in mesh) and diagnose "
+            "again."]
 
 
 def thickness_caution(diagnosis: Diagnosis) -> list[str]:
@@ -198,7 +199,7 @@ def channel_cautions(channels: Sequence[ChannelLeft], unexplained: Sequence[str]
     """Channels of which too much is left for the verdict of one or several causes; unexplained : columns that the
     verdict names."""
     return [f"{one.column} is not explained: {100.0 * one.reading_share:.2g} % of its largest reading is left "
-            f"({z_text(one.z)} standard deviations, {min(one.share, 1.0):.0%} of the excess before)."
+            f"({z_text(one.z)} standard deviations, {100.0 * min(one.share, 1.0):.0f} % of the excess before)."
             for one in channels if one.matters or one.column in unexplained]
 
 
@@ -220,7 +221,7 @@ def formal_fit(excesses: Sequence[ExcessLeft]) -> list[str]:
     look = (" Look at the specimen there: a cut, a crack or a part of another shape moves like that."
             if inclusion else "")
     before = left.before
-    part = (f", {left.after.excess / before.excess:.1%} of the excess before"
+    part = (f", {100.0 * (left.after.excess / before.excess):.1f} % of the excess before"
             if before.excess > before.excess_std else "")
     return [f"{what}: {left.motion_px:.2g} px rms of motion {where} are left "
             f"({z_text(left.after.excess_z)} standard deviations{part}).{look}"]
@@ -247,8 +248,8 @@ def refits_given_up(rounds: Sequence[Round]) -> list[str]:
     """Rivals whose simulations found no equilibrium, and whose score promised to come near the selected candidate."""
     return [f"{rival.ranked.called} was not compared with {one.winner.ranked.called}: its refit was given up, as "
             f"{MAX_FAILED_SIMULATIONS} of its simulations found no equilibrium. By its score it explains "
-            f"{min(rival.predicted / one.winner.achieved, 1.0):.0%} of the same drop in chi-square. The recording "
-            "neither confirms nor excludes it."
+            f"{100.0 * min(rival.predicted / one.winner.achieved, 1.0):.0f} % of the same drop in chi-square. The "
+            "recording neither confirms nor excludes it."
             for one in rounds if one.winner is not None for rival in one.rivals
             if rival.refitted.given_up and rival.predicted > MIN_RIVAL_SHARE * one.winner.achieved]
 
@@ -284,7 +285,7 @@ def rivals_not_ruled_out(rounds: Sequence[Round], after: Fit) -> list[str]:
             if (why and near and rival is not winner and rival.name not in one.equals
                     and left > MIN_LEFT_OF_DIFFERENCE * (winner.achieved - rival.achieved)):
                 share = rival.achieved / winner.achieved
-                found.append(f"{other.called} is not ruled out: its refit reaches {share:.1%} of the drop in "
+                found.append(f"{other.called} is not ruled out: its refit reaches {100.0 * share:.1f} % of the drop in "
                              f"chi-square of "
                              f"{selected.called}, and the excess left at the end is a good part of the difference "
                              f"({why}).")

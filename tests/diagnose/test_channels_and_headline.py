@@ -75,7 +75,7 @@ def test_of_an_excess_within_noise_no_share_is_told():
 def test_a_channel_that_is_left_is_told_with_its_size():
     (said,) = channel_cautions([channel(10.0, 3.5), channel(20.0, 3.5)])
     assert said.startswith("force_N is not explained: 0.67 % of its largest reading")
-    assert "11% of the excess before" in said
+    assert "11 % of the excess before" in said
 
 
 def test_a_channel_that_no_candidate_explains_is_no_none():
@@ -235,7 +235,7 @@ def test_an_effect_that_does_not_show_is_named_with_the_shift_that_it_would_caus
 
 def test_a_finding_on_an_outline_of_points_may_be_the_outline():
     (said,) = outline_caution(0.052, "multiple")
-    assert "5.2%" in said and "outline_mm" in said
+    assert "5.2 %" in said and "outline_mm" in said
     assert outline_caution(0.052, "none") == [] and outline_caution(None, "multiple") == []
 
 
@@ -258,7 +258,7 @@ def test_a_larger_model_that_waits_for_its_limit_is_not_excluded_where_a_part_re
     before, after = left(300.0), left(left_px2)
     found = list(larger_models([one], conclude([one], before, after, True, [ExcessLeft(before, after, POWER)])))
     assert [entry["name"] for entry in found] == told
-    assert all("has orthotropic elasticity as a special case; its score promised 110%" in entry["why"]
+    assert all("has orthotropic elasticity as a special case; its score promised 110 %" in entry["why"]
                for entry in found)
 
 

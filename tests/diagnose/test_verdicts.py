@@ -336,7 +336,7 @@ def test_a_reader_is_told_of_a_rival_whose_simulations_found_no_equilibrium_wher
         return [replace(round_of(screening()), rivals=rivals, winner=winner)]
 
     (told,) = refits_given_up(won(winner, torn(600.0)))
-    assert told.startswith("damage was not compared with plasticity") and "60%" in told and "nor excludes" in told
+    assert told.startswith("damage was not compared with plasticity") and "60 %" in told and "nor excludes" in told
     lagging = torn(600.0, "given up at 20% of what the best explains")
     for one in (won(winner, torn(200.0)), won(winner, lagging), [round_of(screening())], won(winner)):
         assert refits_given_up(one) == []
@@ -356,7 +356,7 @@ def test_a_known_rival_that_explains_much_is_reported_where_both_leave_a_large_e
     one = round_of(screening(), [winner, behind])
     much, little = left(300.0 / T), left(150.0 / T)  # of a difference of 2000
     (told,) = rivals_not_ruled_out([one], much)
-    assert told.startswith("plasticity is not ruled out: its refit reaches 60.0% of the drop") and "unload" in told
+    assert told.startswith("plasticity is not ruled out: its refit reaches 60.0 % of the drop") and "unload" in told
     assert rivals_not_ruled_out([one], little) == rivals_not_ruled_out([one], left(0.0)) == []
     far, stranger = rival("plasticity", 1400.0), rival("thermal_expansion", 4000.0)
     for rivals in ([winner, far], [winner, stranger], [behind], []):

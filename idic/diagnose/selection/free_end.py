@@ -190,8 +190,8 @@ def end_motions(source: ExperimentSource, situation: Situation) -> Iterator[EndM
 
 def told(end: FreeEnd, mismatch: Mismatch, rounds: Sequence[Round]) -> tuple[Mismatch, list[Round]]:
     """Side and rounds of a diagnosis whose last word is a free end: no cause is selected."""
-    reason = (f"the free motion of {end.motion.nodes} describes {end.share:.0%} of the residual on held-out data, more "
-              "than any cause of the library")
+    reason = (f"the free motion of {end.motion.nodes} describes {100.0 * end.share:.0f} % of the residual on held-out "
+              "data, more than any cause of the library")
     tests = replace(mismatch.nested_tests, side="boundary", reason=reason)
     return (replace(mismatch, side="boundary", nested_tests=tests),
             [replace(rounds[0], winner=None, equals=(), passed_over=None)])

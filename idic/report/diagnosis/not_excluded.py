@@ -80,8 +80,8 @@ def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]
             reach = "explains" if rival.refitted.usable else "was predicted to explain"
             given_up = "" if rival.refitted.usable else " (its refit was given up)"
             yield {"name": other.name,
-                   "why": f"{reach} {min(share, 1.0):.0%} of what {selected.title} explains{given_up}; a part "
-                                              f"remains{f': {known}' if known else ''}"}
+                   "why": f"{reach} {100.0 * min(share, 1.0):.0f} % of what {selected.title} explains{given_up}; a "
+                          f"part remains{f': {known}' if known else ''}"}
 
 
 def larger_models(won: Sequence[Round], verdict: Verdict) -> Iterator[dict[str, str]]:
@@ -98,8 +98,8 @@ def larger_models(won: Sequence[Round], verdict: Verdict) -> Iterator[dict[str, 
             if is_larger and ranked.key not in refitted and ranked.candidate.name not in settled:
                 yield {"name": ranked.candidate.name,
                        "why": f"has {winner.candidate.title} as a special case; its score promised "
-                              f"{ranked.gain / winner.gain:.0%} of what that one's did, too little for a refit; a part "
-                              f"remains"}
+                              f"{100.0 * (ranked.gain / winner.gain):.0f} % of what that one's did, too little for a "
+                              "refit; a part remains"}
 
 
 def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
