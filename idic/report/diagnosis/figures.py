@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from idic.report.diagnosis.record import Curve, DiagnosisRecord
+from idic.report.diagnosis.record import KNOWN_ERROR_COUNTED, Curve, DiagnosisRecord
 from idic.report.diagnosis.words import is_sure, name_of_best, strongest
 from idic.report.figures.style import (BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, SKY, Picture,
                                        label_frames, look, new_figure, to_picture)
@@ -51,7 +51,9 @@ def _residual_maps(record: DiagnosisRecord, camera: str, maps: Sequence[tuple[st
                           f"Residual of frame {record.frame} in standard deviations{camera and ', camera ' + camera}",
                           "The frame with the largest excess, or with the largest motion where the identified model "
                           "leaves more there, "
-                          + ("before and after the enrichment, " if len(maps) > 2 else "")
+                          + ("before and with its errors of mesh and thickness counted, "
+                             if KNOWN_ERROR_COUNTED in dict(maps) else
+                             "before and after the enrichment, " if len(maps) > 2 else "")
                           + "and a draw of noise with an rms of 1 (independent from pixel to pixel; interpolation "
                           "smooths the noise of a residual).")
 

@@ -116,12 +116,13 @@ def _within_margin(mismatch: Mapping) -> str:
 
 def _parameters(content: Mapping) -> list[dict]:
     before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
+    real = content["model"].get("parameters_of_real_body", {})  # not in diagnoses of earlier versions
     shown = short_names({**before, **after})
     rows = []
     for name in {**before, **after}:
         old, new = before.get(name), after.get(name)
         rows.append({"name": shown[name], "unit": (new or old)["unit"] or "–", "before": _value(old),
-                     "after": _value(new)})
+                     "after": _value(new), "real": _value(real.get(name))})
     return rows
 
 

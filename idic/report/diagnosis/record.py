@@ -11,6 +11,9 @@ from idic.diagnose.model_change import LawPair, WindowCurve
 from idic.report.figures.style import Picture
 
 
+KNOWN_ERROR_COUNTED = "known errors counted"  # a map of the model with them, where it has no cause
+
+
 @dataclass(frozen=True, eq=False)
 class Curve:
     """A measured channel and its simulation before and after; (n_frames,) each, NaN where not correlated."""
@@ -35,8 +38,9 @@ class DiagnosisRecord:
     titles : mapping
         Candidate to its name in standard words.
     residuals : tuple of (camera, tuple of (label, (ny, nx) float))
-        Residual maps in standard deviations of noise, NaN outside: before, after, held out, a draw of noise; of every
-        camera, whose name is "" where there is but one.
+        Residual maps in standard deviations of noise, NaN outside: before; after and held out, or with the known errors
+        of the model where it has no cause and they count; a draw of noise; of every camera, whose name is "" where
+        there is but one.
     frame : int
         The frame of the maps: with the largest excess before, or the largest motion where its residual is larger.
     excess_frames : (T,) int

@@ -17,7 +17,7 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.residual_maps import map_of_noise, maps_of_evidence, maps_of_identification
 from idic.diagnose.residual.thinning import JUDGEMENT, thinned
 from idic.report.diagnosis.page import draw_sections, render_page
-from idic.report.diagnosis.record import Curve, DiagnosisRecord
+from idic.report.diagnosis.record import KNOWN_ERROR_COUNTED, Curve, DiagnosisRecord
 from idic.report.figures.style import Picture
 from idic.report.words import short_names
 from idic.report.words import time_label
@@ -86,6 +86,10 @@ def _residuals(diagnosis: Diagnosis, frame: int) -> tuple[tuple[str, tuple[tuple
         copy = thinned(diagnosis.source.load(), JUDGEMENT, SEED)
         found = identification_at(copy, model.values, model.local, model.steps)
         shown.append(("after, held-out copy", maps_of_identification(found, frame)))
+    elif diagnosis.corrected is not None and diagnosis.corrected.usable:
+        real = diagnosis.corrected
+        found = identification_at(diagnosis.source.load(), real.values, real.local, real.steps)
+        shown.append((KNOWN_ERROR_COUNTED, maps_of_identification(found, frame)))
     shown.append(("noise, drawn", tuple(map_of_noise(one, SEED) for one in before)))
     cameras = diagnosis.residual_before.cameras
     names = [camera.context.experiment.camera_name for camera in cameras] if len(cameras) > 1 else [""]
