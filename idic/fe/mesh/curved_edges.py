@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh, PerMesh, boundary_edges, make_mesh
@@ -163,6 +162,8 @@ def _straight_again(mesh: Mesh, nodes: np.ndarray, arcs: Sequence[_Arc], flat: n
     Those of the elements alone; beside another arc, as near as thin layers have it, that arc and its own as a whole:
     with one side of a thin layer round and the other one not, it would be wrong by more than with two polygons.
     """
+    from scipy.spatial import cKDTree  # here: no identification of a sound mesh loads it
+
     left = [arc for arc in arcs if (nodes[arc.middles] != mesh.nodes[arc.middles]).any()]
     own = [arc for arc in left if np.isin(arc.middles, flat).any()]
     kept = [flat]
