@@ -138,6 +138,8 @@ def test_three_directions_from_init_to_the_report_by_the_command_line(tmp_path):
         text = file.read_text(encoding="utf-8")
         law = "\n".join([EXPERIMENT[EXPERIMENT.index("law ="):EXPERIMENT.index("angle")].replace("{{", "{").replace(
             "}}", "}"), f"angle = {{ value = {angle}, identify = true, prior = {{ mean = {angle}, std = 1.0 }} }}", ""])
+        open_margin = text[text.index('[[dof]]\nname = "geometry.outline"'):text.index("# [[dof]]")]
+        text = text.replace(open_margin, "")  # the margin around the points, 0.6 mm, is that of the specimen
         thickness = '[[dof]]\nname = "geometry.thickness"\nvalue = 2.0\nprior = { mean = 2.0, std = 0.01 }\n'
         first, last = text.index("law ="), text.index("[[boundary]]")
         text = text[:first] + law + text[last:] + thickness

