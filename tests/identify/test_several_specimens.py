@@ -156,9 +156,10 @@ def test_three_directions_from_init_to_the_report_by_the_command_line(tmp_path):
     for angle in factors:
         entry = result["parameters"][f"s{angle}.ALL.angle"]
         assert abs(entry["value"] - angle - 0.5) < 4.0 * max(entry["std"], 0.05), angle
-    assert any(found["between_std"] is not None for found in result["specimens"].values())
+    # one of them determines a constant, the others to 50 % and worse: nothing is said of a scatter
+    assert all(len(found["values"]) == 1 and found["between_std"] is None for found in result["specimens"].values())
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert "Specimen by specimen" in page and "between specimens" in page
+    assert "Specimen by specimen" in page
 
 
 # the scatter alone --------------------------------------------------------------------------------------
