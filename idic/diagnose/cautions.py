@@ -103,10 +103,10 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
                        if abs(bricks.values[name] - identified[name].value) > (bricks.stds.get(name) or 0.0))
     is_first = known is not None and known.thickness is not None  # counted before any cause
     told = f" ({values})" if is_first and values else ""
+    further = "" if diagnosis.final is None else ", nor does the enriched experiment"
     return [f"The specimen is not in plane stress: the motion of bricks of its thickness ({experiment.thickness:.3g} "
             f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
-            f"shows it. The diagnosis counts the difference; the identified parameters do not{told}, nor does the "
-            "enriched experiment. "
+            f"shows it. The diagnosis counts the difference; the identified parameters do not{told}{further}. "
             "Identify again with a mesh of bricks (kind = \"solid\")."]
 
 

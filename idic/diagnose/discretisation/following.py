@@ -55,9 +55,9 @@ def moved(found: Identification, steps: Mapping[str, float]) -> Identification:
 
 def share_of_step(parameters: ParameterSet, steps: Mapping[str, float]) -> float:
     """How much of a step first order allows: 1, or less where a positive parameter changes by `MAX_CHANGE`."""
-    sizes = [abs(change) / abs(parameters[name].value) for name, change in steps.items()
-             if parameters[name].transform == "log"]
-    return min(1.0, MAX_CHANGE / max(sizes, default=MAX_CHANGE)) if max(sizes, default=0.0) > 0.0 else 1.0
+    largest = max((abs(change) / abs(parameters[name].value) for name, change in steps.items()
+                   if parameters[name].transform == "log"), default=0.0)
+    return MAX_CHANGE / largest if largest > MAX_CHANGE else 1.0
 
 
 def at_values(found: Identification, experiment: Experiment, values: dict[str, float]) -> Identification:

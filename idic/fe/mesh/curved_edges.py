@@ -131,16 +131,16 @@ def _height(chord: float, radius: float) -> float:
 
 def _round_walls(mesh: Mesh) -> Iterator[_Arc]:
     """Holes and outsides along z whose corners lie on a circle."""
-    corners = np.unique(np.concatenate([block.connectivity[:, :element.cell(block.cell).n_corners].ravel()
-                                        for block in mesh.blocks]))
-    known: set[int] = set()
+    is_open = np.ones(mesh.n_nodes, dtype=bool)  # a middle node that no wall has taken
+    for block in mesh.blocks:
+        is_open[block.connectivity[:, :element.cell(block.cell).n_corners]] = False
     for part in _parts(mesh):
         for wall in walls_about_a_centre(part):
             height = wall.hole.radius * float(1.0 - np.cos(0.5 * np.median(wall.turns)))
-            middles = np.setdiff1d(wall.hole.rim, [*corners, *known])
+            middles = wall.hole.rim[is_open[wall.hole.rim]]
             if wall.turns.max() > MAX_TURN or wall.off > MAX_OFF_ARC * height or not len(middles):
                 continue
-            known.update(middles.tolist())
+            is_open[middles] = False
             places = mesh.nodes[middles].copy()
             offset = places[:, :2] - wall.hole.centre
             places[:, :2] = wall.hole.centre + offset * (wall.hole.radius / np.hypot(*offset.T))[:, None]

@@ -9,7 +9,7 @@ from idic.report.diagnosis.words import (MIN_GOOD_PROBABILITY, below_margin, new
                                          side_in_words, size_of_grey, unconfirmed, when_and_where, with_size)
 from idic.report.words import short_names, with_std
 
-MIN_MOVE_STD = 2.0  # standard deviations before: a parameter that moved less is not worth a word
+MIN_MOVE_STD = 2.0  # standard deviations after: a parameter that moved less is not worth a word
 MOSTLY = 0.5  # explained share from which a nearest candidate explains most of it
 MIN_LEFT_PX = 5e-4  # motion that is worth a word
 MAX_SMALL = 3  # candidates below the margin that are told by name
@@ -107,7 +107,7 @@ def left_over(content: Mapping, titles: Mapping[str, str] | None = None) -> str 
     titles : candidate -> its name in standard words
     """
     left = content.get("left") or {}
-    parts = []
+    parts, small = [], False
     if (left.get("motion_z") or 0.0) > MIN_TEXT_Z and (left.get("motion_px") or 0.0) > MIN_LEFT_PX:
         floor = content.get("camera_floor_px")
         at_rest = bool(floor) and left["motion_px"] < 1.5 * floor  # the explained share does not count that either
@@ -115,20 +115,19 @@ def left_over(content: Mapping, titles: Mapping[str, str] | None = None) -> str 
         share = ((", " if place else " ") + "that images at rest show too" if at_rest
                  else _of_before(left.get("motion_share")))
         parts.append(f"{left['motion_px']:.2g} px of motion{place}{share}")
+        small = not at_rest and left["motion_px"] < ((content.get("margin") or {}).get("px") or 0.0)
     parts += [f"{100.0 * one['reading_share']:.2g} % of {one['column']}{_of_before(one['share'])}"
               for one in left.get("channels", ()) if one["significant"]]
     if not parts:
         return None
-    cause = _further(content, titles or {}) if content["verdict"] in ("single", "set", "multiple") else ""
+    cause = _further(content, titles or {}, small) if content["verdict"] in ("single", "set", "multiple") else ""
     return f"Remaining residual: {_joined(parts)}{cause}."
 
 
-def _further(content: Mapping, titles: Mapping[str, str]) -> str:
-    """What further causes the residual of a selected cause may have."""
-    left, margin = content["left"], (content.get("margin") or {}).get("px")
-    small = margin is not None and 0.0 < (left.get("motion_px") or 0.0) < margin
-    size = f"; the motion is below the practical margin of {margin:.2g} px" if small else ""
-    nearest = [_titled(name, titles) for name in left.get("nearest") or ()]  # not in diagnoses of earlier versions
+def _further(content: Mapping, titles: Mapping[str, str], small: bool) -> str:
+    """What further causes the residual of a selected cause may have; small : its motion is below the margin."""
+    size = f"; the motion is below the practical margin of {content['margin']['px']:.2g} px" if small else ""
+    nearest = [_titled(name, titles) for name in content["left"].get("nearest", ())]
     if nearest:
         return f"{size}; nearest further candidates, not selected: {_joined(nearest)}"
     return f"{size}; no further candidate is significant"
