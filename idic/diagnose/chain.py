@@ -43,6 +43,7 @@ from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
 from idic.diagnose.screen.candidate import Candidate, candidates
 from idic.diagnose.screen.edits import open_share
 from idic.diagnose.screen.local_residual import local_residual_tests
+from idic.diagnose.screen.select import Ranked
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.screen.time_course import time_course_test
 from idic.diagnose.selection.block_step import BlockJudgement, judged_by_step
@@ -55,6 +56,7 @@ from idic.diagnose.verdict import Verdict, conclude, is_of_readings
 from idic.errors import NotConverged
 from idic.identify.in_memory import Identification
 from idic.model.motion_error import MotionError
+from idic.parameters import Parameter
 
 SEED = 20260
 MINIMA = ("converged", "at_bound")  # ends of a search whose values are those of a minimum
@@ -223,7 +225,8 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     heldout = rounds[0].heldout_fits(rounds[0].winner) if alone else (first.judgement, null.judgement)
     floor_px = margin.px if is_of_readings(excesses[0], channels) else 0.0 if margin.floor is None else margin.floor.px
     verdict = conclude(rounds, *heldout, mismatch is not None and mismatch.is_significant, excesses,
-                       unloads(found.experiment), _floor_chi2(floor_px, unit, rounds[0] if alone else None), channels)
+                       unloads(found.experiment), _floor_chi2(floor_px, unit, rounds[0] if alone else None), channels,
+                       lambda one: _freedom(source, one))
     blocks = () if after is None else judged_by_step(before, after, grid)
     corrected, without = None, None
     if not quick and after is None:
@@ -283,6 +286,11 @@ def _free_end(source: ExperimentSource, null: Refit, residual: ResidualEvidence,
         selected = [one.winner.ranked.candidate for one in rounds if one.winner is not None]
         return free_end(source, situation(there, residual, source.document()), null, last, selected, setting.refits,
                         setting.grid, setting.seed, power_of_copy, setting.margin)
+
+
+def _freedom(source: ExperimentSource, ranked: Ranked) -> Parameter | None:
+    """The degree of freedom that the amplitude of a direct candidate is the value of."""
+    return source.load(ranked.variant.edits).parameters.get(ranked.label) if ranked.variant.direct else None
 
 
 def _with_known_error(source: ExperimentSource, residual: ResidualEvidence, null: Refit,

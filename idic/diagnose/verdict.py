@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,7 @@ from idic.diagnose.residual.heldout import Fit, share_recovered
 from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_PROBE_Z, Ranked, Screening
 from idic.diagnose.selection.rival import Round
+from idic.parameters import Parameter
 
 MIN_RECOVERED_SHARE = 0.7  # of the explainable share; below, the library does not hold the missing effect
 MAX_AVERAGED_IMAGES = 400  # to be averaged: more is impractical
@@ -52,7 +53,8 @@ class Verdict:
 
 
 def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, excess: Sequence[ExcessLeft],
-             unloads: bool | None = False, camera_chi2: float = 0.0, channels: Sequence[ChannelLeft] = ()) -> Verdict:
+             unloads: bool | None = False, camera_chi2: float = 0.0, channels: Sequence[ChannelLeft] = (),
+             freedom: Callable[[Ranked], Parameter | None] = lambda _: None) -> Verdict:
     """The verdict of a finished chain.
 
     Parameters
@@ -66,6 +68,7 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, exces
     camera_chi2 : chi-square of the camera's own floor in `after`, or of the practical margin where only readings were
         off: what no model explains
     channels : what the last model leaves in them on the whole recording
+    freedom : the degree of freedom of a direct candidate, whose unit its bound has
     """
     won = [r for r in rounds if r.winner is not None]
     first, last = rounds[0].screening, rounds[-1].screening
@@ -80,7 +83,7 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, exces
     sets = tuple((r.winner.name, *r.equals) for r in won if r.equals)
     in_model = set(selected).union(*(r.equals for r in won)) if won else set()
     seen = in_model | {r.candidate.name for r in last.ranked if r.standing in ("significant", "small", "inadmissible")}
-    excluded = tuple({"name": r.candidate.name, "bound": bound_text(r)} for r in last.ranked
+    excluded = tuple({"name": r.candidate.name, "bound": bound_text(r, freedom(r))} for r in last.ranked
                      if r.standing == "excluded" and r.candidate.name not in seen)
     cannot = tuple(dict.fromkeys(r.candidate.name for r in last.ranked
                                  if r.standing == "cannot_tell" and r.candidate.name not in in_model))
@@ -182,8 +185,9 @@ def _separating(candidate: Candidate) -> str | None:
     return candidate.separating_tests[0] if candidate.separating_tests else None
 
 
-def bound_text(ranked: Ranked) -> str:
-    """What is excluded, in the candidate's own unit."""
+def bound_text(ranked: Ranked, freedom: Parameter | None = None) -> str:
+    """What is excluded, in the user's unit of the candidate's own degree of freedom."""
     if ranked.variant.direct:
-        return f"|{ranked.label}| < {ranked.bound:.2g} (95 %)"
+        size, unit = (ranked.bound, "") if freedom is None else (ranked.bound / abs(freedom.factor), freedom.unit)
+        return f"|{ranked.label}| < {size:.2g}{f' {unit}' if unit not in ('', '-') else ''} (95 %)"
     return f"less than {100.0 * ranked.bound:.2g} % of its plausible size ({ranked.label}; 95 %)"

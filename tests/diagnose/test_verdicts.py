@@ -19,6 +19,7 @@ from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_SEPARATION_CH
 from idic.diagnose.residual.excess_left import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, judge
 from idic.diagnose.verdict import bound_text, conclude
+from idic.parameters import Parameter
 
 T, RANK = 10, 100
 POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px
@@ -293,6 +294,9 @@ def test_what_is_significant_in_any_form_is_not_excluded():
 
 def test_a_bound_is_in_the_unit_of_a_direct_candidate_and_a_part_of_the_probe_of_another():
     assert bound_text(ranked("force_scale", direct=True)).startswith("|force_scale| < ")
+    offset = Parameter("force_scale", 0.0, "kN", factor=1000.0)
+    one = ranked("force_scale", direct=True)
+    assert bound_text(one, offset) == f"|force_scale| < {one.bound / 1000.0:.2g} kN (95 %)"
     assert "%" in bound_text(ranked("plasticity"))
 
 

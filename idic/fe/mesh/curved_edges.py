@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import Mesh, PerMesh, boundary_edges, make_mesh
-from idic.fe.mesh.morph import fit_circle, ratios_of_block, walls_about_a_centre
+from idic.fe.mesh.morph import fit_circle, nearest_on_circle, ratios_of_block, walls_about_a_centre
 
 MAX_TURN = np.radians(31.0)  # between neighbouring edges of an arc: twelve around a circle; an octagon stays one
 MIN_TURN = 1e-4  # flatter arcs are straight lines
@@ -106,8 +106,7 @@ def _on_arcs(nodes: np.ndarray, edges: np.ndarray) -> Iterator[tuple[int, np.nda
         arc = _arc(nodes[edges[own, 0]])
         for edge in own[:-1] if arc is not None else ():
             middle = int(edges[edge, 2])
-            offset = nodes[middle] - arc[0]
-            yield middle, arc[0] + offset * (arc[1] / np.hypot(*offset))
+            yield middle, nearest_on_circle(nodes[middle], *arc)
 
 
 def _arc(corners: np.ndarray) -> tuple[np.ndarray, float] | None:
@@ -142,8 +141,7 @@ def _round_walls(mesh: Mesh) -> Iterator[_Arc]:
                 continue
             is_open[middles] = False
             places = mesh.nodes[middles].copy()
-            offset = places[:, :2] - wall.hole.centre
-            places[:, :2] = wall.hole.centre + offset * (wall.hole.radius / np.hypot(*offset.T))[:, None]
+            places[:, :2] = nearest_on_circle(places[:, :2], wall.hole.centre, wall.hole.radius)
             far = np.hypot(*(places - mesh.nodes[middles])[:, :2].T)
             moves = far > MIN_SHIFT * np.ptp(mesh.nodes, axis=0).max()  # others stand in the corners' lines along z
             yield _Arc(middles[moves], places[moves], height)

@@ -102,9 +102,14 @@ def on_circle(mesh: Mesh, holes: Iterable[Hole]) -> Mesh:
                                         for block in mesh.blocks]))
     for hole in holes:
         middle = np.setdiff1d(hole.rim, corners)
-        offset = nodes[middle, :2] - hole.centre
-        nodes[middle, :2] = hole.centre + offset * (hole.radius / np.hypot(*offset.T))[:, None]
+        nodes[middle, :2] = nearest_on_circle(nodes[middle, :2], hole.centre, hole.radius)
     return replace(mesh, nodes=nodes)
+
+
+def nearest_on_circle(points: np.ndarray, centre: np.ndarray, radius: float) -> np.ndarray:
+    """The points (..., 2), none of them the centre, moved radially onto a circle."""
+    offset = points - centre
+    return centre + offset * (radius / np.hypot(offset[..., :1], offset[..., 1:]))
 
 
 def velocities(mesh: Mesh, hole: Hole) -> dict[str, np.ndarray]:
