@@ -27,17 +27,18 @@ MIN_OTHER_SHARE = 0.5  # the same of one that is no known rival
 MAX_HIDDEN = 5  # invisible effects that are named, the largest shift first
 
 
-def not_excluded(diagnosis: Diagnosis, before: Mapping[str, Mapping]) -> list[dict[str, str]]:
+def not_excluded(diagnosis: Diagnosis, identified: Mapping[str, Mapping]) -> list[dict[str, str]]:
     """Entries ``name``, ``why``, the nearest first.
 
-    before : per free parameter of the identified model its std in the unit of the file, as in result.json
+    identified : per free parameter of the identified model its last value and std in the unit of the file, as in
+    result.json
     """
     won = [one for one in diagnosis.rounds if one.winner is not None]
     near = [*_indistinguishable(won), *_untestable(won), *_near(won, diagnosis), *larger_models(won, diagnosis.verdict),
             *_passed_over(diagnosis), *_waiting(diagnosis.rounds[-1])]
     near = list({(entry["name"], entry["why"]): entry for entry in near}.values())
     known = {entry["name"] for entry in near} | set(diagnosis.verdict.selected)
-    return near + [entry for entry in _hidden(diagnosis, before) if entry["name"] not in known]
+    return near + [entry for entry in _hidden(diagnosis, identified) if entry["name"] not in known]
 
 
 def _indistinguishable(won: Sequence[Round]) -> Iterator[dict[str, str]]:
@@ -115,17 +116,17 @@ def _passed_over(diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
                f"so little may be an error of the selected model"}
 
 
-def _hidden(diagnosis: Diagnosis, before: Mapping[str, Mapping]) -> list[dict[str, str]]:
+def _hidden(diagnosis: Diagnosis, identified: Mapping[str, Mapping]) -> list[dict[str, str]]:
     """Candidates that this test cannot detect, whose plausible size would change an identified parameter."""
     stds = {name: entry["std"] * abs(diagnosis.found.parameters[name].factor)
-            for name, entry in before.items() if entry["std"]}
+            for name, entry in identified.items() if entry["std"]}
     shown = short_names(list(stds))
     found = []
     for ranked in diagnosis.rounds[-1].screening.ranked:
         shift = hidden_shift(ranked, stds) if ranked.standing == "cannot_tell" else None
         if shift is not None:
             name, size, in_std = shift
-            share = size / (diagnosis.found.parameters[name].value or np.inf)
+            share = size / (identified[name]["value"] * diagnosis.found.parameters[name].factor or np.inf)
             found.append((abs(in_std), {"name": ranked.candidate.name, "why":
                           f"{probe_words(ranked.variant)} would not show and would move {shown[name]} by "
                           f"{'+' if share > 0 else '−'}{two_digits(100.0 * abs(share))} % ({two_digits(abs(in_std))} "

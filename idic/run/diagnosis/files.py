@@ -61,7 +61,10 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
         without = free_parameters(spots.result)
         content = diagnosis_content(replace(diagnosis, spots=None), without, wall_s)
         return finite(with_spots(content, spots, before, without, diagnosis.found.experiment.length_unit))
-    verdict, left_open = diagnosis.verdict, not_excluded(diagnosis, before)
+    after = _after(diagnosis)
+    real_body = of_real_body(diagnosis, after or before)
+    last = {name: real_body.get(name) or after.get(name) or entry for name, entry in before.items()}
+    verdict, left_open = diagnosis.verdict, not_excluded(diagnosis, last)
     near = {entry["name"] for entry in left_open}
     content = {
         "schema": SCHEMA, "verdict": verdict.word, "mismatch": mismatch_content(diagnosis),
@@ -69,9 +72,8 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
         "named": list(verdict.selected),
         "indistinguishable": [list(group) for group in verdict.indistinguishable],
         "next_experiment": verdict.next_experiment,
-        "model": {"parameters_before": before, "parameters_after": _after(diagnosis),
-                  "parameters_of_real_body": of_real_body(diagnosis, _after(diagnosis) or before),
-                  "experiment": None},
+        "model": {"parameters_before": before, "parameters_after": after,
+                  "parameters_of_real_body": real_body, "experiment": None},
         "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded if entry["name"] not in near],
         "cannot_tell": list(verdict.cannot_tell), "probability": diagnosis.probability,
         "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px,
