@@ -213,6 +213,24 @@ class ParameterSet(Mapping[str, Parameter]):
             raise KeyError(f"no such parameter: {', '.join(sorted(unknown))}")
         return ParameterSet((replace(p, free=p.name in names) for p in self.values()), self.joint)
 
+    def prior_equations(self, names: Sequence[str], slopes: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """What all priors add to M and b of these unknowns at the present values  # (n, n), (n,)
+
+        names : others than parameters of this set have no prior; slopes : (n,) d natural / d scaled, default 1
+        """
+        slopes = np.ones(len(names)) if slopes is None else slopes
+        M, b = np.zeros((len(names), len(names))), np.zeros(len(names))
+        for i, name in enumerate(names):
+            p = self.get(name)
+            if p is not None and p.prior_std:
+                M[i, i] += (slopes[i] / p.prior_std) ** 2
+                b[i] += M[i, i] * (p.prior_mean - p.value) / slopes[i]
+        for prior in self.joint:
+            at, own, pull = prior.normal_equations(self, names, slopes)
+            M[np.ix_(at, at)] += own
+            b[at] += pull
+        return M, b
+
     # scaled vectors -------------------------------------------------------------------------------
     def pack(self) -> np.ndarray:
         """Scaled values of the free parameters  # (n_free,)"""

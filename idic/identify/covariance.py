@@ -66,24 +66,14 @@ def scaled_system(system: CorrelationSystem, parameters: ParameterSet, reference
     if system.end_noise is not None:
         M, weight = without_end_noise(M, slopes[:, None] * system.end_noise * slopes[None, :])
         b, noise = weight @ b, weight @ noise @ weight.T
-    of_data = b.copy()
-    for i, name in enumerate(system.names):
-        p = parameters[name]
-        if p.prior_std:
-            precision = (slopes[i] / p.prior_std) ** 2
-            M[i, i] += precision
-            b[i] += precision * (p.prior_mean - p.value) / slopes[i]
-            noise[i, i] += precision
+    precision, pull = parameters.prior_equations(system.names, slopes)
     smooth = None
     for prior in parameters.joint:
-        at, own, pull = prior.normal_equations(parameters, system.names, slopes)
-        M[np.ix_(at, at)] += own
-        noise[np.ix_(at, at)] += own
-        b[at] += pull
         if isinstance(prior, SmoothnessPrior):
+            at, own, _ = prior.normal_equations(parameters, system.names, slopes)
             smooth = np.zeros_like(M) if smooth is None else smooth
             smooth[np.ix_(at, at)] += own
-    return Scaled(system.names, M, b, noise, slopes, smooth, b - of_data, weight)
+    return Scaled(system.names, M + precision, b + pull, noise + precision, slopes, smooth, pull, weight)
 
 
 def without_end_noise(M: np.ndarray, end_noise: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -236,6 +236,11 @@ class Channel:
     full_scale: float | None = None
 
     @property
+    def is_load(self) -> bool:
+        """Whether it reads a force or a pressure, no motion."""
+        return self.kind != "displacement"
+
+    @property
     def largest(self) -> float:
         """Largest reading of the whole test, 1 where all are zero."""
         return self.full_scale or float(np.abs(self.values).max()) or 1.0

@@ -85,7 +85,7 @@ class Sheet:
         null, (steps, gain) = null_model(residual.evidence, residual.null), following(residual)
         return Left(there, residual, np.array([steps.get(name, 0.0) for name in null.names]),
                     np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300)), gain,
-                    residual.evidence.products(null.white, null.weighed))
+                    null.gram)
 
 
 def sheet_at(found: Identification, near: Sheet | None = None) -> Sheet:

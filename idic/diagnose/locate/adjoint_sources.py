@@ -172,7 +172,7 @@ def _covariance(null: NullModel, n: int) -> np.ndarray:
     """Of the identified parameters from the first n frames."""
     gram = sum(null.white.fields[t].T @ null.weighed.fields[t] + null.white.channels[t].T @ null.weighed.channels[t]
                for t in range(n))
-    return symmetric_inverse(gram)
+    return symmetric_inverse(gram + null.precision)
 
 
 def draw_residual(evidence: Evidence, part: FrameEvidence, rng: np.random.Generator, draws: int,

@@ -158,7 +158,8 @@ def locate(found: Identification, residual: ResidualEvidence, null: NullModel | 
     nested_tests = run_nested_tests(found, residual, null, margin)
     motion, record = short_record(residual, null, rng)
     times = found.experiment.times[evidence.frames] - found.experiment.times[found.experiment.reference]
-    load = residual.channels[:, 0] if residual.channels.shape[1] else None
+    loads = [k for k, channel in enumerate(found.experiment.channels) if channel.is_load]
+    load = residual.channels[:, loads[0]] if loads else None
     begins = onset(record, margin.px, load_histories(times, load))
     p_value = float(min(1.0, 2.0 * min(nested_tests.p_value, begins.p_value)))
     real = bool(nested_tests.side) and p_value < MAX_MISMATCH_P

@@ -116,7 +116,8 @@ def run_nested_tests(found: Identification, residual: ResidualEvidence, null: Nu
         If a law finds no answer along the path of the identified model.
     """
     evidence = without_channels(residual.evidence)
-    seen = [i for i in range(null.white.n) if _seen_by_images(residual.evidence, evidence, null, i)]
+    seen = [i for i in range(null.white.n)
+            if null.precision[i, i] > 0.0 or _seen_by_images(residual.evidence, evidence, null, i)]
     images = null_model(evidence, residual.null.pick(seen))
     fields = _fields(found, residual)
     sizes = np.cumsum([0, *(f.shape[1] for f in fields[0])])
@@ -134,7 +135,9 @@ def run_nested_tests(found: Identification, residual: ResidualEvidence, null: Nu
         per_frame["force"] = force_level(residual.evidence, null, images, seen)
     if residual.context.experiment.options.brightness == "frame" and residual.evidence.n_components == 2:
         per_frame["brightness"] = replace(brightness_level(found, residual), margin=margin)
-    side, reason = decide(per_frame, per_window, bool(len(residual.evidence.channel_weight)))
+    experiment = residual.context.experiment
+    side, reason = decide(per_frame, per_window,
+                          bool(experiment.loads) or any(channel.is_load for channel in experiment.channels))
     return NestedTests(per_frame, per_window, side, reason)
 
 
@@ -193,19 +196,13 @@ def _rest(null: NullModel, cross_gram, cross_b) -> tuple[float, int]:
     """Gain of the identified parameters next to freed fields, less their gain alone; ranks that they lose."""
     if not null.white.n:
         return 0.0, 0
-    gram = gram_of(null)
+    gram = null.gram
     scale = np.sqrt(np.where(np.diagonal(gram) > 0.0, np.diagonal(gram), np.inf))
     values, vectors = np.linalg.eigh((gram - cross_gram) / np.outer(scale, scale))
     good = values > MIN_IMAGE_INFORMATION
     before = np.linalg.eigvalsh(gram / np.outer(scale, scale)) > MIN_IMAGE_INFORMATION
     y = vectors[:, good].T @ ((null.b - cross_b) / scale)
     return float((y**2 / values[good]).sum() - null.b @ null.covariance @ null.b), int(before.sum() - good.sum())
-
-
-def gram_of(null: NullModel) -> np.ndarray:
-    """The Gram matrix of the identified columns  # (n, n)"""
-    return (np.tensordot(null.white.fields, null.weighed.fields, axes=((0, 1), (0, 1)))
-            + np.tensordot(null.white.channels, null.weighed.channels, axes=((0, 1), (0, 1))))
 
 
 def half_inverse(matrix: np.ndarray) -> np.ndarray:
@@ -245,7 +242,7 @@ def force_level(evidence: Evidence, null: NullModel, images: NullModel, seen: Se
     own = np.array([np.diagonal(_channel_information(evidence, part)) for part in evidence.parts])
     gain = total_chi2(evidence) - total_chi2(without_channels(evidence))
     gain += float(images.b @ images.covariance @ images.b - null.b @ null.covariance @ null.b)
-    rank = channel_residual.size - (_rank(gram_of(null)) - _rank(gram_of(images)))
+    rank = channel_residual.size - (_rank(null.gram) - _rank(images.gram))
     frame_gain = (channel_residual**2 / np.maximum(own, 1e-300)).sum(axis=1)
     return Level("force", gain, int(rank), frame_gain)
 
@@ -310,7 +307,9 @@ def decide(per_frame: dict[str, Level], per_window: dict[str, Level], has_force:
     if min(kinematic[name].p_margin for name in KINEMATIC_LEVELS) > MAX_LEVEL_P:
         if force is not None and force.p < MAX_LEVEL_P:
             return "force", ("motions agree within the practical margin, the force does not: force scale, offset or "
-                             "drift, the thickness, or a law whose error does not change the motion")
+                             "drift, the thickness, or a law whose error does not change the motion" if has_force else
+                             "motions agree within the practical margin, the readings of the extensometer do not: "
+                             "their scale, offset or drift")
         return "", "no level explains more than noise"
     responsible = [name for name in ("camera", "boundary") if _responsible(kinematic, name)]
     if responsible:

@@ -14,7 +14,7 @@ these does as well as any corner, the record asks for no corner.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -39,7 +39,7 @@ class MotionRecord:
 
     e : (T, p) with unit noise; J : (T, p, n) of the identified parameters; shared : (p,) bool, noise common to all
     frames (images) or not (channels); kappa : (T,); power : (T,) chi-square of a motion of 1 px; n_images : averaged to
-    the reference
+    the reference; precision, pull : (n, n), (n,) what the priors of the parameters add, nothing by default
     """
 
     e: np.ndarray
@@ -48,6 +48,17 @@ class MotionRecord:
     kappa: np.ndarray
     power: np.ndarray
     n_images: int = 1
+    precision: np.ndarray | None = None
+    pull: np.ndarray | None = None
+
+    @property
+    def n_stated(self) -> int:
+        """Directions that priors determine."""
+        return 0 if self.precision is None else round(np.trace(symmetric_inverse(self.precision) @ self.precision))
+
+    def data_alone(self) -> MotionRecord:
+        """Without priors."""
+        return replace(self, precision=None, pull=None)
 
     def white(self, columns: np.ndarray, frames: np.ndarray) -> np.ndarray:
         """V^-1/2 for some frames on their own  # (n, p, m) of these frames -> the same"""
@@ -57,17 +68,22 @@ class MotionRecord:
         return own - np.where(self.shared, 1.0 / np.sqrt(kappa)[:, None], 0.0)[:, :, None] * common
 
     def fit(self, frames: np.ndarray, extra: np.ndarray | None = None) -> tuple[np.ndarray, float, int]:
-        """Least squares on some frames: coefficients (n + m,), chi-square left, rank
+        """Least squares on some frames and the priors: coefficients (n + m,), chi-square left, rank
 
         extra : (len(frames), p, m) further columns
         """
         columns = self.J[frames] if extra is None else np.concatenate([self.J[frames], extra], axis=2)
         J, e = self.white(columns, frames), self.white(self.e[frames][:, :, None], frames)
         J, e = J.reshape(-1, J.shape[2]), e.ravel()
-        gram, b = J.T @ J, J.T @ e
+        gram, b, rest = J.T @ J, J.T @ e, float(e @ e)
+        if self.precision is not None and self.pull is not None:
+            n = len(self.pull)
+            gram[:n, :n] += self.precision
+            b[:n] += self.pull
+            rest += float(self.pull @ symmetric_inverse(self.precision) @ self.pull)
         inverse = symmetric_inverse(gram)
         x = inverse @ b
-        return x, float(e @ e - b @ x), round(np.trace(inverse @ gram))
+        return x, rest - float(b @ x), round(np.trace(inverse @ gram))
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +129,7 @@ def course(evidence: Evidence, null: NullModel, motion: FreeMotion) -> MotionRec
     slopes = null.white.channels * weight[None, :, None]
     return MotionRecord(np.hstack([whole[:, :, 0], channels]), np.concatenate([whole[:, :, 1:], slopes], axis=1),
                   np.arange(whole.shape[1] + len(weight)) < whole.shape[1], evidence.kappa,
-                  power(evidence), evidence.n_images)
+                  power(evidence), evidence.n_images, null.precision, null.pull)
 
 
 def onset(record: MotionRecord, margin_px: float = PRACTICAL_MARGIN_PX, followed: Sequence[np.ndarray] = ()) -> Onset:
@@ -125,7 +141,7 @@ def onset(record: MotionRecord, margin_px: float = PRACTICAL_MARGIN_PX, followed
     n_frames = len(record.e)
     fits = [record.fit(np.arange(t + 1)) for t in range(n_frames)]
     chi2, rank = np.array([f[1] for f in fits]), np.array([f[2] for f in fits])
-    dof = record.e.shape[1] * np.arange(1, n_frames + 1) - rank
+    dof = record.e.shape[1] * np.arange(1, n_frames + 1) + record.n_stated - rank
     innovation, innovation_rank = np.diff(chi2, prepend=0.0), np.maximum(np.diff(dof, prepend=0), 1)
     single = p_beyond_margin(innovation, innovation_rank, margin)
     windowed = p_beyond_margin(chi2, np.maximum(dof, 1), np.cumsum(margin))
@@ -181,7 +197,7 @@ def _corner(record: MotionRecord, stop: int, pattern: np.ndarray,
     for whole in followed:
         x = whole[frames] / max(np.abs(whole[frames]).max(), 1e-300)
         straight = min(straight, record.fit(frames, pattern[None, :, None] * x[:, None, None])[1])
-    least = 2.0 * MAX_LIKELIHOOD_DROP * max(1.0, losses.min() / max(record.e[frames].size - rank, 1))
+    least = 2.0 * MAX_LIKELIHOOD_DROP * max(1.0, losses.min() / max(record.e[frames].size + record.n_stated - rank, 1))
     inside = trials[losses - losses.min() < least]
     return float(trials[np.argmin(losses)]), (float(inside.min()), float(inside.max())), bool(
         straight - losses.min() < least)
@@ -204,12 +220,15 @@ def growing_windows(record: MotionRecord) -> tuple[np.ndarray, np.ndarray]:
     """
     n_frames, n = len(record.e), record.J.shape[2]
     steps, stds = np.full((n_frames, n), np.nan), np.full((n_frames, n), np.nan)
+    stated = 0.0 if record.precision is None else record.precision
     for t in range(n_frames):
         frames = np.arange(t + 1)
         J = record.white(record.J[frames], frames).reshape(-1, n)
-        if np.linalg.matrix_rank(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300), tol=1e-6) == n:
+        gram = J.T @ J + stated
+        size = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
+        if np.linalg.matrix_rank(gram / np.outer(size, size), tol=1e-12, hermitian=True) == n:
             steps[t] = record.fit(frames)[0]
-            stds[t] = np.sqrt(np.diagonal(symmetric_inverse(J.T @ J)))
+            stds[t] = np.sqrt(np.diagonal(symmetric_inverse(gram)))
     return steps, stds
 
 
@@ -223,7 +242,7 @@ def parameter_cusum(record: MotionRecord) -> tuple[np.ndarray, np.ndarray]:
     -------
     paths (T, n) in standard deviations, p_values (n,) of their largest excursion; no library of causes is needed
     """
-    frames = np.arange(len(record.e))
+    frames, record = np.arange(len(record.e)), record.data_alone()
     x = record.fit(frames)[0]
     J = record.white(record.J, frames)
     rest = record.white((record.e - record.J @ x)[:, :, None], frames)[:, :, 0]

@@ -23,6 +23,7 @@ import numpy as np
 from scipy import sparse
 
 from idic.diagnose.residual.grey_value_effects import PixelPart
+from idic.parameters import ParameterSet
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +110,8 @@ class Evidence:
     frames : (T,) frame numbers; seen : (n_seen,) image dofs (``n_components * node + component``) that pixels see;
     kappa : (T,); back : (T, n_nodes, c, c) takes a frame's nodal field to the reference image; channel_weight :
     (n_channels,) 1/variance; chi2 : r^T V^-1 r of the images before anything is eliminated; n_pixels : pixels in it,
-    all frames; pixel_names : kind and number of the pixel columns; n_images : averaged to the reference.
+    all frames; pixel_names : kind and number of the pixel columns; n_images : averaged to the reference; parameters :
+    at the values of the residual: their priors count like data.
     """
 
     frames: np.ndarray
@@ -122,6 +124,7 @@ class Evidence:
     parts: tuple[FrameEvidence, ...]
     pixel_names: tuple[tuple[str, int], ...] = ()
     n_images: int = 1
+    parameters: ParameterSet | None = None
 
     @property
     def share(self) -> float:

@@ -223,7 +223,8 @@ def _assemble(contexts: Sequence[CorrelationContext], responses: Sequence[FrameR
         parts = [replace(part, pixel=pixel) for part, pixel in zip(parts, pixels, strict=True)]
     evidence = Evidence(np.array(main.maps.frames), seen, kappa, np.concatenate([one.back for one in passes], axis=1),
                         context.weights.channel_noise**-2.0, sum(one.chi2 * one.inverse_variance for one in passes),
-                        sum(share.n_valid for one in passes for share in one.sums), tuple(parts), names, n_images)
+                        sum(share.n_valid for one in passes for share in one.sums), tuple(parts), names, n_images,
+                        context.parameters)
     return ResidualEvidence(evidence, Columns(context.names, np.array(fields), np.array(channels)),
                     np.array([r.u for r in responses]), np.array([r.channels for r in responses]),
                     tuple(CameraResidual(one.context, one.view, one.shared) for one in passes), tuple(responses))

@@ -28,13 +28,17 @@ FAR_CHI2 = 600.0  # beyond, the tail of chi-square by its leading term
 class NullModel:
     """The identified model: its white columns, their Gram matrix with priors, and its own remaining step.
 
-    remaining : (n,) G^-1 b, what the parameters would still move in this norm; covariance : (n, n) G^-1.
+    remaining : (n,) G^-1 b, what the parameters would still move in this norm; gram, covariance : (n, n) G, G^-1;
+    precision, pull : the part of G and b that the priors make.
     """
 
     white: Columns
     weighed: Columns
+    gram: np.ndarray
     covariance: np.ndarray
     b: np.ndarray
+    precision: np.ndarray
+    pull: np.ndarray
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -45,23 +49,18 @@ class NullModel:
         return self.covariance @ self.b
 
 
-def null_model(evidence: Evidence, columns: Columns, prior: np.ndarray | None = None,
-               gap: np.ndarray | None = None) -> NullModel:
-    """The identified parameters ready for tests.
+def null_model(evidence: Evidence, columns: Columns) -> NullModel:
+    """The identified parameters ready for tests; what their priors state counts like data.
 
-    Parameters
-    ----------
-    columns : Columns
-        Derivatives by the identified parameters (not yet white).
-    prior, gap : (n,) precision of a prior and prior mean minus present value, optional
+    columns : derivatives by the identified parameters (not yet white)
     """
     white = evidence.whiten(columns)
     weighed = evidence.weighed(white)
-    gram, b = evidence.products(white, weighed), evidence.scores(white)
-    if prior is not None:
-        gram = gram + np.diag(prior)
-        b = b + prior * gap
-    return NullModel(white, weighed, symmetric_inverse(gram), b)
+    precision, pull = np.zeros((columns.n, columns.n)), np.zeros(columns.n)
+    if evidence.parameters is not None:
+        precision, pull = evidence.parameters.prior_equations(columns.names)
+    gram = evidence.products(white, weighed) + precision
+    return NullModel(white, weighed, gram, symmetric_inverse(gram), evidence.scores(white) + pull, precision, pull)
 
 
 def symmetric_inverse(matrix: np.ndarray) -> np.ndarray:

@@ -168,7 +168,7 @@ def _judged(evidence: Evidence, null: NullModel, fields, part: Part) -> Fit | No
 
 def _step(evidence: Evidence, null: NullModel, part: Part) -> np.ndarray | None:
     """Change of the parameters by a fit to one part  # (n,)"""
-    gram, b = np.zeros((len(null.b), len(null.b))), np.zeros(len(null.b))
+    gram, b = null.precision.copy(), null.pull.copy()
     for t in np.flatnonzero(part.fit_frames):
         white, weighed = null.white.fields[t][part.fit], null.weighed.fields[t][part.fit]
         q, channel_q = evidence.residual(evidence.parts[t])
