@@ -26,7 +26,6 @@ from idic.diagnose.chain import Diagnosis
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.heldout import Fit, fit
 from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.residual.spots import LEFT_OUT
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.selection.block_step import BlockJudgement, block_judgement
 from idic.errors import InputError, NotConverged
@@ -68,8 +67,8 @@ def block_judgements(diagnosis: Diagnosis) -> tuple[BlockJudgement, ...]:
     """The identified and the enriched model of a diagnosis on blocks; () without a selected candidate."""
     if diagnosis.final is None or not diagnosis.final.usable:
         return ()
-    spots = {key: value for key, value in diagnosis.source.edits.items() if key == LEFT_OUT}
-    before, after = replace(diagnosis.source, edits=spots).load(), diagnosis.source.load()
+    begun, error = diagnosis.begun or diagnosis.source, diagnosis.source.motion_error
+    before, after = (begun if error is None else begun.with_motion_error(error)).load(), diagnosis.source.load()
     return judged_by_blocks(FittedModel(before, diagnosis.found.parameters.as_values(), diagnosis.found.local),
                             FittedModel(after, diagnosis.final.values, diagnosis.final.local), diagnosis.grid)
 
@@ -78,8 +77,9 @@ def block_cautions(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Blocks that are left out of the judgement, and why."""
     if diagnosis.final is None or not diagnosis.final.usable:
         return ()
-    reason = reason_against_later_frames(diagnosis.found.experiment)
-    return () if reason is None else (reason,)
+    experiment = diagnosis.found.experiment
+    return tuple(reason for reason in (reason_against_later_frames(experiment), reason_against_squares(experiment))
+                 if reason is not None)
 
 
 def squares(shape: tuple[int, int], mask: np.ndarray | None = None) -> tuple[Block, Block]:
@@ -88,9 +88,10 @@ def squares(shape: tuple[int, int], mask: np.ndarray | None = None) -> tuple[Blo
     rows, columns = (np.arange(n) for n in shape)
     colour = (rows[:, None] // side + columns[None, :] // side).astype(int) % 2
     near = [np.minimum(at % side, side - at % side) < BUFFER_PX for at in (rows, columns)]
-    inner = [at > 0.5 * side for at in (rows, columns)]  # the edge of the image is no border between blocks
-    last = [at < n - 0.5 * side for at, n in zip((rows, columns), shape, strict=True)]
-    border = [a & b & c for a, b, c in zip(near, inner, last, strict=True)]
+    # the edge of the image is no border between blocks
+    within = [(np.rint(at / side) >= 1) & (np.rint(at / side) * side < n)
+              for at, n in zip((rows, columns), shape, strict=True)]
+    border = [a & b for a, b in zip(near, within, strict=True)]
     allowed = ~(border[0][:, None] | border[1][None, :])
     if mask is not None:
         allowed &= mask
@@ -119,17 +120,24 @@ def reason_against_later_frames(experiment: Experiment) -> str | None:
             "these frames alone. The squares of pixels judge it.")
 
 
+def reason_against_squares(experiment: Experiment) -> str | None:
+    """Why squares of pixels cannot judge a model that the others have fitted, None where they can."""
+    return ("Squares of pixels do not judge the model: every camera sees all of the specimen. Later frames judge it."
+            if experiment.cameras else None)
+
+
 def judged_by_blocks(before: FittedModel, after: FittedModel, grid: Grid) -> tuple[BlockJudgement, ...]:
     """Both models fitted to one part of the recording and measured on the other, block by block.
 
-    Later frames are left out where `reason_against_later_frames` has a reason.
+    Later frames are left out where `reason_against_later_frames` has a reason, squares where `reason_against_squares`
+    has one.
 
     Parameters
     ----------
     before, after : the identified model and the enriched one on the same recording; their fits begin there
     """
     recording = before.experiment
-    blocks = squares(recording.image_shape, recording.mask)
+    blocks = squares(recording.image_shape, recording.mask) if reason_against_squares(recording) is None else ()
     if reason_against_later_frames(recording) is None:
         blocks += later_frames(correlated_frames(recording, range(recording.n_frames)))
     made = [(block, judged(before, block, grid), judged(after, block, grid)) for block in blocks]

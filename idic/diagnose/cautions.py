@@ -27,6 +27,7 @@ from idic.identify.judgement.significance import z_text
 from idic.identify.systematic.real_thickness import gripped_ends
 from idic.materials import get_law
 from idic.model.drives import pixel_size
+from idic.parameters import Parameter
 
 MIN_CARRYING_ELEMENTS = 60  # elements that carry the active law: fewer do not resolve its course in space
 MIN_RIVAL_SHARE = 0.3  # of the winner's drop of chi-square: a rival that may still overtake it
@@ -98,7 +99,8 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
     identified, first = diagnosis.found.parameters, diagnosis.rounds[0]
     known = None if first.source is None else first.source.motion_error
     bricks = first.null if diagnosis.corrected is None else diagnosis.corrected
-    values = "; ".join(f"{name} {identified[name].value:.4g}, about {bricks.values[name]:.4g} with bricks"
+    values = "; ".join(f"{name} {identified[name].shown:.4g}, about "
+                       f"{bricks.values[name] / identified[name].factor:.4g} {_unit(identified[name])}with bricks"
                        for name in identified.free
                        if abs(bricks.values[name] - identified[name].value) > (bricks.stds.get(name) or 0.0))
     is_first = known is not None and known.thickness is not None  # counted before any cause
@@ -108,6 +110,10 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
             f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
             f"shows it. The diagnosis counts the difference; the identified parameters do not{told}{further}. "
             "Identify again with a mesh of bricks (kind = \"solid\")."]
+
+
+def _unit(parameter: Parameter) -> str:
+    return f"{parameter.unit} " if parameter.unit not in ("", "-") else ""
 
 
 def untested_thickness(found: Identification) -> list[str]:

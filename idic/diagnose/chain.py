@@ -96,6 +96,7 @@ class Diagnosis:
     spots : what was left out of the images before
     free_form : the free law, refitted where no named cause of the specimen fits
     free_end : the end whose free motion explains more than the causes that were selected, which are not told then
+    begun : the experiment as the diagnosis began with it
     """
 
     found: Identification
@@ -126,6 +127,13 @@ class Diagnosis:
     spots: LeftOut | None = None
     free_form: FreeForm | None = None
     free_end: FreeEnd | None = None
+    begun: ExperimentSource | None = None
+
+    @property
+    def enriched(self) -> Refit | None:
+        """The enriched model, where it was fitted to the recording and finds an equilibrium from rest; else None."""
+        is_whole = self.final is not None and self.final.usable and self.residual_after is not None
+        return self.final if is_whole else None
 
     @property
     def first_cause(self) -> Round | None:
@@ -153,11 +161,11 @@ class Diagnosis:
 
     def courses(self, one: Round) -> list[Course]:
         """Courses of the winner of a round, with their error bands; [] of a material."""
-        if self.final is None or not self.final.usable or self.residual_after is None:
+        if self.enriched is None:
             return []
         return courses_of(one.winner.name, self.residual_after.context.experiment,  # type: ignore[union-attr]
                           self.found.experiment, one.winner.ranked.variant.new,  # type: ignore[union-attr]
-                          self.final.values, self.final.stds)
+                          self.enriched.values, self.enriched.stds)
 
 
 def diagnose(source: ExperimentSource, found: Identification, refits: Refits, stage: Stage = silent, seed: int = SEED,
@@ -181,7 +189,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     NotConverged
         If the identified model finds no equilibrium on a copy of the recording.
     """
-    clock = Clock()
+    clock, given = Clock(), source
     stage("residual evidence of the identified model")
     with clock.step("gather_s"):
         source, here, before = with_error(source, found)
@@ -229,10 +237,10 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
                        lambda one: _freedom(source, one))
     blocks = () if after is None else judged_by_step(before, after, grid)
     corrected, without = None, None
-    if not quick and after is None:
+    if not quick and final is None:
         corrected = notes.attempt("the fit with the known error", _with_known_error, source, before, first, setting)
     of_bricks = None if source.motion_error is None or source.motion_error.thickness is None else corrected
-    if not quick:
+    if not quick and (final is None or after is not None):
         without = notes.attempt("what the model neglects", _neglected, here, before, absent, source,
                                 final if after is not None else of_bricks, after, clock)
     of_points = open_share(found.experiment) is not None and verdict.word not in ("none", "blind")
@@ -251,7 +259,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     return Diagnosis(found, mismatch, tuple(rounds), verdict, before, after, final, source, whole, effect(whole, unit),
                      grid, clock.seconds, active, tuple(own), margin, tuple(notes.told), channels, excesses[0],
                      probability(verdict, rounds, excesses[0], channels), quick, blocks, without, corrected,
-                     last.other, free_form=curve, free_end=end)
+                     last.other, free_form=curve, free_end=end, begun=given)
 
 
 def _free_form(models: Sequence[tuple[ExperimentSource, Refit, ResidualEvidence]], setting: Setting,
@@ -410,7 +418,8 @@ def _enriched(source: ExperimentSource, null: Refit, left: ResidualEvidence, rou
             left = residual_from_rest(source.load(), other)
             other, final, after = (None, final, after) if left is None else (final, other, left)
         final = final if setting.quick else _with_its_std(source, final, after)
-        if rounds[0].winner.ranked.candidate.kind.active:
+        first = next(iter(causes_of(rounds)), rounds[0])
+        if first.winner.ranked.candidate.kind.active:  # type: ignore[union-attr]
             with suppress(NotConverged):  # with these increments: the residual chose its own
                 active = activity(identification_at(source.load(), final.values, final.local, final.steps))
     same = other is None or not is_another_answer(other, final)

@@ -26,13 +26,14 @@ class ChannelLeft:
     """Residual of one channel before and after an addition to the model.
 
     column : name in the log; before, after : (T,) in standard deviations; noise_share : standard deviation of a reading
-    over the largest reading
+    over the largest reading; is_load : whether it reads a force or a pressure, no motion
     """
 
     column: str
     before: np.ndarray
     after: np.ndarray
     noise_share: float
+    is_load: bool = True
 
     @property
     def z(self) -> float:
@@ -116,5 +117,5 @@ def channels_left(before: ResidualEvidence, after: ResidualEvidence | None) -> t
     left = [readings(one.evidence) for one in (before, before if after is None else after)]
     noise = before.context.weights.channel_noise
     return tuple(ChannelLeft(channel.column, left[0][:, k], left[1][:, k],
-                             float(noise[k]) / max(float(np.abs(channel.values).max()), 1e-300))
+                             float(noise[k]) / max(float(np.abs(channel.values).max()), 1e-300), channel.is_load)
                  for k, channel in enumerate(experiment.channels))

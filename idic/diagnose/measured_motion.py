@@ -113,10 +113,11 @@ def image_chi2(found: Identification) -> float:
     return misfit(found.point, found.experiment.options.lowpass_px)  # type: ignore[arg-type]
 
 
-def out_of_register(found: Identification, u_px: np.ndarray) -> OutOfRegister | None:
+def out_of_register(found: Identification, u_px: np.ndarray, unexplained: Collection[int] = ()) -> OutOfRegister | None:
     """How far the identified model is off the measured motion; None where the images are in register.
 
-    u_px : (n_frames, n_nodes, 2) px, NaN where nothing was measured
+    u_px : (n_frames, n_nodes, 2) px, NaN where nothing was measured; unexplained : frames whose measured motion does
+    not fit their images either
     """
     experiment = found.experiment
     gaps = np.zeros(experiment.n_frames)
@@ -125,7 +126,7 @@ def out_of_register(found: Identification, u_px: np.ndarray) -> OutOfRegister | 
         frame = number + experiment.reference
         moved = camera.project(nodes + u) - camera.project(nodes)
         gap = ((u_px[frame] - moved) ** 2).sum(axis=1)
-        if frame not in experiment.excluded and np.isfinite(gap).any():
+        if frame not in experiment.excluded and frame not in unexplained and np.isfinite(gap).any():
             gaps[frame] = np.sqrt(np.nanmean(gap))
     return OutOfRegister(gaps, image_chi2(found)) if gaps.max() > MAX_REGISTER_PX else None
 
@@ -135,7 +136,7 @@ def with_edge_modes(document: Mapping[str, Any], experiment: Experiment, u_px: n
     tables, changed = copy.deepcopy(list(document.get("boundary", ()))), False
     for table in tables:
         edges = [entry for entry in experiment.prescribed
-                 if entry.nodes == table["nodes"] and isinstance(entry.drive, Measured)]
+                 if entry.nodes == table.get("nodes") and isinstance(entry.drive, Measured)]
         if not edges:
             continue
         number = max(edge_modes(experiment, entry, u_px, MOTION_STD_PX, experiment.excluded) for entry in edges)

@@ -87,8 +87,8 @@ def conclude(rounds: Sequence[Round], before: Fit, after: Fit, real: bool, exces
                      if r.standing == "excluded" and r.candidate.name not in seen)
     cannot = tuple(dict.fromkeys(r.candidate.name for r in last.ranked
                                  if r.standing == "cannot_tell" and r.candidate.name not in in_model))
-    return Verdict(word, selected, sets, excluded, cannot, _next(word, won, first, unloads, in_motions), share, before,
-                   after, in_motions, in_channels)
+    advice = _next(word, won, first, unloads, in_motions, [one for one in channels if one.is_left])
+    return Verdict(word, selected, sets, excluded, cannot, advice, share, before, after, in_motions, in_channels)
 
 
 def _word(won: Sequence[Round], first: Screening, unexplained: bool) -> str:
@@ -141,13 +141,19 @@ def _is_unexplained(excess: ExcessLeft, share: float, readings: bool = False) ->
     return share < MIN_RECOVERED_SHARE or excess.matters
 
 
-def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | None, in_motions: bool) -> str | None:
+def _next(word: str, won: Sequence[Round], first: Screening, unloads: bool | None, in_motions: bool,
+          left: Sequence[ChannelLeft]) -> str | None:
     """The next test: it separates the members of a set (cheapest first), makes a blind test sensitive, locates the side
     of an unexplained mismatch, or confirms a cause.
+
+    left : channels in which a part remains
     """
     for one in won:
         if one.equals:
             return _separating(one.winner.ranked.candidate)
+    if word == "outside_library" and not in_motions and left and not any(one.is_load for one in left):
+        return ("measure a known motion with the extensometer and repeat the test at another speed: a reading without "
+                "a corresponding motion comes from the gauge, its mounting or its clock")
     if word == "outside_library" and not in_motions:
         return ("hang a dead weight on the load cell and repeat the test at another speed: a reading without a "
                 "corresponding motion comes from the load train, its clock or the rate")

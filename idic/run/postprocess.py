@@ -176,7 +176,7 @@ def write_interrupted(session: Session, timing: Timing, began: float) -> dict | 
 
 def has_force(experiment: Experiment) -> bool:
     """Whether a force or a pressure is known: motion alone gives no stress."""
-    return bool(experiment.loads) or any(channel.kind != "displacement" for channel in experiment.channels)
+    return bool(experiment.loads) or any(channel.is_load for channel in experiment.channels)
 
 
 def _fits_of_cameras(session: Session, state: LoopState,

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import distance_transform_cdt
 from side_twins import TOML, Side, write_folder
 
 from idic.diagnose.refit import identification_at
@@ -29,15 +30,15 @@ from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
 from idic.validation.trial.scenes.solve import solve
 
 
-@pytest.mark.parametrize("shape", [(84, 132), (200, 90), (64, 64)])
+@pytest.mark.parametrize("shape", [(84, 132), (200, 90), (64, 64), (60, 100), (300, 1000), (512, 640)])
 def test_squares_of_both_colours_are_apart_by_the_buffer(shape):
     block, other = squares(shape)
     assert not (block.fit_mask & block.judge_mask).any()
     np.testing.assert_array_equal(block.fit_mask, other.judge_mask)
-    white, black = np.argwhere(block.fit_mask), np.argwhere(block.judge_mask)
-    nearest = min(np.abs(white - point).max(axis=1).min() for point in black[::17])
+    away = distance_transform_cdt(~block.fit_mask, metric="chessboard")
+    nearest = away[block.judge_mask].min()
     assert nearest >= BUFFER_PX
-    assert 0.4 < (len(white) + len(black)) / np.prod(shape) < 0.95
+    assert 0.4 < (block.fit_mask | block.judge_mask).mean() < 0.97
 
 
 def test_a_mask_of_the_user_is_respected():

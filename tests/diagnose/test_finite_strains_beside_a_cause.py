@@ -33,6 +33,8 @@ def test_a_course_that_brings_less_than_its_knots_must_goes_back_to_the_former_o
     free, plain = rival(50.0, 5), rival(50.0 + gain, 1)
     assert (plain_if_enough([free, plain]) is plain) is goes_back
     assert plain_if_enough([free]) is free
+    failed = replace(plain, refitted=replace(plain.refitted, choice=None, judgement=None))
+    assert plain_if_enough([free, failed]) is free
 
 
 def test_a_law_that_a_cause_brings_gets_its_finite_form_and_an_edit_of_the_log_stays():

@@ -18,6 +18,7 @@ from idic.diagnose.screen.candidate import Situation, candidates
 from idic.diagnose.selection.free_end import EndMotion, FreeEnd, end_motions, explains_more, may_be_an_end
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml, with_overrides
+from idic.parameters import Parameter, ParameterSet
 from idic.report.diagnosis.headline import headline
 from idic.run.diagnosis.diagnose import diagnose_run
 
@@ -79,6 +80,16 @@ def test_ends_are_freed_where_they_may_be_the_cause(sides, share, leaves, asked)
               for side in sides] + [SimpleNamespace(winner=None)]
     assert may_be_an_end(mismatch, rounds, SimpleNamespace(matters=leaves)) is asked
     assert not may_be_an_end(None, rounds, SimpleNamespace(matters=leaves))
+
+
+def test_parameters_beside_a_free_end_are_given_in_the_units_of_the_user():
+    end = SimpleNamespace(refitted=SimpleNamespace(values={"BODY.E": 70e3, "BODY.nu": 0.3},
+                                                   stds={"BODY.E": 500.0, "BODY.nu": None}),
+                          motion=SimpleNamespace(nodes="LEFT", free_course=False), share=0.9, heldout=100.0,
+                          left=SimpleNamespace(motion_px=0.0), shapes=[], instead_of=())
+    parameters = ParameterSet([Parameter("BODY.E", 69e3, "GPa", factor=1e3), Parameter("BODY.nu", 0.3)])
+    assert FreeEnd.content(end, ["BODY.E", "BODY.nu"], parameters)["parameters"] == {
+        "BODY.E": {"value": 70.0, "std": 0.5}, "BODY.nu": {"value": 0.3, "std": None}}
 
 
 def test_the_headline_names_the_end_its_shape_and_what_to_do():

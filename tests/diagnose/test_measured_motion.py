@@ -87,6 +87,15 @@ def test_images_are_out_of_register_where_the_model_is_a_pixel_off_the_motion(ru
     expected = 0.2 * np.sqrt((u_px**2).sum(axis=2).mean(axis=1))
     np.testing.assert_allclose(found.gap_px, expected, rtol=1e-6, atol=1e-9)
     assert f"{expected.max():.2g} px" in found.words and "out of register" in found.words
+    flash = u_px.copy()
+    flash[3] += 5.0
+    assert out_of_register(near, flash) is not None and out_of_register(near, flash, unexplained=[3]) is None
+
+
+def test_a_boundary_without_nodes_is_no_measured_edge(rubber):
+    tables = {"boundary": [{"nodes": "LEFT", "ux": 0.0}, {"edges": "TOP", "pressure": {"column": "p_MPa"}},
+                           {"temperature": {"column": "T_C"}}]}
+    assert with_edge_modes(tables, rubber[1], rubber[3]) == {}
 
 
 def test_pictures_show_the_images_and_maps_are_without_gaps(rubber):

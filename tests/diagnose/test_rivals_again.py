@@ -20,7 +20,7 @@ def again(one, winner_left, rival_left, foresee=None):
     """The round after errors have joined that leave so much beside its winner and beside a rival."""
     place, asked = world(sets((("thermal_expansion",), rival_left)))
     source = one.source.with_edits({"magnification": True})
-    null = replace(refit(("magnification",), winner_left), label="null")
+    null = replace(refit(("magnification",), winner_left), name="null", label="null")
     rounds, source, fitted = judged_again([one], near_rivals(one), source, null, False, foresee, place.refits,
                                          None, 0, left=2.0 * winner_left)  # of the recording: both copies
     return rounds[0], source, fitted is null, asked
@@ -43,6 +43,7 @@ def test_the_rival_that_explains_more_beside_the_errors_takes_the_place(rival_le
     assert one.winner.heldout == pytest.approx(2400.0 - min(20.0, rival_left)) or winner == "magnification"
     assert {r.name: r.refitted.judgement.chi2 for r in one.rivals}["camera_motion"] == 400.0
     assert asked == [frozenset({"thermal_expansion"})]
+    assert [r.refitted.name for r in one.rivals] == [r.name for r in one.rivals]
 
 
 @pytest.mark.parametrize("promised, gain, refitted", [(60.0, 0.0, False), (60.0, 500.0, True), (51.0, 0.0, True)])

@@ -8,8 +8,11 @@ import pytest
 
 from idic.diagnose.cautions import (formal_fit, refits_cut_short, refits_given_up, rivals_not_ruled_out,
                                     search_cautions, softening_caution, too_coarse)
+from idic.diagnose.chain import Diagnosis
+from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.findings import acts_everywhere, refitted_form
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect
+from idic.diagnose.locate.nested_tests import KINEMATIC_LEVELS, Level, decide
 from idic.diagnose.refit import GIVEN_UP, Refit
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.selection.rivals import same_family_rivals
@@ -401,3 +404,27 @@ def test_a_verdict_of_damage_tells_what_it_owes_to_the_mesh():
     (told,) = softening_caution([round_of(screening(), [rival("damage", 3000.0)])])
     assert "one row of elements" in told and "length" in told
     assert softening_caution([round_of(screening(), [rival("plasticity", 3000.0)])]) == []
+
+
+@pytest.mark.parametrize(("is_load", "words"), [(True, "dead weight"), (False, "extensometer")])
+def test_the_advice_on_readings_that_nothing_explains_speaks_of_their_gauge(is_load, words):
+    channel = ChannelLeft("gauge", np.full(10, 20.0), np.full(10, 20.0), 1e-2, is_load)
+    found = conclude([round_of(screening(ranked("creep")))], left(0.0), left(0.0), False,
+                     [ExcessLeft(left(0.0), left(0.0), POWER)], channels=[channel])
+    assert found.word == "outside_library" and words in found.next_experiment
+
+
+@pytest.mark.parametrize(("has_force", "words"), [(True, "the force does not"), (False, "of the extensometer")])
+def test_the_side_of_readings_is_told_by_what_they_read(has_force, words):
+    quiet = {name: Level(name, 50.0, 50, np.ones(5)) for name in KINEMATIC_LEVELS}
+    side, why = decide(quiet | {"force": Level("force", 5000.0, 10, np.ones(5))}, quiet, has_force)
+    assert side == "force" and words in why
+
+
+def test_a_fit_that_finds_no_equilibrium_from_rest_is_no_enriched_model():
+    """A law of which the solution was found from that of a neighbour: the verdict stands, its model is not written."""
+    final = Refit("damage", "", "converged", {"BODY.E": 1.0}, {"BODY.E": 0.1}, np.zeros((1, 0)), None, left(1.0),
+                  left(1.0))
+    ended = SimpleNamespace(final=final, residual_after=None)
+    assert final.usable and Diagnosis.enriched.fget(ended) is None
+    assert Diagnosis.enriched.fget(SimpleNamespace(final=final, residual_after=object())) is final

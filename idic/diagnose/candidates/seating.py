@@ -41,7 +41,7 @@ def rescaled(variant: Variant, factor: float) -> Variant:
     label = variant.label
     for table in tables:
         for component in "xyz":
-            if name == f"boundary.{table['nodes']}.{component}.seating":
+            if name == f"boundary.{table.get('nodes')}.{component}.seating":
                 own = next(entry for entry in table[f"u{component}"]["corrections"] if entry["kind"] == "seating")
                 own["seated_at"] *= factor
                 label = _label(table["nodes"], own["seated_at"], variant.label.rpartition(" ")[2])

@@ -55,7 +55,7 @@ def with_finite_strains_counted(rounds: Sequence[Round], null: Refit, whole: Res
         return None
     near |= {last.winner: best}
     one = replace(counted[-1], winner=chosen, equals=equals, rivals=tuple(near.get(one, one) for one in last.rivals),
-                  plain=tried[1] if chosen is tried[0] and len(tried) > 1 else None)
+                  plain=next((plain for plain in tried[1:] if chosen is tried[0] and plain.refitted.usable), None))
     return [*counted[:-1], one], source, chosen.refitted, after
 
 
@@ -89,9 +89,11 @@ def plain_if_enough(tried: Sequence[Rival]) -> Rival:
     knots must."""
     winner, former = tried[0], tried[1:]
     for plain in former:
+        if not plain.refitted.usable:
+            continue
         knots = len(winner.own_unknowns) - len(plain.own_unknowns)
         gain = plain.refitted.judgement.chi2 - winner.refitted.judgement.chi2
-        if plain.refitted.usable and gain <= MIN_HELDOUT_DROP + knots:
+        if gain <= MIN_HELDOUT_DROP + knots:
             return plain
     return winner
 
@@ -113,7 +115,7 @@ def _again(one: Round, rival: Rival, refits: Refits, grid: Grid, seed: int) -> R
     """A rival of a round fitted again with the present source of the round."""
     source = one.source.with_edits(edits_of(rival, one.screening))  # type: ignore[union-attr]
     (again,) = refits([refit_of_one(source, "finite", rival.refitted, grid, seed)])
-    again = replace(again, label=rival.refitted.label)
+    again = replace(again, name=rival.refitted.name, label=rival.refitted.label)
     if not again.usable:
         return replace(rival, refitted=again)
     return replace(rival, refitted=again, heldout=rival.heldout + rival.refitted.judgement.chi2 - again.judgement.chi2,

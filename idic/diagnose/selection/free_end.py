@@ -32,6 +32,7 @@ from idic.diagnose.selection.rival import (COPIES, MIN_DROP_DIFFERENCE, MIN_FURT
                                            MIN_SEPARATION_CHI2, Round)
 from idic.diagnose.verdict import MIN_RECOVERED_SHARE
 from idic.model.experiment import Column
+from idic.parameters import ParameterSet
 
 SHAPES = ("as a whole", "linear along it", "bent", "s-shaped")  # by the degree of their polynomial
 MIN_SHAPE_STD = 3.0  # standard deviations of a shape that is told
@@ -86,13 +87,15 @@ class FreeEnd(FreeModel):
                 found[stem, degree] = own
         return sorted(found.values(), key=lambda one: -abs(one["value"]))
 
-    def content(self, before: Sequence[str]) -> dict[str, Any]:
-        """The entry of diagnosis.json; before : identified parameters."""
+    def content(self, before: Sequence[str], parameters: ParameterSet) -> dict[str, Any]:
+        """The entry of diagnosis.json; before : names of identified parameters, which are given in the user's units."""
         values, stds = self.refitted.values, self.refitted.stds
+        shown = {name: (parameters[name].factor, stds[name]) for name in before if name in stds}
         return {"nodes": self.motion.nodes, "share": self.share, "heldout_chi2_drop": self.heldout,
                 "left_px": self.left.motion_px, "course": "free" if self.motion.free_course else "motion",
                 "shapes": self.shapes, "instead_of": list(self.instead_of),
-                "parameters": {name: {"value": values[name], "std": stds.get(name)} for name in before if name in stds}}
+                "parameters": {name: {"value": values[name] / factor, "std": None if std is None else std / abs(factor)}
+                               for name, (factor, std) in shown.items()}}
 
     @property
     def next_test(self) -> str:

@@ -68,7 +68,8 @@ def judged_again(rounds: Sequence[Round], near: Sequence[Rival], source: Experim
     are; left : chi-square of the recording beside the winner, after its parameters have followed
     """
     last, present = rounds[-1], (list(rounds), source, null)
-    winner = refitted_again(last.winner, replace(null, label=last.winner.refitted.label))  # type: ignore
+    former = last.winner.refitted  # type: ignore[union-attr]
+    winner = refitted_again(last.winner, replace(null, name=former.name, label=former.label))  # type: ignore
     sources, again, behind = {}, [], False
     for rival in near if winner is not None else ():
         formed = finite(rival, last.screening) if is_finite else rival

@@ -359,7 +359,7 @@ def _workplace(setting: Setting) -> Workplace:
 
 def _group(one: Round) -> Group:
     """The winner of a round and the models that are indistinguishable from it."""
-    return [(one.source.with_edits(edits_of(r, one.screening)), r.refitted) for r in one.rivals
+    return [(one.source.with_edits(edits_of(r, one.screening)), replace(r.refitted, name=r.name)) for r in one.rivals
             if r is one.winner or r.name in one.equals]
 
 

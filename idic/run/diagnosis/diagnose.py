@@ -116,7 +116,7 @@ def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool 
 
 def _enriched(diagnosis: Diagnosis) -> Path | None:
     """The experiment with the selected candidates, None without one."""
-    if diagnosis.final is None or not diagnosis.final.usable:
+    if diagnosis.enriched is None:
         return None if diagnosis.spots is None else write_enriched(
             diagnosis.source, diagnosis.found.experiment, diagnosis.found.parameters.as_values(), diagnosis.spots.names)
     return write_enriched(diagnosis.source, diagnosis.residual_after.context.experiment, diagnosis.final.values,

@@ -29,9 +29,7 @@ class MotionSource(Source):
 
     def load(self, edits: Mapping[str, Any] | None = None) -> Experiment:
         """See `Source.load`."""
-        store = RunStore(self.run)
-        unexplained = np.flatnonzero(read_free_dic(store)["unexplained"]).tolist()
-        return by_motion(super().load(edits), read_free_motion(store), unexplained)
+        return by_motion(super().load(edits), read_free_motion(RunStore(self.run)), _unexplained(self))
 
     def images(self) -> Experiment:
         """The experiment with its images, virtual edges as they begin."""
@@ -45,7 +43,7 @@ def on_measured_motion(source: Source, found: Identification, runner: TaskRunner
     if not may_be_out_of_register(found):
         return None
     u_px = _measured(source, runner, stage)
-    far = out_of_register(found, u_px)
+    far = out_of_register(found, u_px, _unexplained(source))
     if far is None:
         return None
     stage("fit of the identified model to the measured motion: the images are out of register")
@@ -69,6 +67,11 @@ def judged_by_images(diagnosis: Diagnosis, far: OutOfRegister, stage: Callable[[
         {name: value for name, value in final.values.items() if name in experiment.parameters})
     found = identify(replace(experiment, parameters=starts, options=options, stages=()))
     return far if found.point is None else replace(far, enriched_chi2=image_chi2(found))
+
+
+def _unexplained(source: Source) -> list[int]:
+    """Frames that their own free FE-DIC does not describe."""
+    return np.flatnonzero(read_free_dic(RunStore(source.run))["unexplained"]).tolist()
 
 
 def _measured(source: Source, runner: TaskRunner, stage: Callable[[str], None]) -> np.ndarray:

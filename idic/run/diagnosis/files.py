@@ -79,7 +79,8 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
         "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px,
         "left": _left(diagnosis),
         "courses": _courses(diagnosis),
-        "free_end": None if diagnosis.free_end is None else diagnosis.free_end.content(list(before)),
+        "free_end": None if diagnosis.free_end is None else diagnosis.free_end.content(
+            list(before), diagnosis.found.experiment.parameters),
         "free_form": None if diagnosis.free_form is None else diagnosis.free_form.content(),
         "spots": [],
         "register": None if diagnosis.register is None else diagnosis.register.content(),
@@ -190,9 +191,9 @@ def free_parameters(result: Mapping) -> dict[str, dict]:
 
 
 def _after(diagnosis: Diagnosis) -> dict:
-    if diagnosis.final is None or not diagnosis.final.usable:
+    if diagnosis.enriched is None:
         return {}
-    return _refitted(diagnosis.final, diagnosis.residual_after.context.experiment.parameters)
+    return _refitted(diagnosis.enriched, diagnosis.residual_after.context.experiment.parameters)
 
 
 def _refitted(refit: Refit, parameters: ParameterSet) -> dict[str, dict]:
