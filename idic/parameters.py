@@ -222,7 +222,7 @@ class ParameterSet(Mapping[str, Parameter]):
         M, b = np.zeros((len(names), len(names))), np.zeros(len(names))
         for i, name in enumerate(names):
             p = self.get(name)
-            if p is not None and p.prior_std:
+            if p is not None and p.prior_std and p.prior_mean is not None:
                 M[i, i] += (slopes[i] / p.prior_std) ** 2
                 b[i] += M[i, i] * (p.prior_mean - p.value) / slopes[i]
         for prior in self.joint:
