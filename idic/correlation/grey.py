@@ -156,8 +156,9 @@ def with_blur(reference: ReferenceImage, equations: NodalEquations, spline: Spli
     pull_back : (n_nodes, 2, 2) F^-1 at the nodes
     """
     column = reference.blur_column.astype(float)
-    found = pixel_residual(reference, spline, u_px, equations.lost_pixels if equations.n_lost else None)
-    still_q, still_rb = _coupling(reference, brightness)
+    lost = equations.lost_pixels if equations.n_lost else None
+    found = pixel_residual(reference, spline, u_px, lost)
+    still_q, still_rb = _coupling(reference, brightness) if lost is None else _sums_of_blur(reference, brightness, lost)
     q = np.einsum("nij,ni->nj", pull_back, still_q.reshape(-1, 2)).ravel()
     seen = found.valid
     rhs = float(column[seen] @ found.r[seen].astype(float)) - blur_bias(noise, reference) * int(seen.sum())
@@ -170,11 +171,20 @@ def with_blur(reference: ReferenceImage, equations: NodalEquations, spline: Spli
 
 
 def _coupling(reference: ReferenceImage, brightness: str) -> tuple[np.ndarray, np.ndarray]:
-    """Sums of the blur's column against the gradient at the nodes and against the brightness columns, undeformed."""
+    """Sums of the blur's column over all pixels, computed once."""
     known = _couplings.setdefault(reference, {})
     if brightness not in known:
-        pm = reference.pixel_map
-        image = np.nan_to_num(pm.to_image(reference.f - reference.blur_column)).astype(np.float32)
-        still = nodal_equations(reference, prefilter(image, reference.degree), np.zeros((pm.n_nodes, 2)), brightness)
-        known[brightness] = still.q, still.rb
+        known[brightness] = _sums_of_blur(reference, brightness)
     return known[brightness]
+
+
+def _sums_of_blur(reference: ReferenceImage, brightness: str,
+                  lost: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of the blur's column against the gradient at the nodes and against the brightness columns, undeformed.
+
+    lost : numbers of pixels that a frame does not show: what it shows must be summed in every product
+    """
+    pm = reference.pixel_map
+    image = np.nan_to_num(pm.to_image(reference.f - reference.blur_column)).astype(np.float32)
+    still = nodal_equations(reference, prefilter(image, reference.degree), np.zeros((pm.n_nodes, 2)), brightness, lost)
+    return still.q, still.rb

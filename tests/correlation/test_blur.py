@@ -2,9 +2,18 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
-from idic.correlation.grey import blur_of_noise
+from idic.correlation.frame import nodal_equations
+from idic.correlation.grey import GreyReference, blur_of_noise, with_blur
+from idic.correlation.pixels.pixel_map import build_pixel_map
+from idic.correlation.reference import build_reference
+from idic.correlation.system import solve_positive
+from idic.fe.mesh.mesh import make_mesh
+from idic.images.camera import Camera
+from idic.images.interpolate import prefilter
 from idic.images.quality.lowpass import blur_column, lowpass
+from idic.model.experiment import Noise
 
 
 def test_a_gaussian_of_small_variance_takes_off_its_variance_times_the_column():
@@ -38,3 +47,29 @@ def test_so_has_noise_that_neighbours_share(lowpass_px):
     spread = 5.0 * product.std() / np.sqrt(product.size)
     assert product.mean() == pytest.approx(blur_of_noise(lowpass_px, correlation), abs=spread)
     assert abs(product.mean() - blur_of_noise(lowpass_px)) > 3.0 * spread  # independent noise has another one
+
+
+@pytest.mark.parametrize("brightness", ["frame", "patch"])
+def test_the_blur_of_a_frame_that_shows_a_part_of_the_specimen_is_that_of_the_whole(brightness):
+    """A strip leaves the view by up to 70 of 140 px under a blur of 0.055 px² and a gain of 0.9."""
+    rng = np.random.default_rng(0)
+    far = ndimage.gaussian_filter(rng.standard_normal((90, 360)), 1.6)
+    far = 128.0 + 40.0 * far / far.std()
+    x, y = np.meshgrid(np.linspace(10.0, 150.0, 9), np.linspace(10.0, 80.0, 5))
+    corner = np.arange(45).reshape(5, 9)
+    quads = np.stack([corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]], axis=2).reshape(-1, 4)
+    mesh = make_mesh(np.column_stack([x.ravel(), y.ravel()]), [("quad4", quads)])
+    pixel_map = build_pixel_map(mesh.nodes, mesh.blocks, Camera.from_matrix(np.eye(2)), (90, 160))
+    reference = GreyReference(**vars(build_reference(pixel_map, far[:, :160], 3, 40.0, 0.6, 4, None)))
+    found = []
+    for shift in (0, 20, 70):
+        frame = ndimage.gaussian_filter(np.roll(far, shift, axis=1)[:, :160], np.sqrt(0.15))
+        spline = prefilter((128.0 + 0.9 * (frame - 128.0)).astype(np.float32), 3, 0.6)
+        u = np.tile([float(shift), 0.0], (mesh.n_nodes, 1))
+        equations = with_blur(reference, nodal_equations(reference, spline, u, brightness), spline, u, brightness,
+                              np.tile(np.eye(2), (mesh.n_nodes, 1, 1)), Noise(None))
+        x = solve_positive(equations.bb, equations.rb)
+        found.append(x[-1])
+        left = equations.rr - 2.0 * x @ equations.rb + x @ equations.bb @ x
+        assert 0.0 <= left < 0.02 * equations.rr
+    np.testing.assert_allclose(found, found[0], atol=0.003)
