@@ -179,7 +179,8 @@ def surface_sign(mesh: Mesh, surface: str) -> float:
 
 
 def _corners(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
-    """Corner nodes of faces (n, 2), outward orientation: two of an edge, four of a face  # (n, 2 or 4)"""
+    """Corner nodes of faces (n, 2), outward orientation: two of an edge, four of a face, of a triangle the last one
+    twice  # (n, 2 or 4)"""
     n_corners = 4 if mesh.n_dim == 3 else 2
     corners = np.empty((len(faces), n_corners), dtype=np.int64)
     for block in mesh.blocks:
@@ -187,5 +188,6 @@ def _corners(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
         for local in np.unique(faces[inside, 1]):
             own = inside & (faces[:, 1] == local)
             nodes = list(element.cell(block.cell).faces[local][:n_corners])
+            nodes += nodes[-1:] * (n_corners - len(nodes))
             corners[own] = block.connectivity[faces[own, 0] - block.first][:, nodes]
     return corners

@@ -21,6 +21,7 @@ from idic.correlation.comparison import Reference
 from idic.correlation.experiment_reference import build_reference
 from idic.correlation.pinhole.view import PinholeView, in_space
 from idic.correlation.view import view_of
+from idic.dic.noise import gradient_share
 from idic.dic.surface_smoothing import SurfaceSmoother, surface_smoother
 from idic.errors import InputError
 from idic.images.placed_camera import PlacedCamera
@@ -112,9 +113,9 @@ def surface_motion(experiment: Experiment, length_mm: float | None = None,
 
 
 def _eye(view: Experiment) -> _Eye:
-    noise = view.noise.std_gv or DEFAULT_NOISE_GV
-    return _Eye(view, view_of(view, view.camera), build_reference(view, view.camera),
-                0.5 / noise**2)  # type: ignore[arg-type]
+    noise, reference = view.noise.in_sums_gv or DEFAULT_NOISE_GV, build_reference(view, view.camera)
+    variance = (1.0 + 1.0 / reference.n_images) * noise**2 * gradient_share(reference)  # type: ignore[arg-type]
+    return _Eye(view, view_of(view, view.camera), reference, 1.0 / variance)  # type: ignore[arg-type]
 
 
 def _measure(eyes: Sequence[_Eye], frame: int, start: np.ndarray,

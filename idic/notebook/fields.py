@@ -21,6 +21,7 @@ from idic.errors import InputError
 from idic.fields.free import free_motion, in_mm, seen_by
 from idic.identify.in_memory import Identification
 from idic.identify.kept_simulation import response_of
+from idic.images.camera import Camera
 from idic.images.placed_camera import AnyCamera
 from idic.model.experiment import Experiment
 from idic.run.context import RunContext, correlation_context, open_run
@@ -191,10 +192,13 @@ def _freely_measured(context: CorrelationContext, frame: int, simulated: Callabl
     """See `Fields.u_measured`; simulated : frame -> (n_nodes, dim) mm, from which the measurement starts."""
     experiment, camera = context.experiment, context.camera
     seen = seen_by(experiment, context.reference.image)
-    if seen is None:
+    if seen is None or not isinstance(camera, Camera):
         raise InputError("no free FE-DIC of these images", key="source",
-                         expected="grey images of a surface, or measured "
-                         "fields", found=f"{experiment.quantity} images", remedy="use the simulated fields")
+                         expected="grey images of a surface by a telecentric camera, or measured fields",
+                         found=f"{experiment.quantity} images" if seen is None else "a camera with a lens, which sees "
+                         "motion towards it as motion in the plane",
+                         remedy="use the simulated fields" if seen is None else
+                         "use the simulated fields, or idic.dic.stereo.surface_motion with two cameras")
     nodes, view = experiment.mesh.nodes, view_of(experiment, camera)
     motion = free_motion(seen, (frame,), lambda k: view.at(k).motion(nodes, experiment.turned(simulated(k)))[:, :2])[0]
     return in_mm(motion, nodes, camera, camera.at(frame))

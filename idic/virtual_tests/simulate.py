@@ -243,14 +243,18 @@ def _camera_tables(raw: Mapping, experiment: Experiment, sensors: Sequence[Senso
     """[camera], or all of [[camera]], with the noise that was added and the new places of images and masks."""
     given = raw.get("camera", {})
     tables = [dict(table) for table in (given if isinstance(given, list) else [given])]
+    copied: dict[Path, str] = {}  # calibration files by their old places
     for number, (table, view, sensor) in enumerate(zip(tables, experiment.views, sensors, strict=True)):
         if "calibration" in table:
-            name = Path(table["calibration"])
-            table["calibration"] = name.name
-            if not (folder / name.name).exists():
-                shutil.copy(source.parent / name, folder / name.name)
+            calibration = source.parent / table["calibration"]
+            if calibration not in copied:
+                taken = calibration.name in copied.values()
+                copied[calibration] = f"{view.camera_name}_{calibration.name}" if taken else calibration.name
+                shutil.copy(calibration, folder / copied[calibration])
+            table["calibration"] = copied[calibration]
         std = sensor.total_noise_std or MIN_NOISE * _roughness(view)
         table["noise_std_gv"] = float(f"{std:.4g}")
+        table.pop("noise_model", None)  # the noise that was added is even
         if number:
             table["images"] = f"{view.camera_name}/*.tif"
             table.pop("still_frames", None)

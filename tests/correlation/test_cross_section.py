@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from section_cases import PIXEL, SHAPE, WIDTH, Surface, camera, layer_mesh, pixelwise, strip_mesh
 
 from idic.correlation.height.cross_section import (build_section_reference, section_equations,
@@ -11,6 +12,7 @@ from idic.correlation.height.cross_section import (build_section_reference, sect
 from idic.correlation.height.section_map import RIM_PX, build_section_map
 from idic.errors import InputError
 from idic.images.camera import Camera
+from idic.virtual_tests.bulge_mesh import Columns, bulge_mesh
 
 SURFACE = Surface()
 INNER = np.zeros(SHAPE, bool)
@@ -191,3 +193,26 @@ def test_every_column_has_one_edge_and_shape_functions_that_find_its_place():
     np.testing.assert_allclose(found.slope_at_columns(places), 1.0, atol=1e-9)
     narrower = build_section_map(mesh, "TOP", camera(), SHAPE, margin_px=3)
     assert found.n_columns - narrower.n_columns in (2, 3, 4, 5, 6)
+
+
+@pytest.mark.parametrize("lowpass_px", [0.6, 3.0])
+@pytest.mark.parametrize("gaps", ["holes", "row"])
+def test_a_low_pass_carries_no_filled_height_into_a_pixel_that_counts(gaps, lowpass_px):
+    """A low-pass smooths across rows: what it reaches from a gap is lost above and below it, too."""
+    rng = np.random.default_rng(0)
+    shape = (140, 192)
+    rough = 50.0 + 10.0 * ndimage.gaussian_filter(rng.standard_normal(shape), 2.0)
+    section = build_section_map(bulge_mesh(2e-3, Columns(6, 5, 10)), "TOP",
+                                Camera.from_table(pixel_size=0.004, origin=(95.5, 69.5)), shape, None, True, 1)
+    reference = build_section_reference(section, rough.astype(np.float32), 5, lowpass_px)
+    frame = (rough + 0.01 * rng.standard_normal(shape)).astype(np.float32)
+    whole = section_residual_map(reference, frame, np.zeros((section.n_nodes, 3)))
+    if gaps == "row":
+        frame[70] = np.nan
+    else:
+        for row, column in zip(rng.integers(5, 130, 12), rng.integers(10, 180, 12), strict=True):
+            frame[row:row + 5, column:column + 5] = np.nan
+    found = section_residual_map(reference, frame, np.zeros((section.n_nodes, 3)))
+    assert 0.1 < found.valid.mean() < whole.valid.mean()
+    assert found.chi2_dof(0.01) == pytest.approx(whole.chi2_dof(0.01), rel=0.1)
+    assert np.abs(found.r[found.valid]).max() < 0.06

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import ndimage
 
 from idic.correlation.comparison import NoiseTerms
 from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
@@ -25,7 +26,7 @@ from idic.correlation.height.section_pass import (N_SUMS, from_blocks, poles, se
                                                   tap_weights, to_blocks)
 from idic.errors import InputError
 from idic.images.interpolate import gradient_at_pixels, noise_gain_1d, prefilter
-from idic.images.quality.lowpass import lowpass, lowpass_weights, still_gain
+from idic.images.quality.lowpass import REACH_STDS, lowpass, lowpass_weights, still_gain
 from idic.model.experiment import Experiment
 
 _GAP_MARGIN_PX = 8  # px on either side of a missing height whose spline coefficients it changes
@@ -169,7 +170,7 @@ def build_section_reference(section_map: SectionMap, image: np.ndarray, degree: 
     """
     pm = section_map
     _check_size(pm, image)
-    filled, missing = _without_gaps(np.asarray(image), pm.shape)
+    filled, missing = _without_gaps(np.asarray(image), pm.shape, lowpass_px)
     valid = pm.valid if missing is None else pm.valid & ~missing[:, pm.column]
     inside = filled[:, pm.column][valid]
     if len(inside) == 0 or np.ptp(inside) == 0:
@@ -270,7 +271,7 @@ class _Frame:
     def of(cls, reference: SectionReference, image: np.ndarray, moved: SectionMotion) -> _Frame:
         pm = reference.pixel_map
         _check_size(pm, image)
-        filled, missing = _without_gaps(np.asarray(image), pm.shape)
+        filled, missing = _without_gaps(np.asarray(image), pm.shape, reference.lowpass_px)
         filled = np.ascontiguousarray(lowpass(filled, reference.lowpass_px), dtype=np.float32)
         position = np.clip(pm.column + moved.u, -1e6, 1e6)
         first, weights, fraction = tap_weights(position, reference.degree, (RIM_PX, pm.shape[1] - 1 - RIM_PX))
@@ -290,15 +291,23 @@ def _check_size(section_map: SectionMap, image: np.ndarray) -> None:
                          remedy="give every height image the same number of pixels")
 
 
-def _without_gaps(image: np.ndarray, shape) -> tuple[np.ndarray, np.ndarray | None]:
-    """Heights that are not finite filled along their row, and pixels that this changes  # (ny, nx) each; None: none"""
+def _without_gaps(image: np.ndarray, shape, lowpass_px: float) -> tuple[np.ndarray, np.ndarray | None]:
+    """Heights that are not finite filled along their row, and pixels that this changes  # (ny, nx) each; None: none
+
+    A row without any takes the mean of the others. lowpass_px : by which the filled image will be smoothed, across
+    rows, too
+    """
     if np.isfinite(image.sum()):
         return image, None
     gap = ~np.isfinite(image)
     filled, columns = np.array(image, dtype=np.float32), np.arange(shape[1])
+    mean = float(image[~gap].mean()) if not gap.all() else 0.0
     for row in np.flatnonzero(gap.any(axis=1)):
         known = ~gap[row]
-        filled[row, gap[row]] = np.interp(columns[gap[row]], columns[known], image[row, known]) if known.any() else 0.0
+        filled[row, gap[row]] = np.interp(columns[gap[row]], columns[known], image[row, known]) if known.any() else mean
+    if lowpass_px > 0.0:
+        reach = int(np.ceil(REACH_STDS * lowpass_px))
+        gap = ndimage.maximum_filter(gap, 2 * reach + 1, mode="constant")
     changed = np.cumsum(np.pad(gap, ((0, 0), (_GAP_MARGIN_PX + 1, _GAP_MARGIN_PX))), axis=1)
     return filled, changed[:, 2 * _GAP_MARGIN_PX + 1:] > changed[:, :-2 * _GAP_MARGIN_PX - 1]
 
