@@ -309,13 +309,16 @@ class ForwardModel:
                       or march(*arguments, substeps=substeps, **ways))
         if frames is not None:
             states = (replace(state, frame=int(frames[state.frame])) for state in states)
+        if self.readings is not None:
+            states = self._with_readings(states, self.readings, parameters, names, local, influence)
         error, first = self.experiment.motion_error, self.experiment.reference
-        if error is not None:
-            states = (error.added(state, first + state.frame) for state in states)
-        if self.readings is None:
-            yield from states
-            return
-        loads = self.drives.loads
+        for state in states:  # the error of a channel is that of the whole reading
+            yield state if error is None else error.added(state, first + state.frame)
+
+    def _with_readings(self, states: Iterable[FrameState], readings: Readings, parameters: ParameterSet,
+                       names: Sequence[str], local: np.ndarray | None, influence: bool) -> Iterator[FrameState]:
+        """The states with the channels that are no reactions."""
+        loads, first = self.drives.loads, self.experiment.reference
         values = loads.values(parameters, None if local is None else local[:, len(self.drives.local):])
         changes = [loads.derivative(name, parameters) if name in loads.names() else np.zeros_like(values)
                    for name in names]
@@ -324,7 +327,7 @@ class ForwardModel:
         for state in states:
             now = first + state.frame
             derivatives = np.array([change[now] for change in changes]).reshape(len(names), len(loads.stems)).T
-            yield self.readings.of(state, values[now], derivatives, own)
+            yield readings.of(state, values[now], derivatives, own)
 
 
 def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:

@@ -112,6 +112,8 @@ def element_scores(residual: ResidualEvidence, tangent: Tangent, p: np.ndarray, 
     for channel, row in zip(tangent.system.model.channels, channel_p, strict=True):
         readings[np.asarray(channel.dofs, dtype=np.int64)] += channel.factor * row
     load = load + assembly.transposed_stiffness_times(tangent.system, tangent.evaluation, readings)
+    if tangent.readings is not None:  # an extensometer moves with its nodes
+        load = load + tangent.readings.motion.T @ channel_p
     return tangent.element_work(readings - tangent.adjoint(load))
 
 

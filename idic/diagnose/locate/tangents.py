@@ -18,16 +18,21 @@ from idic.fe.boundary import drives_at
 from idic.fe.equilibrium import factorise_tangent
 from idic.fe.solver.linear import Factor
 from idic.identify.in_memory import Identification
+from idic.model.readings import Readings
 
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """The model at one frame. index : of the frame within the evidence."""
+    """The model at one frame.
+
+    index : of the frame within the evidence; readings : rows of the channels that are no reactions, None: all are
+    """
 
     index: int
     system: System
     evaluation: Evaluation
     factor: Factor
+    readings: Readings | None = None
 
     @property
     def held(self) -> np.ndarray:
@@ -92,4 +97,4 @@ def tangents(found: Identification, residual: ResidualEvidence, only: int | None
         if factor is None or not all(np.array_equal(a, b) for a, b in zip(now, matrices, strict=True)):
             factor, matrices = factorise_tangent(system, ev), now
         states, before = tuple(g.state for g in ev.groups), frame
-        yield Tangent(index, system, ev, factor)
+        yield Tangent(index, system, ev, factor, forward.readings)

@@ -25,7 +25,7 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.course_columns import timed, times_courses, unit_values
 from idic.errors import NotConverged
-from idic.fe.response import Alternative, first_responses
+from idic.fe.response import Alternative, Responses, first_responses
 from idic.identify.in_memory import Identification
 from idic.model.experiment import Experiment
 from idic.model.forward import ForwardModel, build_forward
@@ -114,10 +114,11 @@ def _stepped(found: Identification, residual: ResidualEvidence, trials: Sequence
     solved = residual.channels if error is None else residual.channels - error.channels[residual.evidence.frames]
     fields, channels = [], []
     for t, answer in enumerate(responses):
-        du, dchannels = answer.du[..., picked], answer.dchannels[:, picked]
+        read = answers.read(int(residual.evidence.frames[t]), answer)
+        du, dchannels = answer.du[..., picked], read[:, picked]
         du[..., nulls] -= answer.du[..., of_nulls]
         _to_fixed_points(found.experiment, residual.u[t], moved, du)
-        dchannels[:, nulls] -= answer.dchannels[:, of_nulls]
+        dchannels[:, nulls] -= read[:, of_nulls]
         for k, (u, readings) in whole.items():
             du[..., k], dchannels[:, k] = u[frames[t]] - residual.solved_u[t], readings[frames[t]] - solved[t]
         fields.append(in_images(residual, t, du))
@@ -160,9 +161,10 @@ class _Answers:
     """The models whose responses are asked for, each once."""
 
     def __init__(self, found: Identification):
-        self.found, self.base, self.values = found, _alternative(found.experiment, found,
-                                                                 {}), found.parameters.as_values()
+        self.found, self.values = found, found.parameters.as_values()
+        self.base, self.loads = _alternative(found.experiment, found, {})
         self.others: list[Alternative] = []
+        self.loads_of_others: list[np.ndarray] = []
         self.place: dict[bytes, int] = {}
 
     def position(self, experiment: Experiment, at: Mapping[str, float]) -> int:
@@ -173,8 +175,22 @@ class _Answers:
                             experiment.heterogeneities, sorted(parameters.as_values().items())))
         if key not in self.place:
             self.place[key] = len(self.others)
-            self.others.append(_alternative(experiment, self.found, parameters.as_values()))
+            other, loads = _alternative(experiment, self.found, parameters.as_values())
+            self.others.append(other)
+            self.loads_of_others.append(loads)
         return self.place[key]
+
+    def read(self, frame: int, answer: Responses) -> np.ndarray:
+        """Change of all channels in a frame, extensometers and pressures included  # (n_channels, n_others)"""
+        readings = self.found.forward.readings if isinstance(self.found.forward, ForwardModel) else None
+        if readings is None:
+            return answer.dchannels
+        moved = readings.motion @ answer.du.reshape(readings.motion.shape[1], -1)
+        pressed = np.zeros((readings.load.shape[1], len(self.others)))
+        for k, loads in enumerate(self.loads_of_others):
+            if loads.shape == self.loads.shape:
+                pressed[:, k] = loads[frame] - self.loads[frame]
+        return answer.dchannels + moved + readings.load @ pressed
 
 
 def _node_motion(experiment: Experiment, variant: Variant) -> np.ndarray | None:
@@ -212,11 +228,14 @@ def _with_recording(found: Identification, residual: ResidualEvidence, variants:
     return Columns(stepped.names, fields, channels)
 
 
-def _alternative(experiment: Experiment, found: Identification, values: Mapping[str, float]) -> Alternative:
+def _alternative(experiment: Experiment, found: Identification,
+                 values: Mapping[str, float]) -> tuple[Alternative, np.ndarray]:
+    """A model whose response is asked for, and the histories of its loads  # (n_frames, n_loads)"""
     forward = build_forward(experiment)
     parameters = experiment.parameters.with_values(values or found.parameters.as_values())
     local = found.local if forward.drives.n_local == found.local.shape[1] else None
-    return Alternative(forward.model_at(parameters, local), forward.law_values(parameters))
+    return (Alternative(forward.model_at(parameters, local), forward.law_values(parameters)),
+            forward.drives.loads.values(parameters))
 
 
 def _direct(found: Identification, residual: ResidualEvidence, variant: Variant, load: Load,
