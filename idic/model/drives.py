@@ -248,7 +248,7 @@ class _Builder:
             moved[self.experiment.reference] = 0.0
             self._derivative(f"{stem}.offset", index, moved)
         if "time.offset" in self.experiment.parameters and drive.rates is not None:
-            self._derivative("time.offset", index, drive.rates)
+            self._derivative("time.offset", index, rates_since_reference(self.experiment, drive.rates))
         if drive.noise_std > 0:
             self.local.append(index)
             self.precisions.append(np.array([[drive.noise_std**-2]]))
@@ -335,6 +335,14 @@ class _Builder:
         return DriveTable(dofs, basis, tuple(self.names), columns, derivatives, tuple(self.local),
                           _block_diagonal([*self.precisions, loads.local_precision]),
                           np.array([*self.measured, *(False for _ in loads.local)], dtype=bool), loads, self.controlled)
+
+
+def rates_since_reference(experiment: Experiment, rates: np.ndarray) -> np.ndarray:
+    """Derivative by a time shift of the log of a motion that counts from the reference frame, mm/s  # (n_frames,)
+
+    A later reading of the log has a later zero, too, unless the reference is the first frame, where the test begins.
+    """
+    return rates - rates[experiment.reference] if experiment.reference > 0 else rates
 
 
 def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ from idic.fe.superposition import superposed
 from idic.materials.core.compilation import compile as compile_law
 from idic.materials.core.law import EXPANSION
 from idic.model.black_box import ExternalForward, build_external
-from idic.model.drives import COMPONENTS, DriveTable, build_drives, set_nodes
+from idic.model.drives import COMPONENTS, DriveTable, build_drives, rates_since_reference, set_nodes
 from idic.model.experiment import Experiment, Load
 from idic.model.heterogeneity import variation_of, variations_at
 from idic.model.loads import LoadHistories, is_follower
@@ -185,7 +185,9 @@ class ForwardModel:
     def _late_readings(self) -> np.ndarray | None:
         """Derivative of the readings of the controlling gauge by `time.offset`, mm/s  # (n_simulated,)"""
         drive = controlled(self.experiment)
-        return None if drive is None or drive.rates is None else self._from_reference(drive.rates)
+        if drive is None or drive.rates is None:
+            return None
+        return self._from_reference(rates_since_reference(self.experiment, drive.rates))
 
     def _control(self, parameters: ParameterSet) -> PathControl | None:
         """The controlling gauge with its readings at these parameters."""

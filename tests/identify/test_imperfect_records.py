@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import tifffile
 from twin_bodies import PIXEL
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, judged, solved, write_folder
 
+from idic.experiment_file.load import load_experiment
 from idic.images.camera import Camera
+from idic.model.experiment import Column
+from idic.model.forward import build_forward, solve
 from idic.report.record import FreeFields
 from idic.report.words import left_out, not_explained
 from idic.run.judgement.free import free_summary
@@ -182,6 +187,20 @@ def test_the_offset_of_a_late_log_is_found(tmp_path):
     found = result["parameters"]["time.offset"]
     assert abs(found["value"] - 0.2) < 0.03, found  # rates are central differences over 2 s of a motion that curves
     assert_true(result, {"BODY.nu": TRUTH["nu"]})
+
+
+def test_a_late_log_of_a_steady_motion_changes_nothing_from_a_reference_on_the_way(clean, tmp_path):
+    """What is logged later counts from a zero that is logged later."""
+    toml = WHOLE + '[[dof]]\nname = "time.offset"\nvalue = 0.0\n'
+    experiment = load_experiment(write_folder(tmp_path / "test", Twin(), toml, clean), {"experiment.reference": 2})
+    steady = 0.01 * (np.arange(experiment.n_frames) - 2.0)
+    drives = [replace(entry, drive=replace(entry.drive, values=steady, rates=np.full(len(steady), 0.01)))
+              if isinstance(entry.drive, Column) else entry for entry in experiment.prescribed]
+    forward = build_forward(replace(experiment, prescribed=tuple(drives)))
+    on_time, late = (solve(forward, experiment.parameters.with_values({"time.offset": offset}))
+                     for offset in (0.0, 0.4))
+    np.testing.assert_allclose(late.u, on_time.u, atol=1e-9)
+    assert np.abs(on_time.u[-1]).max() > 0.01
 
 
 def test_unknown_noise_of_the_grip_in_every_frame_makes_fit_and_error_bars_honest(tmp_path):
