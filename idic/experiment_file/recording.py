@@ -24,7 +24,7 @@ from idic.model.gauges import KINDS
 from idic.model.experiment import FieldPoints
 from idic.read_once import read_once
 from idic.readers.fields.series import FieldStack
-from idic.readers.frame_names import frame_indices, frame_numbers
+from idic.readers.frame_names import check_complete, frame_indices, frame_numbers
 from idic.readers.images import FileStack, open_stack, read_image
 from idic.readers.logs import Log, MatchedLog, check_increasing, match, read_log
 from idic.readers.objects.images import ArrayFrames
@@ -89,6 +89,7 @@ class RecordedFolder:
                              remedy='run the test, then write e.g. images = "images/*.tif"; before the test, '
                              "idic design predicts what it will determine")
         stack = self.opened_images()
+        self._check_complete(stack.labels)
         notes = stack.notes()
 
         def indices(wanted, key):
@@ -132,6 +133,7 @@ class RecordedFolder:
         table, file = self.config.experiment, self.file
         series = open_series(self.config, self.folder, file)
         labels, notes = series.labels, []
+        self._check_complete(labels)
 
         def indices(wanted, key):
             found, note = frame_indices(wanted, labels, file=file, key=f"experiment.{key}")
@@ -239,6 +241,11 @@ class RecordedFolder:
             return self.image_times(frames.stack.n_frames)
         times = self.image_times(frames.recorded.stack.n_frames)
         return None if times is None else times[list(frames.recorded.kept)]
+
+    def _check_complete(self, labels: tuple[str, ...]) -> None:
+        """Refuse times by an interval where an image in between is missing."""
+        if self.config.experiment.frame_interval_s is not None:
+            check_complete(labels, file=self.file, key="experiment.frame_interval_s")
 
     def image_times(self, n_frames: int) -> np.ndarray | None:
         """Times of the images in s, where [experiment] gives them  # (n_frames,)"""

@@ -1,10 +1,14 @@
-"""Frames by name or number, for `reference`, `exclude_frames` and `still_frames`."""
+"""Frames by name or number, for `reference`, `exclude_frames` and `still_frames`; missing numbers of images."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NoReturn
 
 from idic.errors import InputError
+from idic.readers.paths import called_the_reference
 
 
 def frame_numbers(labels: tuple[str, ...]) -> tuple[int, ...] | None:
@@ -12,11 +16,44 @@ def frame_numbers(labels: tuple[str, ...]) -> tuple[int, ...] | None:
 
     ``zoom-0050_1.tif, zoom-0053_1.tif`` -> 50, 53.
     """
-    groups = [re.findall(r"\d+", label.rpartition(".")[0] if "[" not in label else label) for label in labels]
-    if len(labels) < 2 or len({len(group) for group in groups}) != 1:
-        return None
-    varying = [tuple(int(g[k]) for g in groups) for k in range(len(groups[0])) if len({int(g[k]) for g in groups}) > 1]
-    return varying[0] if len(varying) == 1 and len(set(varying[0])) == len(labels) else None
+    numbers = _Numbers(labels).of_frames
+    return None if numbers is None or None in numbers else numbers  # type: ignore[return-value]
+
+
+def check_complete(labels: tuple[str, ...], *, file, key) -> None:
+    """InputError where a number is missing in evenly numbered file names: times by an interval count the files.
+
+    Equal steps are a series that was thinned, and steps without a common measure no count of images. Times of the day
+    (HHMMSS), pages of a file and names without numbers are not judged.
+    """
+    numbers = _Numbers(labels).of_frames
+    if numbers is None or any("[" in label for label in labels):
+        return
+    counted = [(number, label) for number, label in zip(numbers, labels, strict=True) if number is not None]
+    if len(counted) > 2 and counted[0][0] > counted[1][0]:  # the reference, which comes first
+        del counted[0]
+    values = [number for number, _ in counted]
+    steps = _steps(values)
+    if len(steps) < 2 or min(steps) <= 0 or max(steps) == min(steps) or any(step % min(steps) for step in steps):
+        return
+    if values[0] >= 10_000 and len(set(_steps([_seconds(value) for value in values]))) == 1:
+        return
+    k = next(k for k, wide in enumerate(steps) if wide > min(steps))
+    n_missing = sum(step // min(steps) - 1 for step in steps)
+    raise InputError("an image is missing" if n_missing == 1 else f"{n_missing} images are missing", file=file, key=key,
+                     expected=f"numbers in steps of {min(steps)}: the times count the files",
+                     found=f"{counted[k + 1][1]} after {counted[k][1]}: all times from there on would be too early",
+                     remedy="put the image back (exclude_frames leaves a bad one out), or give the time of every image "
+                            "with image_times in place of frame_interval_s")
+
+
+def _steps(values: Sequence[int]) -> list[int]:
+    return [later - value for value, later in pairwise(values)]
+
+
+def _seconds(clock: int) -> int:
+    """Of a time of the day, HHMMSS."""
+    return 3600 * (clock // 10_000) + 60 * (clock // 100 % 100) + clock % 100
 
 
 def frame_indices(wanted: list[str | int], labels: tuple[str, ...], *, file, key) -> tuple[tuple[int, ...], str | None]:
@@ -28,15 +65,18 @@ def frame_indices(wanted: list[str | int], labels: tuple[str, ...], *, file, key
     Raises
     ------
     InputError
-        A name or number matches no frame, or only some of the numbers are in the file names.
+        A name or number matches no frame, only some of the numbers are in the file names, or a number may be one in
+        the names or an index.
     """
-    numbers = frame_numbers(labels)
+    names = _Numbers(labels)
+    numbers = names.of_frames
     integers = [item for item in wanted if isinstance(item, int)]
     in_names = [item for item in integers if numbers is not None and item in numbers]
     if integers and in_names and len(in_names) < len(integers):
         other = next(item for item in integers if item not in in_names)
+        known = [number for number in numbers if number is not None]  # type: ignore[union-attr]
         raise InputError("the frame numbers are ambiguous", file=file, key=key,
-                         expected=f"numbers in the file names, {numbers[0]} … {numbers[-1]}",
+                         expected=f"numbers in the file names, {known[0]} … {known[-1]}",
                          found=f"{other} is not among them, {in_names[0]} is",
                          remedy="give file names in place of numbers")
     found, note = [], None
@@ -48,15 +88,63 @@ def frame_indices(wanted: list[str | int], labels: tuple[str, ...], *, file, key
                                  remedy="correct the name")
             found.append(labels.index(item))
         elif in_names:
-            found.append(numbers.index(item))
+            found.append(numbers.index(item))  # type: ignore[union-attr]
             if found[-1] != item:
                 note = f"{key}: numbers are read as those in the file names ({item} is {labels[found[-1]]})"
         elif 0 <= item < len(labels):
+            bearing = names.bearing(item) if numbers is None else []
+            if bearing and bearing != [item]:
+                _refuse_two_meanings(item, labels, bearing, file, key)
             found.append(item)
-            if numbers is not None and numbers != tuple(range(len(labels))):
+            if any(names.groups) and numbers != tuple(range(len(labels))):
                 note = f"{key}: numbers are read as indices from 0 ({item} is {labels[item]})"
         else:
             span = "the numbers in the file names, or " if numbers is not None else ""
             raise InputError("no such frame", file=file, key=key, expected=f"{span}indices 0 … {len(labels) - 1}",
-                             found=str(item), remedy="correct the number")
+                             found=str(item), remedy="give a file name" if numbers is None else "correct the number")
     return tuple(dict.fromkeys(found)), note
+
+
+def _refuse_two_meanings(item: int, labels: tuple[str, ...], bearing: Sequence[int], file, key) -> NoReturn:
+    named = " or ".join(labels[k] for k in bearing[:2])
+    raise InputError("the frame numbers are ambiguous", file=file, key=key,
+                     expected="file names, where these hold several numbers that differ, or none that is unique",
+                     found=f"{item}, which is {named} by the number in the name and {labels[item]} by its place from 0",
+                     remedy=f"write the file name, e.g. {labels[bearing[0]]!r}")
+
+
+class _Numbers:
+    """The numbers in the names of the frames.
+
+    groups : of each label; of_frames : the one number of each that differs, None for a label that is not counted (a
+    reference with a name of its own); None where there is not one such number, or it is not unique
+    """
+
+    def __init__(self, labels: tuple[str, ...]):
+        self.groups = [[int(part) for part in re.findall(r"\d+", _stem(label))] for label in labels]
+        counted = [k for k, group in enumerate(self.groups) if group]
+        named = [k for k in counted if called_the_reference(_stem(labels[k]))]
+        others = [k for k in counted if k not in named]
+        if len(named) == 1 and len({len(self.groups[k]) for k in others}) == 1 \
+                and len(self.groups[named[0]]) != len(self.groups[others[0]]):
+            counted = others
+        self._counted = counted
+        alike = len({len(self.groups[k]) for k in counted}) == 1
+        columns = list(zip(*(self.groups[k] for k in counted), strict=True)) if alike else []
+        self._varying = [j for j, column in enumerate(columns) if len(set(column)) > 1] if alike else None
+        self.of_frames: tuple[int | None, ...] | None = None
+        if self._varying is not None and len(self._varying) == 1:
+            numbers = columns[self._varying[0]]
+            if len(set(numbers)) == len(counted):
+                of = dict(zip(counted, numbers, strict=True))
+                self.of_frames = tuple(of.get(k) for k in range(len(labels)))
+
+    def bearing(self, number: int) -> list[int]:
+        """The frames whose names hold this number where names differ."""
+        if self._varying is None:  # names of different kinds
+            return [k for k in self._counted if number in self.groups[k]]
+        return [k for k in self._counted if any(self.groups[k][j] == number for j in self._varying)]
+
+
+def _stem(label: str) -> str:
+    return label.rpartition(".")[0] if "[" not in label else label

@@ -126,7 +126,7 @@ class Log:
                           expected="a finite number" + (f' with the decimal mark "{self.decimal}"' if self.decimal
                                                         else ""),
                           found=repr(cell) if cell.strip() else "an empty cell",
-                          remedy="fill in the value, or remove that image from the pattern and its row from the log")
+                          remedy="fill in the value, or the mean of its neighbours with the image in exclude_frames")
 
     def _thousands(self, cell: str, name: str, line: int) -> InputError:
         return InputError("a number with thousands separators", file=self.file, key=f"column {name}, line {line}",
@@ -268,7 +268,8 @@ def _by_time(log: Log, image_times: np.ndarray) -> MatchedLog:
         raise InputError("an image lies outside the times of the log", file=log.file, key=log.time_column,
                          expected=f"images within {times[0]:g} … {times[-1]:g} s",
                          found=f"image {outside[0]} at {image_times[outside[0]]:g} s",
-                         remedy="check first_frame_s and frame_interval_s, or remove such images from the pattern")
+                         remedy="check first_frame_s (time of the first image of the pattern) and frame_interval_s; "
+                                "images beyond the ends of the log can be left out of the pattern")
     return MatchedLog(log, image_times, None)
 
 

@@ -18,10 +18,15 @@ def natural_key(text: str) -> list[tuple[int, int, str]]:
 _REFERENCE = re.compile(r"(?<![a-z])(ref|reference|undeformed)(?![a-z])", re.IGNORECASE)
 
 
+def called_the_reference(stem: str) -> bool:
+    """Whether a file name calls the file the reference."""
+    return _REFERENCE.search(stem) is not None
+
+
 def recorded_order(paths: Iterable[Path], folder: Path) -> list[Path]:
     """Natural order of the names in a folder; the one file whose name calls it the reference comes first."""
     found = sorted(paths, key=lambda path: natural_key(path.relative_to(folder).as_posix()))
-    named = [path for path in found if _REFERENCE.search(path.stem)]
+    named = [path for path in found if called_the_reference(path.stem)]
     if len(named) == 1:
         found.insert(0, found.pop(found.index(named[0])))
     return found

@@ -35,6 +35,28 @@ def test_a_mask_is_white_where_the_image_is_correlated(folder):
     np.testing.assert_array_equal(load(folder, "kind =", 'mask = "mask.tif"\nkind =').mask, pixels > 0)
 
 
+def renumbered(folder, numbers):
+    """The images under these numbers, with times by an interval."""
+    for path, number in zip(sorted((folder / "images").glob("*.tif"))[::-1], numbers[::-1], strict=True):
+        path.rename(path.with_name(f"frame_{number:06d}.tif"))
+    change(folder, "experiment.toml", "kind =", "frame_interval_s = 0.5\nkind =")
+
+
+def test_a_missing_image_does_not_shift_the_times_of_all_later_ones(folder):
+    renumbered(folder, (0, 10, 30, 40))
+    with pytest.raises(InputError, match="an image is missing") as caught:
+        load(folder)
+    assert caught.value.key == "experiment.frame_interval_s"
+    assert "frame_000030.tif after frame_000010.tif" in caught.value.found
+    assert "exclude_frames" in caught.value.remedy and "image_times" in caught.value.remedy
+
+
+@pytest.mark.parametrize("numbers", [(5, 10, 15, 20), (0, 7, 10, 23), (120558, 120559, 120600, 120601)])
+def test_a_thinned_series_odd_steps_and_times_of_the_day_are_no_gap(folder, numbers):
+    renumbered(folder, numbers)
+    np.testing.assert_allclose(load(folder).times, [0.0, 0.5, 1.0, 1.5])
+
+
 def test_still_frames_give_the_noise(folder):
     generator = np.random.default_rng(2)
     pattern = 100 + 40 * np.sin(np.arange(50)[:, None] / 3) * np.cos(np.arange(60) / 4)

@@ -83,3 +83,30 @@ def test_numbers_mean_file_names_where_they_all_occur_there_else_indices():
     with pytest.raises(InputError, match="ambiguous"):
         frame_indices([78, 1], labels, file=None, key="k")
     assert frame_indices([1], ("f_1.tif", "f_2.tif"), file=None, key="k")[0] == (0,)
+
+
+def test_a_named_reference_without_a_number_leaves_the_numbers_of_the_others_their_meaning():
+    labels = ("reference.tif", *(f"img_{k:04d}.tif" for k in range(8)))
+    found, note = frame_indices([5], labels, file=None, key="k")
+    assert [labels[k] for k in found] == ["img_0005.tif"] and "img_0005.tif" in note
+    assert frame_numbers(labels) is None  # a log has a row for the reference, too
+    dated = ("reference_2024_1.tif", *labels[1:])
+    assert frame_indices([5], dated, file=None, key="k")[0] == (6,)
+
+
+def test_a_number_that_is_one_of_several_in_the_names_is_refused_unless_both_readings_agree():
+    labels = tuple(f"cam_{k:04d}_1205{33 + k}.tif" for k in range(1, 9))
+    with pytest.raises(InputError, match="ambiguous") as caught:
+        frame_indices([3], labels, file=None, key="k")
+    assert "cam_0003_120536.tif" in str(caught.value) and "cam_0004_120537.tif" in str(caught.value)
+    from_zero = tuple(f"cam_{k:04d}_1205{33 + k}.tif" for k in range(8))
+    assert frame_indices([3], from_zero, file=None, key="k")[0] == (3,)
+    with pytest.raises(InputError, match="no such frame"):
+        frame_indices([120536], labels, file=None, key="k")
+
+
+def test_numbers_that_are_no_part_of_the_names_are_indices_with_a_note():
+    labels = tuple(f"cam_{k:04d}_1205{33 + k}.tif" for k in range(1, 9))
+    found, note = frame_indices([0], labels, file=None, key="k")
+    assert found == (0,) and "indices from 0" in note
+    assert frame_indices([1], ("a.tif", "b.tif"), file=None, key="k") == ((1,), None)
