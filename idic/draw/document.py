@@ -53,7 +53,7 @@ def tables_of(plan: Plan) -> dict:
 
 
 def _experiment(plan: Plan) -> list[str]:
-    lines = ["[experiment]", f"title = {_text(plan.title)}", f"images = {_text(plan.images)}"]
+    lines = ["[experiment]", f"title = {_text(plan.title)}", f"images = {_patterns(plan.images)}"]
     if plan.loads is not None:
         lines.append(f"loads = {_text(plan.loads)}")
     if plan.frame_interval_s is not None:
@@ -131,6 +131,15 @@ def _channel(plan: Plan) -> list[str]:
     noise = [f"noise_std = {plan.force.noise_std!r}"] if plan.force.noise_std is not None else []
     return ["", "[[channel]]", f"column = {_text(plan.force.column)}",
             f'simulated = {{ reaction = "{plan.force.edge}", component = "{plan.force.component}" }}', *noise, ""]
+
+
+def _patterns(name: str) -> str:
+    """The patterns of a group of images, by its name in the listing of the folder."""
+    try:
+        several = json.loads(name) if name.startswith('["') else name
+    except ValueError:
+        several = name
+    return json.dumps(several, ensure_ascii=False)
 
 
 def _text(value: str) -> str:

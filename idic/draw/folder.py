@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections import defaultdict
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from idic.experiment_file.initial.fields import find_stages
 from idic.experiment_file.toml_file import NAME
 from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, FileStack, open_stack
 from idic.readers.logs import Log, read_log
-from idic.readers.paths import natural_key, recorded_order
+from idic.readers.paths import natural_key, patterns_of, recorded_order
 
 RUNS = "runs"  # FOLDER/runs/NAME: what the page identifies
 RUN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
@@ -30,7 +31,7 @@ class Listing:
 
     Attributes
     ----------
-    images : {pattern: its files, the reference first}, the largest group first
+    images : {pattern: its files, the reference first}, the largest group first; several patterns as a list in JSON
     logs : names of files that may be logs
     runs : names of the folders under `RUNS`
     """
@@ -87,10 +88,10 @@ def list_folder(folder: Path) -> Listing:
              if path.is_file() and not path.name.startswith(".")
              and path.relative_to(folder).parts[0] not in (RUNS, "check")]
     files.sort(key=lambda path: natural_key(path.relative_to(folder).as_posix()))
-    groups: dict[str, list[Path]] = defaultdict(list)
+    groups: dict[tuple[Path, str], list[Path]] = defaultdict(list)
     for path in files:
         if path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES and not re.search(r"mask|roi", path.stem, re.IGNORECASE):
-            groups[(path.parent.relative_to(folder) / f"*{path.suffix}").as_posix()].append(path)
+            groups[path.parent, path.suffix].append(path)
     if not groups and find_stages(files):
         raise InputError("the folder holds measured fields, and idic draw draws on images", file=folder,
                          expected="TIFF or PNG images", found="stages of another DIC system",
@@ -99,10 +100,14 @@ def list_folder(folder: Path) -> Listing:
         raise InputError("no images in the folder", file=folder,
                          expected="TIFF or PNG images, in it or in a folder below",
                          found=f"{len(files)} other files", remedy="put the images in a folder images/")
-    largest_first = sorted(groups.items(), key=lambda item: -len(item[1]))
-    images = {name: tuple(recorded_order(paths, folder)) for name, paths in largest_first}
+    largest_first = sorted(groups.values(), key=len, reverse=True)
+    images = {_name_of(patterns_of(folder, paths)): tuple(recorded_order(paths, folder)) for paths in largest_first}
     logs = tuple(path.relative_to(folder).as_posix() for path in files if path.suffix.lower() in LOG_SUFFIXES)
     return Listing(folder, images, logs, _runs(folder), (folder / NAME).is_file())
+
+
+def _name_of(patterns: list[str]) -> str:
+    return patterns[0] if len(patterns) == 1 else json.dumps(patterns, ensure_ascii=False)
 
 
 def _runs(folder: Path) -> tuple[str, ...]:

@@ -1,9 +1,13 @@
-"""Paths of an experiment: inside its folder, in natural order."""
+"""Paths of an experiment: inside its folder, in natural order; patterns that match given files."""
 
 from __future__ import annotations
 
+import glob
+import os
 import re
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from itertools import takewhile
 from pathlib import Path, PurePosixPath
 
 from idic.errors import InputError
@@ -77,10 +81,59 @@ def matching_files(folder: Path, patterns: list[str], *, file, key) -> list[Path
     return recorded_order(found, folder)
 
 
+def patterns_of(folder: Path, paths: Sequence[Path]) -> list[str]:
+    """Patterns relative to `folder` that match these files of one folder and no other: one where one is enough."""
+    parent = paths[0].parent
+    place = glob.escape(parent.relative_to(folder).as_posix())
+
+    def fitting(some: Sequence[Path]) -> list[str]:
+        names = [path.name for path in some]
+        start = glob.escape(_shared_start(names).rstrip("0123456789"))
+        end = glob.escape(_shared_start([name[::-1] for name in names])[::-1].lstrip("0123456789"))
+        shapes = (f"*{glob.escape(some[0].suffix)}", f"{start}*{end}", f"{start}[0-9]*{end}")
+        one = next((shape for shape in shapes if set(_visible(parent, shape)) == set(some)), None)
+        return [] if one is None else [one]
+
+    found = fitting(paths)
+    if not found:
+        alike = defaultdict(list)
+        for path in paths:
+            alike[re.sub(r"\d+", "#", path.name)].append(path)
+        found = [shape for some in alike.values()
+                 for shape in fitting(some) or [glob.escape(path.name) for path in some]]
+    return [(PurePosixPath(place) / shape).as_posix() for shape in found]
+
+
+def _visible(folder: Path, pattern: str) -> list[Path]:
+    """The files that match; hidden ones, such as ``._a.tif`` of a Mac, only where the pattern begins with a dot."""
+    hidden = pattern.rpartition("/")[2].startswith(".")
+    return [path for path in folder.glob(pattern) if path.is_file() and (hidden or not path.name.startswith("."))]
+
+
+def _shared_start(names: Sequence[str]) -> str:
+    """The letters that all names begin with."""
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    return "".join(letters[0] for letters in alike)
+
+
+def existing_start(base: Path, parts: Sequence[str]) -> tuple[Path, str]:
+    """The folder that the first parts of a pattern name as they stand, as ``images [1]`` does, and the rest as a
+    pattern; the last part, too, where it is the name of a file."""
+    left = list(parts)
+    while len(left) > 1 and os.path.isdir(base / left[0]):
+        base /= left.pop(0)
+    if len(left) == 1 and os.path.isfile(base / left[0]):
+        left = [glob.escape(left[0])]
+    return base, "/".join(left)
+
+
 def _matches(folder: Path, pattern: str, *, file, key) -> list[Path]:
     parts = PurePosixPath(pattern.replace("\\", "/")).parts  # "." and "./" have none: no name to match
     try:
-        return [path for path in folder.glob("/".join(parts)) if path.is_file()] if parts else []
+        if not parts:
+            return []
+        start, rest = existing_start(folder, parts)
+        return _visible(start, rest)
     except (ValueError, NotImplementedError) as problem:  # Python's glob does not know the pattern
         raise InputError("not a usable pattern", file=file, key=key, expected='a pattern such as "images/*.tif"',
                          found=f"{pattern!r}: {problem}",

@@ -197,6 +197,22 @@ def test_a_folder_of_measured_fields_is_sent_to_init(tmp_path):
         list_folder(tmp_path)
 
 
+def test_a_mask_among_the_images_is_none_of_them(tmp_path):
+    for name in ("shot_0.tif", "shot_1.tif", "mask.tif"):
+        (tmp_path / name).write_bytes(b"")
+    assert list(list_folder(tmp_path).images) == ["shot_*.tif"]
+    (tmp_path / "shot_0.tif").rename(tmp_path / "reference.tif")
+    assert list(list_folder(tmp_path).images) == ['["reference.tif", "shot_1.tif"]']
+
+
+def test_several_patterns_of_a_group_are_written_as_a_list(desk):
+    (desk.folder / "images" / "f_0.tif").rename(desk.folder / "images" / "reference.tif")
+    (desk.folder / "images" / "mask.tif").write_bytes(b"")
+    name = next(iter(desk.listing().images))
+    text = desk.text(plan(images=name))["toml"]
+    assert tomllib.loads(text)["experiment"]["images"] == ["images/f_*.tif", "images/reference.tif"]
+
+
 def test_groups_with_as_many_images_each_may_be_cameras(tmp_path):
     for camera, n in (("cam0", 3), ("cam1", 3), ("still", 2)):
         (tmp_path / camera).mkdir()

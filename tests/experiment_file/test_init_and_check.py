@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 
 import meshio
 import numpy as np
@@ -45,6 +46,43 @@ def test_init_makes_a_mesh_on_the_image_where_there_is_no_mesh_file(tmp_path):
     write_initial_experiment(tmp_path)
     e = load_experiment(tmp_path)
     assert e.length_unit == "px" and e.mesh.n_elements > 100 and e.prescribed[0].nodes == "OUTER"
+
+
+def shots(folder, *names, size=(80, 120)):
+    for k, name in enumerate(names):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(np.full(size, 10 * k + 5, np.uint8)).save(folder / name)
+
+
+@pytest.mark.parametrize("mask, others, patterns", [
+    ("mask.png", ("shot_00.png", "shot_01.png", "shot_02.png"), "shot_*.png"),
+    ("shot_mask.png", ("shot_00.png", "shot_01.png", "shot_02.png"), "shot_[0-9]*.png"),
+    ("mask.png", ("reference.png", "shot_01.png", "shot_02.png"), ["reference.png", "shot_*.png"]),
+    ("._a.png", ("a.png", "b.png", "c.png"), "*.png"),
+    ("mask.png", ("a.png", "b.png", "c.png"), ["a.png", "b.png", "c.png"]),
+    ("roi/mask.png", ("shot_00.png", "shot_01.png", "shot_02.png"), "*.png"),
+])
+def test_init_takes_no_mask_for_an_image_and_offers_it_as_the_mask(tmp_path, mask, others, patterns):
+    shots(tmp_path, *others, mask)
+    text = write_initial_experiment(tmp_path).read_text()
+    assert f"images = {json.dumps(patterns)}" in text
+    assert (f'mask = "{mask}"' in text and "# mask" not in text) or mask.startswith(".")
+    assert load_experiment(tmp_path).labels == others
+
+
+def test_init_offers_no_mask_of_another_size(tmp_path):
+    shots(tmp_path, "shot_00.png", "shot_01.png", "shot_02.png")
+    shots(tmp_path, "overview_roi.png", size=(60, 70))
+    text = write_initial_experiment(tmp_path).read_text()
+    assert '# mask = "mask.png"' in text and "overview_roi.png is no mask: it is 70 x 60 px" in text
+
+
+def test_init_writes_a_pattern_for_a_folder_with_brackets_in_its_name(tmp_path):
+    shots(tmp_path, "images [1]/shot_00.png", "images [1]/shot_01.png", "images [1]/shot_02.png", "images 1/wrong.png")
+    write_initial_experiment(tmp_path)
+    assert load_experiment(tmp_path).labels == ("shot_00.png", "shot_01.png", "shot_02.png")
+    change(tmp_path, "experiment.toml", "images [[]1]", "images [1]")  # as people type it
+    assert load_experiment(tmp_path).labels[0] == "shot_00.png"
 
 
 def test_init_gives_sets_by_position_where_the_mesh_has_none(folder):

@@ -14,6 +14,7 @@ from idic.fe.mesh.mesh import check_elements
 from idic.readers.images import open_stack
 from idic.readers.logs import match, read_log
 from idic.readers.meshes import read_mesh_file
+from idic.readers.objects.images import frames_of
 from idic.readers.paths import matching_files, natural_key, recorded_order
 from idic.readers.raw_mesh import to_mesh
 
@@ -118,6 +119,20 @@ def test_files_are_sorted_as_people_count(tmp_path):
     (["refined_2.tif", "a_1.tif"], "a_1.tif"), (["ref_2.tif", "ref_1.tif"], "ref_1.tif")])
 def test_the_one_file_that_is_called_the_reference_comes_first(names, first, tmp_path):
     assert recorded_order([tmp_path / name for name in names], tmp_path)[0].name == first
+
+
+def test_the_brackets_in_the_name_of_a_folder_or_a_file_are_no_class_of_letters(tmp_path):
+    for name in ("data [2]/right_0.tif", "data [2]/right_1.tif", "data 2/wrong_0.tif", "movie [1].tif", "movie 1.tif"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        tifffile.imwrite(tmp_path / name, PIXELS)
+    right = ("right_0.tif", "right_1.tif")
+    for pattern in ("data [2]/*.tif", "data [[]2]/*.tif", "data [[]2]/right_[0-9].tif"):
+        found = matching_files(tmp_path, [pattern], file=None, key=None)
+        assert tuple(path.name for path in found) == right
+        assert frames_of(str(tmp_path / pattern)).labels == right
+    assert frames_of(tmp_path / "data [2]").labels == right
+    assert matching_files(tmp_path, ["movie [1].tif"], file=None, key=None) == [tmp_path / "movie [1].tif"]
+    assert len(matching_files(tmp_path, ["data [0-9]/*.tif"], file=None, key=None)) == 1
 
 
 # log ----------------------------------------------------------------------------------------------------

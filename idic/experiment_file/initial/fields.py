@@ -3,12 +3,12 @@ it."""
 
 from __future__ import annotations
 
+import glob
 import json
 import re
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +21,7 @@ from idic.readers.fields.outline import outline_of
 from idic.readers.fields.outline_width import notched_axis
 from idic.readers.fields.series import SUFFIXES, FieldSeries, MeasuredPoints, detected, measured_points, open_fields
 from idic.readers.logs import Log, read_log
+from idic.readers.paths import patterns_of
 from idic.readers.units import parse_unit
 
 _MESH_SUFFIXES = (".inp", ".msh", ".bdf", ".med")  # .vtu and .vtk may hold fields
@@ -78,7 +79,7 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
     upright, why = _upright(points, strain)
     ends = ("TOP", "BOTTOM") if upright else ("RIGHT", "LEFT")
     loaded = _loading(strain, force, upright)
-    parts = [_experiment(folder, _pattern(folder, paths), series, points, mesh, "px" if in_px else "mm"),
+    parts = [_experiment(folder, _patterns(folder, paths), series, points, mesh, "px" if in_px else "mm"),
              *_log_lines(series, log, None if own else found[0].relative_to(folder).as_posix(), column),
              "",  # type: ignore[index]
              _camera(in_px, mesh is not None), _MATERIAL,
@@ -102,23 +103,10 @@ def _upright(points: MeasuredPoints, strain: np.ndarray) -> tuple[bool, str]:
     return bool(extent[1] >= extent[0]), "the points span more along " + "xy"[int(extent[1] >= extent[0])]
 
 
-def _pattern(folder: Path, paths: Sequence[Path]) -> str:
-    """A glob of these files alone."""
-    if len(paths) == 1:
-        return paths[0].relative_to(folder).as_posix()
-    parent, names = paths[0].parent, [path.name for path in paths]
-    start = _shared_start(names).rstrip("0123456789")
-    end = _shared_start([name[::-1] for name in names])[::-1].lstrip("0123456789")
-    for name in (f"*{paths[0].suffix}", f"{start}*{end}"):
-        if len(list(parent.glob(name))) == len(paths):
-            return (parent.relative_to(folder) / name).as_posix()
-    return (parent.relative_to(folder) / f"{start}[0-9]*{end}").as_posix()
-
-
-def _shared_start(names: Sequence[str]) -> str:
-    """The letters that all names begin with."""
-    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
-    return "".join(letters[0] for letters in alike)
+def _patterns(folder: Path, paths: Sequence[Path]) -> str | list[str]:
+    """Of these files alone, as `fields` takes them."""
+    found = patterns_of(folder, paths) if len(paths) > 1 else [glob.escape(paths[0].relative_to(folder).as_posix())]
+    return found[0] if len(found) == 1 else found
 
 
 def _log_beside(files: Sequence[Path]) -> tuple[Path, Log] | None:
@@ -138,7 +126,7 @@ def _line(text: str, comment: str) -> str:
     return f"{text:<32} # {comment}"
 
 
-def _experiment(folder: Path, pattern: str, series: FieldSeries, points: MeasuredPoints, mesh: str | None,
+def _experiment(folder: Path, patterns: str | list[str], series: FieldSeries, points: MeasuredPoints, mesh: str | None,
                 unit: str) -> str:
     extent = np.ptp(points.positions, axis=0)
     margin = 0.5 * points.pitch
@@ -147,7 +135,7 @@ def _experiment(folder: Path, pattern: str, series: FieldSeries, points: Measure
     lines = [f"# An idic experiment, written by idic init for {len(series.entries)} stages of {len(points)} points "
              f"({series.format}).", "# Fill in the values marked FILL IN, then run  idic check .", "", "[experiment]",
              f"title = {json.dumps(folder.resolve().name)}",
-             _line(f"fields = {json.dumps(pattern)}", "measured displacements instead of images; the first is the "
+             _line(f"fields = {json.dumps(patterns)}", "measured displacements instead of images; the first is the "
                                                       "reference"),
              _line(f"# fields_format = {json.dumps(series.format)}", "as found in the files"),
              *(_mesh(points, margin, size, unit) if mesh is None

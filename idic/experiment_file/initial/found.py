@@ -13,10 +13,10 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.mesh.outline import is_circle
-from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, open_stack
+from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, image_entries, open_stack
 from idic.readers.logs import Log, read_log
 from idic.readers.meshes import mesh_suffixes, read_mesh_file
-from idic.readers.paths import natural_key, recorded_order
+from idic.readers.paths import natural_key, patterns_of, recorded_order
 from idic.readers.raw_mesh import DIMENSION, to_mesh
 
 _NO_MESHES = (".dat", ".svg", ".wkt", ".xml")  # formats of meshio whose suffix usually means something else
@@ -28,7 +28,7 @@ class Found:
     """The files in the folder: images, mesh, log, mask."""
 
     folder: Path
-    images: str
+    images: str | list[str]  # patterns
     n_images: int
     image_shape: tuple[int, int]
     reference: str  # label of the first image
@@ -71,12 +71,12 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
                          expected="TIFF or PNG images, or the exported fields of a DIC system, in it or in a folder "
                                   "below", found=f"{len(files)} other files",
                          remedy="put the images in a folder images/")
-    (parent, suffix), images = max(groups.items(), key=lambda item: len(item[1]))
-    pattern = (parent.relative_to(folder) / f"*{suffix}").as_posix()
+    images = max(groups.values(), key=len)
+    patterns = patterns_of(folder, images)
     stack = open_stack(recorded_order(images, folder))
-    found = Found(folder, pattern, stack.n_frames, stack.shape, stack.labels[0])
-    if masks and masks[0].parent != parent:
-        found.mask = masks[0].relative_to(folder).as_posix()
+    found = Found(folder, patterns[0] if len(patterns) == 1 else patterns, stack.n_frames, stack.shape,
+                  stack.labels[0])
+    _find_mask(masks, found)
     if area is not None:
         found.outline, holes = area(np.asarray(stack.frame(0)))
         found.holes = [hole for hole in holes if is_circle(hole)]
@@ -84,6 +84,20 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     _find_mesh([path for path in files if path.suffix.lower() in formats], found)
     _find_log([path for path in files if path.suffix.lower() == ".csv"], found)
     return found
+
+
+def _find_mask(paths: list[Path], found: Found) -> None:
+    """The first one of the size of the images."""
+    for path in paths:
+        try:
+            shape = image_entries(path)[0].shape
+        except InputError as error:
+            found.notes.append(f"{path.name} was not understood: {error.what}")
+            continue
+        if shape == found.image_shape:
+            found.mask = path.relative_to(found.folder).as_posix()
+            return
+        found.notes.append(f"{path.name} is no mask: it is {shape[1]} x {shape[0]} px")
 
 
 def _find_mesh(paths: list[Path], found: Found) -> None:

@@ -16,7 +16,8 @@ FILL_IN = "FILL IN"
 def lines_of(found: Found, text: str) -> list[str]:
     """One fact per line, as `idic check` prints them; text : of the written experiment.toml."""
     ny, nx = found.image_shape
-    lines = [f"images       {found.images}: {found.n_images} of {nx} x {ny} px; the reference is the first, "
+    pattern = found.images if isinstance(found.images, str) else ", ".join(found.images)
+    lines = [f"images       {pattern}: {found.n_images} of {nx} x {ny} px; the reference is the first, "
              f"{found.reference}",
              *_mesh(found), _log(found),
              "to identify  E from 70 000 MPa and nu from 0.3 of the law elastic, typical of aluminium: replace them by "

@@ -12,7 +12,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.readers.images import FileStack, open_stack
-from idic.readers.paths import recorded_order
+from idic.readers.paths import existing_start, recorded_order
 
 KEY = "images"
 _DEPTHS = {"uint8": "uint8", "uint16": "uint16", "float16": "float32", "float32": "float32", "float64": "float32"}
@@ -109,13 +109,15 @@ def _files(path: str | os.PathLike) -> list[Path]:
     found = Path(path)
     if found.is_file():
         return [found]
-    pattern = str(found / "*") if found.is_dir() else str(path)
+    start, rest = (found, "*") if found.is_dir() else existing_start(Path(found.anchor), found.relative_to(
+        found.anchor).parts)
+    pattern = os.path.join(glob.escape(str(start)), rest) if start.parts else rest
     files = [file for file in map(Path, glob.glob(pattern, recursive=True))
              if file.is_file() and not file.name.startswith(".")]
     files = recorded_order(files, Path(os.path.commonpath([file.parent for file in files])) if files else Path())
     if not files:
-        raise InputError("no images match the pattern", key=KEY, expected=f"files that match {pattern!r}", found="none",
-                         remedy='correct the path, e.g. images="images/*.tif"')
+        raise InputError("no images match the pattern", key=KEY, expected=f"files that match {str(path)!r}",
+                         found="none", remedy='correct the path, e.g. images="images/*.tif"')
     return files
 
 
