@@ -1,7 +1,8 @@
 """Reads meshes of Abaqus and CalculiX input files: *NODE, *ELEMENT, *NSET, *ELSET, *SURFACE.
 
 meshio is no substitute: it drops labels and sets of sets, and knows neither CPE4 nor CPS8. Other keywords (materials,
-steps) are skipped. The file must hold a flat mesh without *INSTANCE transforms.
+steps) are skipped. The file must hold a flat mesh without *INSTANCE transforms; keywords that make or move nodes and
+elements are refused.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe.mesh import element
-from idic.readers.abaqus_sets import LabelSets
+from idic.readers.abaqus_sets import LabelSets, ScopedNames
 from idic.readers.raw_mesh import RawMesh
 
 _FAMILIES = (  # type name -> (dimension word, nodes)
@@ -27,6 +28,8 @@ _FAMILIES = (  # type name -> (dimension word, nodes)
 _N_NODES = {"tet4": 4, "wedge6": 6, "hex8": 8, "tet10": 10, "wedge15": 15, "hex20": 20, "tri3": 3, "quad4": 4,
             "tri6": 6,
             "quad8": 8, "quad9": 9, "line2": 2, "line3": 3}
+_MAKING = ("ELGEN", "ELCOPY", "NCOPY", "NFILL", "NGEN", "NMAP", "SYSTEM")  # of nodes and elements, by rules
+_ORPHAN = "write the mesh as an orphan mesh: every node with its x, y, z, every element with its nodes"
 _MAX_LABEL = 2**31 - 1  # labels beyond the range of the programs that write such files are a damage
 
 
@@ -77,31 +80,54 @@ class _Reader:
         self.node_labels: list[int] = []
         self.coordinates: list[list[float]] = []
         self.elements: dict[str, list[tuple[int, list[int], int]]] = {}  # kind -> (label, node labels, line)
-        self.node_sets: dict[str, list] = {}
-        self.element_sets: dict[str, list] = {}
-        self.surfaces: dict[str, tuple[str, list]] = {}
+        self.scopes: list[str] = []  # the open part, or the assembly and an instance in it
+        self.node_sets: dict[tuple[str, str], list] = {}  # (scope, name) -> members
+        self.element_sets: dict[tuple[str, str], list] = {}
+        self.surfaces: dict[tuple[str, str], tuple[str, list]] = {}
+
+    @property
+    def scope(self) -> str:
+        return self.scopes[-1] if self.scopes else ""
 
     def take(self, number, keyword, options, data) -> None:
         if keyword == "NODE":
-            self._nodes(options, data)
+            self._nodes(number, options, data)
         elif keyword == "ELEMENT":
             self._elements(number, options, data)
         elif keyword in ("NSET", "ELSET"):
             target = self.node_sets if keyword == "NSET" else self.element_sets
             name = options.get(keyword) or self.fail(number, f"*{keyword} without a name", f"{keyword}=NAME", "none")
-            target.setdefault(name, []).extend(self._members(options, data))
+            target.setdefault((self.scope, name), []).extend(self._members(options, data))
         elif keyword == "SURFACE":
-            self.surfaces[options.get("NAME", f"surface_{number}")] = (options.get("TYPE", "ELEMENT").upper(),
-                                                                       [(n, cells) for n, cells, _ in data])
-        elif keyword == "INSTANCE" and data:
+            self.surfaces[self.scope, options.get("NAME", f"surface_{number}")] = (
+                options.get("TYPE", "ELEMENT").upper(), [(n, cells) for n, cells, _ in data])
+        elif keyword in ("PART", "ASSEMBLY", "INSTANCE"):
+            self._enter(number, keyword, options, data)
+        elif keyword in ("END PART", "END ASSEMBLY", "END INSTANCE"):
+            del self.scopes[-1:]
+        elif keyword in _MAKING and (data or keyword != "SYSTEM"):
+            self.fail(number, "nodes or elements that are made or placed by a rule", "*NODE and *ELEMENT alone",
+                       f"*{keyword}", _ORPHAN)
+        elif keyword == "INCLUDE":
+            self._in_another_file(number, keyword)
+
+    def _enter(self, number, keyword, options, data) -> None:
+        if keyword == "INSTANCE" and data:
             self.fail(number, "a part instance with a transform", "a flat mesh, or instances without transform",
                        "*INSTANCE with a position",
                        "write the mesh as an orphan mesh")
-        elif keyword == "INCLUDE":
-            self.fail(number, "the mesh is in another file", "one file", "*INCLUDE",
-                       "replace *INCLUDE by the contents of that file")
+        self.scopes.append(options.get("NAME", keyword.capitalize()))
 
-    def _nodes(self, options, data) -> None:
+    def _in_another_file(self, number, keyword) -> NoReturn:
+        self.fail(number, "the mesh is in another file", "one file", f"*{keyword}",
+                   f"replace *{keyword} by the contents of that file")
+
+    def _nodes(self, number, options, data) -> None:
+        if options.get("SYSTEM", "R").upper() != "R":
+            self.fail(number, "nodes in cylindrical or spherical coordinates", "x, y, z",
+                       f"*NODE, SYSTEM={options['SYSTEM']}", _ORPHAN)
+        if "INPUT" in options:
+            self._in_another_file(number, "NODE, INPUT")
         labels = []
         for number, cells, _ in data:
             label = self._integer(cells[0], number)
@@ -110,9 +136,11 @@ class _Reader:
             self.coordinates.append(values + [0.0] * (3 - len(values)))
             labels.append(label)
         if "NSET" in options:
-            self.node_sets.setdefault(options["NSET"], []).extend(labels)
+            self.node_sets.setdefault((self.scope, options["NSET"]), []).extend((label, None) for label in labels)
 
     def _elements(self, number, options, data) -> None:
+        if "INPUT" in options:
+            self._in_another_file(number, "ELEMENT, INPUT")
         kind = self._kind(options.get("TYPE", ""), number)
         cells, first, labels = [], number, []
         for line, part, _ in data:
@@ -131,7 +159,7 @@ class _Reader:
             self.fail(first, "an element with too few nodes", f"{_N_NODES[kind]} nodes ({options.get('TYPE')})",
                        f"{len(cells) - 1}", "export the mesh again: the file may be truncated")
         if "ELSET" in options:
-            self.element_sets.setdefault(options["ELSET"], []).extend(labels)
+            self.element_sets.setdefault((self.scope, options["ELSET"]), []).extend((label, None) for label in labels)
 
     def _kind(self, name: str, number: int) -> str:
         for pattern, kinds in _FAMILIES:
@@ -180,12 +208,16 @@ class _Reader:
                 where[label] = (kind, nodes)
             connectivity = np.array([[index[n] for n in nodes] for _, nodes, _ in rows], dtype=np.int64)
             cells.append((kind, connectivity, np.array([label for label, _, _ in rows], dtype=np.int64)))
-        nodes_of = LabelSets(self.node_sets, index, "node", self.fail)
-        elements_of = LabelSets(self.element_sets, position, "element", self.fail)
+        names = ScopedNames(self.node_sets, self.element_sets, self.surfaces)
+        nodes_of = LabelSets(names.flat(self.node_sets), index, "node", self.fail)
+        elements_of = LabelSets(names.flat(self.element_sets), position, "element", self.fail)
         raw = RawMesh(self.path, np.array(self.coordinates, dtype=float).reshape(-1, 3), labels, cells,
                       nodes_of.as_indices(), elements_of.as_indices())
-        for name, (kind, data) in self.surfaces.items():
-            self._surface(raw, name, kind, data, where, nodes_of, elements_of)
+        for (scope, name), (kind, data) in self.surfaces.items():
+            known = self.node_sets if kind == "NODE" else self.element_sets
+            rows = [(number, [names.meant(cells[0], scope, known), *cells[1:]]) for number, cells in data]
+            self._surface(raw, names.key(scope, name), kind, rows, where, nodes_of, elements_of)
+        names.merge_alike(raw.node_sets, raw.element_sets, raw.face_sets)
         return raw
 
     def _surface(self, raw, name, kind, data, where, nodes_of: LabelSets, elements_of: LabelSets) -> None:

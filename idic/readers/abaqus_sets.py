@@ -1,4 +1,7 @@
-"""Sets of an Abaqus input file: labels, ranges of labels and other sets, resolved once and within bounds."""
+"""Sets of an Abaqus input file: labels, ranges of labels and other sets, resolved once and within bounds.
+
+A part and the assembly have names of their own: Abaqus/CAE calls the first set of each Set-1.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,60 @@ _MAX_LEVELS = 100  # of sets within each other
 _MAX_MEMBERS = 50_000_000  # of all sets of one kind together: 0.4 GB
 
 Member = tuple[int | str | range, int]  # a label, the name of a set or a range of labels; its line
+Scoped = tuple[str, str]  # a part or the assembly, and the name of a set in it
+
+
+class ScopedNames:
+    """Names of the sets of a file: as they stand, with the scope before them where several scopes have the name.
+
+    Parameters
+    ----------
+    kinds : iterables of (scope, name)
+        The node sets, the element sets and the surfaces.
+    """
+
+    def __init__(self, *kinds: Iterable[Scoped]):
+        self._places: dict[str, list[Scoped]] = {}  # NAME, which ignores case -> where it stands
+        self._shared: set[str] = set()
+        for kind in kinds:
+            scopes: dict[str, set[str]] = {}
+            for scope, name in kind:
+                self._places.setdefault(name.upper(), []).append((scope, name))
+                scopes.setdefault(name.upper(), set()).add(scope)
+            self._shared |= {name for name, found in scopes.items() if len(found) > 1}
+
+    def key(self, scope: str, name: str) -> str:
+        """``Part-1_Set-1`` where another scope has such a set of this name, too."""
+        return f"{scope or 'Model'}_{name}" if name.upper() in self._shared else name
+
+    def meant(self, member: int | str | range, scope: str, sets: Iterable[Scoped]) -> int | str | range:
+        """A member of a set or surface in `scope`, its name as `key` has it: a set of the same scope comes first."""
+        if not isinstance(member, str) or member.upper() not in self._shared:
+            return member
+        known = [(place, name) for place, name in sets if name.upper() == member.upper()]
+        own = [(place, name) for place, name in known if place == scope]
+        return self.key(*(own or known)[0]) if own or len(known) == 1 else member
+
+    def flat(self, sets: Mapping[Scoped, list[Member]]) -> dict[str, list[Member]]:
+        """{key: members} of one kind"""
+        return {self.key(scope, name): [(self.meant(member, scope, sets), line) for member, line in members]
+                for (scope, name), members in sets.items()}
+
+    def merge_alike(self, *kinds: dict) -> None:
+        """Give sets that are alike in all scopes their own name again.  kinds : {key: members}"""
+        for upper in self._shared:
+            places = self._places[upper]
+            keys = {self.key(*place) for place in places}
+            own = [(kind, [key for key in kind if key in keys]) for kind in kinds]
+            if all(_alike([kind[key] for key in found]) for kind, found in own):
+                for kind, found in own:
+                    values = [kind.pop(key) for key in found]
+                    if values:
+                        kind[places[0][1]] = values[0]
+
+
+def _alike(values: list) -> bool:
+    return len({frozenset(tuple(one) if isinstance(one, tuple) else int(one) for one in value) for value in values}) < 2
 
 
 class LabelSets:

@@ -10,6 +10,7 @@ from PIL import Image
 
 from experiment_file.small_experiment import inp_text
 from idic.errors import InputError
+from idic.experiment_file.tables.mesh_sets import with_node_set
 from idic.fe.mesh.mesh import check_elements
 from idic.readers.images import open_stack
 from idic.readers.logs import match, read_log
@@ -191,6 +192,71 @@ def test_an_abaqus_file_agrees_with_meshio(tmp_path):
     mesh, other = read(tmp_path / "mesh.inp"), meshio.read(tmp_path / "mesh.inp")
     np.testing.assert_array_equal(mesh.nodes, other.points[:, :2])
     np.testing.assert_array_equal(mesh.blocks[0].connectivity, other.cells_dict["quad"])
+
+
+CAE = """*Part, name=Part-1
+*Node
+1, 0., 0.
+2, 1., 0.
+3, 1., 1.
+4, 0., 1.
+5, 2., 0.
+6, 2., 1.
+*Element, type=CPS4R
+1, 1,2,3,4
+2, 2,5,6,3
+*Nset, nset=Set-1, generate
+1, 6, 1
+*Elset, elset=Set-1
+1, 2
+*Nset, nset=Same
+1
+*Elset, elset=Hold
+1
+*End Part
+*Assembly, name=Assembly
+*Instance, name=Part-1-1, part=Part-1
+*End Instance
+*Nset, nset=Set-1, instance=Part-1-1
+1
+*Nset, nset=Set-1, instance=Part-1-1
+4
+*Nset, nset=Same, instance=Part-1-1
+1
+*Nset, nset=Hold, instance=Part-1-1
+5, 6
+*Nset, nset=Both, instance=Part-1-1
+Set-1, 5
+*Elset, elset=_Edge_S1, instance=Part-1-1
+1
+*Surface, type=ELEMENT, name=Edge
+_Edge_S1, S1
+*End Assembly
+"""
+
+
+def test_a_part_and_the_assembly_may_have_sets_of_one_name(tmp_path):
+    (tmp_path / "mesh.inp").write_text(CAE)
+    raw = read_mesh_file(tmp_path / "mesh.inp")
+    assert {name: (1 + ids).tolist() for name, ids in raw.node_sets.items()} == {
+        "Part-1_Set-1": [1, 2, 3, 4, 5, 6], "Assembly_Set-1": [1, 4], "Same": [1], "Hold": [5, 6], "Both": [1, 4, 5]}
+    assert {name: ids.tolist() for name, ids in raw.element_sets.items()} == {
+        "Part-1_Set-1": [0, 1], "Hold": [0], "_Edge_S1": [0]}
+    with pytest.raises(InputError, match="no such set") as caught:
+        with_node_set(read(tmp_path / "mesh.inp"), "Set-1", "experiment.toml", "boundary[0].nodes")
+    assert "write Assembly_Set-1 or Part-1_Set-1" in caught.value.remedy
+
+
+@pytest.mark.parametrize("more", ["*NGEN\n1, 4\n", "*ELGEN\n1, 2, 1\n", "*NCOPY, CHANGE NUMBER=10\n",
+                                  "*ELCOPY\n", "*NFILL\n", "*SYSTEM\n0., 1.\n", "*NODE, SYSTEM=C\n9, 1., 90.\n",
+                                  "*NODE, INPUT=nodes.inp\n", "*ELEMENT, TYPE=CPS4, INPUT=elements.inp\n"])
+def test_nodes_and_elements_that_a_rule_makes_or_places_are_refused(tmp_path, more):
+    (tmp_path / "mesh.inp").write_text(inp_text() + more)
+    with pytest.raises(InputError, match=r"line \d+") as caught:
+        read_mesh_file(tmp_path / "mesh.inp")
+    assert "orphan mesh" in caught.value.remedy or "contents of that file" in caught.value.remedy
+    (tmp_path / "mesh.inp").write_text(inp_text() + "*SYSTEM\n*NODE, SYSTEM=R\n999, 1., 1.\n")
+    assert len(read_mesh_file(tmp_path / "mesh.inp").nodes) == 21
 
 
 def test_sets_of_sets_and_dangling_nodes_are_understood(tmp_path):

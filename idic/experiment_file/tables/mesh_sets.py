@@ -169,7 +169,10 @@ def _nodes_of_elements(mesh: Mesh, elements: np.ndarray) -> np.ndarray:
 def _no_set(what: str, name: str, names: Iterable[str], file, key) -> InputError:
     names = sorted(names)
     near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    several = [other for other in names if other.upper().endswith(f"_{name.upper()}")]
     hint = f"did you mean {near[0]}? " if near else ""
+    if len(several) > 1:  # see `idic.readers.abaqus_sets`
+        hint = f"{name} is another set in each of several parts of the mesh file: write {' or '.join(several)}, "
     return InputError(what, file=file, key=key, expected=f"one of {', '.join(names)}" if names
                       else "a set of the mesh (it names none)", found=repr(name),
                       remedy=hint + 'or define it by position:  [sets]  ' + f'{name} = {{ where = "y < 0" }}')
