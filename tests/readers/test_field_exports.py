@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import meshio
 import h5py
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from idic.errors import InputError
+from idic.experiment_file.measured_fields.stages import field_notes
 from idic.readers.fields.plane import mean_plane, out_of_plane
 from idic.readers.fields.series import FieldStack, measured_points, open_fields
 from idic.readers.fields.sound_stages import check_stages
@@ -79,6 +82,7 @@ def columns(header: str, k: int, order=("x", "y", "u", "v"), separator: str = ",
 @pytest.mark.parametrize("name, suffix, header, how", [
     ("vic", ".csv", '"X", "Y", "Z", "U", "V", "W", "sigma", "x", "y"',
      {"order": "xy0uv0", "more": lambda i: (0.01, 7, 8)}),
+    ("vic", ".csv", '"x", "y", "u", "v", "exx", "eyy", "exy", "sigma"', {"more": lambda i: (0, 0, 0, 0.01)}),
     ("matchid", ".csv", "coor.X [mm];coor.Y [mm];disp.Horizontal Displacement U [mm];disp.Vertical Displacement V [mm]",
      {"separator": ";"}),
     ("dice", ".txt", "SUBSET_ID,COORDINATE_X,COORDINATE_Y,DISPLACEMENT_X,DISPLACEMENT_Y,SIGMA", None),
@@ -96,10 +100,30 @@ def test_a_dialect_gives_the_same_displacements(tmp_path, name, suffix, header, 
         (tmp_path / f"stage_{k}{suffix}").write_text(text)
     stack = opened(tmp_path, pixel_size_mm=1.0)
     assert stack.series.format == name
-    upwards = [1.0, -1.0] if name in ("dice", "pyvale") else [1.0, 1.0]  # px: rows count downwards in the file
+    px = name in ("dice", "pyvale") or '"x", "y", "u"' in str(header)
+    upwards = [1.0, -1.0] if px else [1.0, 1.0]  # px: rows count downwards in the file
     np.testing.assert_allclose(stack.points.positions, GRID * upwards, atol=1e-6)
     for k in range(3):
         np.testing.assert_allclose(moved_in_um(stack, k), displaced(k) * upwards, atol=2e-6)
+
+
+def test_points_that_vic_2d_did_not_correlate_are_gaps_and_its_pixels_need_a_scale(tmp_path):
+    for k in range(2):
+        (tmp_path / f"img_{k}.csv").write_text(columns('"x", "y", "u", "v", "sigma"', k,
+                                                       more=lambda i, k=k: (-1 if k and i == 5 else 0.01,)))
+    found = moved_in_um(opened(tmp_path, pixel_size_mm=1.0), 1)
+    assert np.flatnonzero(np.isnan(found).any(axis=1)).tolist() == [5]
+    with pytest.raises(InputError, match="px without a scale"):
+        opened(tmp_path)
+
+
+@pytest.mark.parametrize("header, unit, assumed", [
+    ("x,y,u,v", None, True), ("x,y,u,v", "um", False), ("x_mm,y_mm,u_mm,v_mm", None, False)])
+def test_a_table_without_units_is_read_as_mm_with_a_note(tmp_path, header, unit, assumed):
+    (tmp_path / "a.csv").write_text(columns(header, 0))
+    stack = opened(tmp_path, unit=unit)
+    notes = field_notes(stack, SimpleNamespace(pitch_mm=1.5), [0], None)
+    assert any("names no unit of length; they are read as mm" in note for note in notes) == assumed
 
 
 def test_one_table_holds_all_stages_with_their_times(tmp_path):

@@ -65,6 +65,9 @@ def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int],
     notes = [f"fields: {len(series.entries)} stages in the format {series.format}; {len(points)} points over "
              f"{extent[0]:.3g} x {extent[1]:.3g} mm, {grid.pitch_mm:.3g} mm apart; positions are those of the plane of "
              "the points" + (f", from which they lie {points.plane.flatness_mm:.2g} mm (rms)" if points.plane else "")]
+    if series.unit_assumed:
+        notes.append(f"fields: the header names no unit of length; they are read as {series.unit}, with y upwards "
+                     "(fields_unit in [experiment] states another unit)")
     if points.plane is None:
         return notes
     moved = points.moved(series.stage(last))

@@ -21,7 +21,8 @@ from idic.readers.units import unit_in_name, without_unit
 class Dialect:
     """Column names of a system, without units; the third of `points` and `displacement` may be missing in a file.
 
-    unit : of lengths, where the header names none; valid : column and least value of points that were measured
+    unit : of lengths, where the header names none; valid : column and least value of points that were measured;
+    needs : columns without which a file is of another dialect
     """
 
     name: str
@@ -33,10 +34,13 @@ class Dialect:
     stage: tuple[str, ...] = ()
     time: tuple[str, ...] = ()
     exact_case: bool = False
+    needs: tuple[str, ...] = ()
 
 
 DIALECTS = (
     Dialect("vic", ("X", "Y", "Z"), ("U", "V", "W"), "mm", valid=("sigma", 0.0), exact_case=True),
+    # VIC-2D writes pixels, which VIC-3D writes next to X, Y, Z; sigma is -1 where a subset was not correlated
+    Dialect("vic", ("x", "y", "-"), ("u", "v", "-"), "px", valid=("sigma", 0.0), exact_case=True, needs=("sigma",)),
     Dialect("matchid", ("coor.x", "coor.y", "coor.z"),
             ("disp.horizontal displacement u", "disp.vertical displacement v", "disp.out-of-plane: w"), "px"),
     Dialect("dice", ("model_coordinates_x", "model_coordinates_y", "model_coordinates_z"),
@@ -106,7 +110,8 @@ def find_columns(lines: Sequence[str], wanted: str | None = None) -> Columns | N
             if wanted not in (None, "auto", dialect.name):
                 continue
             found = Columns(dialect, names, separator, number + 2, dialect.unit)
-            if all(found.place(name) is not None for name in (*dialect.points[:2], *dialect.displacement[:2])):
+            needed = (*dialect.points[:2], *dialect.displacement[:2], *dialect.needs)
+            if all(found.place(name) is not None for name in needed):
                 stated = unit_of(names[found.place(dialect.points[0])])  # type: ignore[index]
                 return Columns(dialect, names, separator, number + 2, stated or dialect.unit)
     return None
@@ -167,16 +172,21 @@ def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
                          remedy="export one surface only; a table of several stages needs a column `stage`")
     time = next((at for name in dialect.time if (at := columns.place(name)) is not None), None)
     return Stage(points, displacement, columns.unit, ids, None if time is None else float(values[0, time]),
-                 columns=columns.names)
+                 columns=columns.names,
+                 unit_assumed=dialect.name == "table" and not any(map(unit_of, _lengths(columns))))
 
 
 def _check_units(columns: Columns, path: Path) -> None:
     """Refuse positions and displacements in different units."""
-    names = [name for group in (columns.dialect.points, columns.dialect.displacement)
-             for name in group[:columns.n_components]]
-    units = {unit_of(columns.names[place]) or columns.dialect.unit
-             for name in names if (place := columns.place(name)) is not None}
+    units = {unit_of(name) or columns.dialect.unit for name in _lengths(columns)}
     if len(units) > 1:
         raise InputError("positions and displacements are in different units", file=path, key=KEY,
                          expected="one unit of length", found=", ".join(sorted(units)),
                          remedy="export both in mm, or both in px")
+
+
+def _lengths(columns: Columns) -> list[str]:
+    """The columns of positions and displacements, with their units."""
+    names = [name for group in (columns.dialect.points, columns.dialect.displacement)
+             for name in group[:columns.n_components]]
+    return [columns.names[place] for name in names if (place := columns.place(name)) is not None]

@@ -59,7 +59,7 @@ class FieldSeries:
     """All stages of a test.
 
     format : one of `FORMATS` without "auto"; mm_per_unit : of lengths in the files; unit, columns : of lengths and
-    names of the columns of points, as the first file states them
+    names of the columns of points, as the first file states them; unit_assumed : neither it nor the user states a unit
     """
 
     entries: tuple[FieldEntry, ...]
@@ -67,6 +67,7 @@ class FieldSeries:
     mm_per_unit: float
     unit: str
     columns: tuple[str, ...] = ()
+    unit_assumed: bool = False
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -155,6 +156,7 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
     found = detected(paths[0]) if format == "auto" else format
     entries = [entry for path in paths for entry in _entries(path, found)]
     first = _read(entries[0].path, found)[entries[0].number]
+    assumed = first.unit_assumed and unit is None
     stated, unit = first.unit, unit or first.unit
     if unit == "px":
         if pixel_size_mm is None:
@@ -164,7 +166,7 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
         factor = pixel_size_mm
     else:
         factor = factor_between(unit, "mm", file=paths[0], key="experiment.fields_unit")
-    return FieldSeries(tuple(entries), found, factor, stated, first.columns)
+    return FieldSeries(tuple(entries), found, factor, stated, first.columns, assumed)
 
 
 def shared_part(moved: np.ndarray) -> float:

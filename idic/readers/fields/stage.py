@@ -37,6 +37,8 @@ class Stage:
         Analog channels that the system has recorded with the stage: name -> (value, unit or None).
     columns : tuple
         Names of the columns of the points, of text files.
+    unit_assumed : bool
+        Neither the file nor its format states a unit.
     """
 
     points: np.ndarray
@@ -46,6 +48,7 @@ class Stage:
     time_s: float | None = None
     analog: Mapping[str, tuple[float, str | None]] = field(default_factory=dict)
     columns: tuple[str, ...] = ()
+    unit_assumed: bool = False
 
 
 def stage_text(path: Path) -> str:
