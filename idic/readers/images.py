@@ -205,9 +205,10 @@ def _png_header(path: Path) -> ImageEntry:
             if mode in ("1", "L", "I;16", "I;16B", "I"):
                 kind = "uint8" if mode in ("1", "L") else "uint16"
             elif mode in ("P", "RGB", "RGBA", "LA", "PA"):
-                if not _equal_channels(np.asarray(image.convert("RGB")), path):
+                channels = _deep_channels(path) if _is_deep(path) else np.asarray(image.convert("RGB"))
+                if not _equal_channels(channels, path):
                     raise _colour(path, f"mode {mode}")
-                kind = "uint8"
+                kind = str(channels.dtype)
             else:
                 raise _colour(path, f"mode {mode}")
         if path.suffix.lower() == ".png" and b"IEND" not in _tail(path):
@@ -221,6 +222,21 @@ def _png_header(path: Path) -> ImageEntry:
     return _entry(path, 0, (size[1], size[0]), kind, path.name, stated)
 
 
+def _is_deep(path: Path) -> bool:
+    """Whether this is a PNG of 16 bits in several channels, of which Pillow keeps 8."""
+    with path.open("rb") as stream:
+        head = stream.read(26)
+    return head.startswith(b"\x89PNG") and head[24:25] == b"\x10" and head[25:] in (b"\x02", b"\x04", b"\x06")
+
+
+def _deep_channels(path: Path) -> np.ndarray:
+    """The channels of such a PNG, or the grey one three times without its opacity  # (ny, nx, 3 | 4) uint16"""
+    import imagecodecs  # here: cameras store grey images in one channel
+
+    image = imagecodecs.png_decode(path.read_bytes())
+    return image if image.shape[-1] > 2 else np.repeat(image[..., :1], 3, axis=-1)
+
+
 def _tail(path: Path) -> bytes:
     with path.open("rb") as stream:
         stream.seek(max(path.stat().st_size - 64, 0))
@@ -230,6 +246,8 @@ def _tail(path: Path) -> bytes:
 def _read_png(entry: ImageEntry) -> np.ndarray:
     with Image.open(entry.path, formats=FORMATS) as image:
         if image.mode in ("P", "RGB", "RGBA", "LA", "PA"):
+            if _is_deep(entry.path):
+                return _deep_channels(entry.path)[..., 0]
             return np.asarray(image.convert("RGB"))[..., 0]
         pixels = np.asarray(image)
     return pixels.astype(np.uint8) * 255 if pixels.dtype == bool else pixels

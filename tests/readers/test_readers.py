@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import imagecodecs
 import meshio
 import numpy as np
 import pytest
@@ -67,6 +68,21 @@ def test_a_grey_palette_and_equal_channels_are_grey(tmp_path):
     Image.fromarray(np.stack([PIXELS] * 3, axis=-1)).save(tmp_path / "rgb.png")
     for name in ("palette.tif", "rgb.tif", "rgb.png"):
         np.testing.assert_array_equal(open_stack([tmp_path / name]).frame(0), PIXELS)
+
+
+@pytest.mark.parametrize("channels", [2, 3, 4])
+def test_sixteen_bits_in_equal_channels_of_a_png_stay_sixteen(tmp_path, channels):
+    deep = (PIXELS.astype(np.uint16) << 4) + 5
+    image = np.stack([deep] * channels, axis=-1)
+    (tmp_path / "a.png").write_bytes(imagecodecs.png_encode(image))
+    stack = open_stack([tmp_path / "a.png"])
+    assert stack.entries[0].dtype == "uint16"
+    np.testing.assert_array_equal(stack.frame(0), deep)
+    if channels == 3:
+        image[1, 2, 1] += 1  # colour that the upper 8 bits do not show
+        (tmp_path / "a.png").write_bytes(imagecodecs.png_encode(image))
+        with pytest.raises(InputError, match="colour"):
+            open_stack([tmp_path / "a.png"])
 
 
 def test_a_coloured_palette_and_a_coloured_png_are_refused(tmp_path):
