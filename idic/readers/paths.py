@@ -19,6 +19,7 @@ def natural_key(text: str) -> list[tuple[int, int, str]]:
             if part]
 
 
+_DECIMAL = re.compile(r"(?<![\d.])\d+\.\d+(?![\d.])")  # not 2024.05.01
 _REFERENCE = re.compile(r"(?<![a-z])(ref|reference|undeformed)(?![a-z])", re.IGNORECASE)
 
 
@@ -28,12 +29,34 @@ def called_the_reference(stem: str) -> bool:
 
 
 def recorded_order(paths: Iterable[Path], folder: Path) -> list[Path]:
-    """Natural order of the names in a folder; the one file whose name calls it the reference comes first."""
+    """Natural order of the names in a folder; the one file whose name calls it the reference comes first.
+
+    Raises
+    ------
+    InputError
+        The names differ in a decimal number whose digits put the files into another order than its value.
+    """
     found = sorted(paths, key=lambda path: natural_key(path.relative_to(folder).as_posix()))
     named = [path for path in found if called_the_reference(path.stem)]
     if len(named) == 1:
         found.insert(0, found.pop(found.index(named[0])))
+    _check_decimals(found[len(named) == 1:], folder)
     return found
+
+
+def _check_decimals(paths: list[Path], folder: Path) -> None:
+    """InputError for t_1.0s, t_1.5s, t_1.25s: 25 comes after 5, and 1.25 before 1.5."""
+    stems = [path.relative_to(folder).with_suffix("").as_posix() for path in paths]
+    numbers = [_DECIMAL.findall(stem) for stem in stems]
+    if any(len(found) != 1 for found in numbers) or len({_DECIMAL.sub("#", stem) for stem in stems}) != 1:
+        return
+    values = [float(found[0]) for found in numbers]
+    k = next((k for k in range(1, len(values)) if values[k] < values[k - 1]), None)
+    if k is not None:
+        raise InputError("the order of the files is not certain", file=folder,
+                         expected="decimal numbers with equally many digits, such as 1.00, 1.25, 1.50",
+                         found=f"{paths[k - 1].name} and {paths[k].name}",
+                         remedy="rename the files, with as many digits behind the point in every name")
 
 
 def inside(folder: Path, name: str, *, file, key) -> Path:

@@ -131,6 +131,18 @@ def test_files_are_sorted_as_people_count(tmp_path):
     assert natural_key("a2b10") < natural_key("a10b2")
 
 
+def test_decimal_numbers_in_file_names_are_sorted_by_value_or_refused(tmp_path):
+    def order(*names):
+        return [path.name for path in recorded_order([tmp_path / name for name in names], tmp_path)]
+
+    with pytest.raises(InputError, match="order of the files") as caught:
+        order("t_1.0s.tif", "t_1.25s.tif", "t_1.5s.tif", "reference.tif")
+    assert "t_1.5s.tif and t_1.25s.tif" in caught.value.found
+    assert order("t_1.50s.tif", "t_1.25s.tif", "t_1.00s.tif") == ["t_1.00s.tif", "t_1.25s.tif", "t_1.50s.tif"]
+    assert order("t_10.5s.tif", "t_9.5s.tif")[0] == "t_9.5s.tif"
+    assert order("a_1.5_2.tif", "b_1.25_3.tif", "2024.10.1.tif", "2024.9.1.tif")[0] == "2024.9.1.tif"  # not alike
+
+
 @pytest.mark.parametrize("names, first", [
     (["L1.tif", "L3.tif", "Sample14_Reference.tif"], "Sample14_Reference.tif"), (["a_1.tif", "x ref.tif"], "x ref.tif"),
     (["refined_2.tif", "a_1.tif"], "a_1.tif"), (["ref_2.tif", "ref_1.tif"], "ref_1.tif")])
