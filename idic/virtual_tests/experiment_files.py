@@ -58,7 +58,7 @@ def write_loads(folder: Path, times: np.ndarray, columns: Mapping[str, np.ndarra
         if units:
             writer.writerow(["", "s", *(units.get(name, "") for name in columns)])
         for k, time in enumerate(times):
-            writer.writerow([k, f"{time:.6g}", *(f"{values[k]:.8g}" for values in columns.values())])
+            writer.writerow([k, f"{time:.15g}", *(f"{values[k]:.8g}" for values in columns.values())])
 
 
 def write_truth(folder: Path, parameters: Mapping[str, float], noise_std_gv: float, **more) -> None:

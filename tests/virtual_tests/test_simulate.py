@@ -16,9 +16,11 @@ from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import to_toml
 from idic.model.experiment import Column
+from idic.readers.logs import read_log
 from idic.virtual_tests import examples
 from idic.virtual_tests.demo import strip
 from idic.virtual_tests.examples import write_example
+from idic.virtual_tests.experiment_files import write_loads
 from idic.virtual_tests.simulate import simulate
 
 
@@ -144,3 +146,9 @@ def test_a_law_with_a_memory_is_integrated_finely_unless_increments_are_given(tm
     fine, coarse, chosen = force("fine", substeps=128), force("coarse", substeps=1), force("chosen")
     assert np.abs(chosen - fine).max() < 0.1 * np.abs(coarse - fine).max()
     assert np.abs(coarse - fine).max() > 0.02 * np.ptp(fine)
+
+
+def test_times_come_back_from_the_written_log(tmp_path):
+    times = 1000.0 + 0.002 * np.arange(5)
+    write_loads(tmp_path, times, {"force_N": np.arange(5.0)})
+    np.testing.assert_allclose(read_log(tmp_path / "loads.csv").times(), times, rtol=1e-14)  # 15 digits
