@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from idic.errors import InputError
 from idic.images.pinhole import PinholeCamera, rotation_of
 from idic.readers.calibration.read import read_calibration
-from idic.readers.calibration.rig import Conventions
+from idic.readers.calibration.rig import CameraRig, Conventions
+from idic.readers.calibration.write import write_rig
 
 SHARED = Path(os.environ.get("IDIC_SHARED_DATA", "../shared/data")) / "stereo"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="the shared stereo data are not here")
@@ -274,3 +275,13 @@ def test_rotation_vectors_stand_for_matrices(tmp_path):
     np.savez(tmp_path / "cv.npz", **values)
     same(read_calibration(tmp_path / "cv.npz"))
     assert np.abs(rotation_of(np.degrees(values["R"])) - RELATIVE).max() < 1e-14
+
+
+def test_two_cameras_of_unlike_size_come_back_from_the_file_that_is_written(tmp_path):
+    wide = PinholeCamera(fx=5000.0, fy=5000.0, cx=1200.0, cy=1000.0, rotation=np.eye(3), translation_mm=np.zeros(3))
+    small = PinholeCamera(fx=3000.0, fy=3000.0, cx=640.0, cy=512.0, rotation=np.eye(3),
+                          translation_mm=np.array([100.0, 0.0, 0.0]))
+    for sizes in (((2448, 2048), (1280, 1024)), ((2448, 2048), (2448, 2048))):
+        write_rig(tmp_path / "rig.json", CameraRig((wide, small), sizes), {})
+        assert read_calibration(tmp_path / "rig.json").image_size_px == sizes
+        assert ("image_size" in json.loads((tmp_path / "rig.json").read_text())) == (sizes[0] == sizes[1])

@@ -39,16 +39,16 @@ def read_opencv(content: bytes, file, conventions: Conventions) -> CameraRig:
     if suffixes is None:
         raise InputError("no camera matrix in this file", file=file, found=", ".join(map(str, found)) or "nothing",
                          expected="camera_matrix (3 x 3), or K1 and K2", remedy="give the file of the calibration")
-    size = _image_size(found)
+    sizes = tuple(_image_size(found, suffix) or _image_size(found, "") for suffix in suffixes)
     cameras = []
-    for number, suffix in enumerate(suffixes):
+    for number, (suffix, size) in enumerate(zip(suffixes, sizes, strict=True)):
         matrix = _matrix(found, suffix)
         values = {"fx": matrix[0, 0], "fy": matrix[1, 1], "skew": matrix[0, 1], "cx": matrix[0, 2], "cy": matrix[1, 2]}
         values |= _distortion(_first(found, _DISTORTION, suffix), file, number)
         pose = _pose(found, file) if number == 1 else {}
         cameras.append(camera_of(values, conventions, file, number, size, **pose))
     names, covariance = _covariance(found.get("covariance"), file)
-    return CameraRig(tuple(cameras), (size,) * len(cameras), names, covariance)
+    return CameraRig(tuple(cameras), sizes, names, covariance)
 
 
 def _entries(content, file):
@@ -132,13 +132,12 @@ def _pose(found, file):
     return {"rotation": rotation, "translation_mm": shift.ravel()}
 
 
-def _image_size(found):
-    size = _array(found.get("imagesize"))
+def _image_size(found, suffix):
+    size = _array(found.get(f"imagesize{suffix}"))
     if size is not None and size.size == 2:
         return int(size.ravel()[0]), int(size.ravel()[1])
-    if "imagewidth" in found and "imageheight" in found:
-        return int(np.asarray(found["imagewidth"]).item()), int(np.asarray(found["imageheight"]).item())
-    return None
+    width, height = (found.get(f"{name}{suffix}") for name in ("imagewidth", "imageheight"))
+    return None if width is None or height is None else (int(np.asarray(width).item()), int(np.asarray(height).item()))
 
 
 def _covariance(value, file):

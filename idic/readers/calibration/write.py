@@ -19,8 +19,11 @@ def write_rig(path: str | Path, rig: CameraRig, about: dict[str, object]) -> Non
         Further entries for people and scripts, e.g. ``rms_px``; they do not bear names of OpenCV.
     """
     content: dict[str, object] = dict(about)
-    if rig.image_size_px[0] is not None:
-        content["image_size"] = list(rig.image_size_px[0])
+    sizes = [size for size in rig.image_size_px if size is not None]
+    if len(set(sizes)) == 1:
+        content["image_size"] = list(sizes[0])
+    else:  # cameras of unlike size
+        content |= {f"image_size{number}": list(size) for number, size in enumerate(rig.image_size_px, 1) if size}
     for number, camera in enumerate(rig.cameras):
         suffix = "" if len(rig.cameras) == 1 else str(number + 1)
         content[f"camera_matrix{suffix}"] = camera.matrix.tolist()
