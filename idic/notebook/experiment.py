@@ -206,7 +206,7 @@ class _Objects:
         for path in dict.fromkeys(others):
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(self.folder / path, folder / path)
-        pattern = _save_images(folder, objects.images, link)
+        pattern, labels = _save_images(folder, objects.images, link)
         _save_mesh(folder, self.tables["experiment"].get("mesh"), objects.mesh, record)
         if objects.loads is not None:
             _save_log(folder / LOADS, objects.loads)
@@ -214,7 +214,7 @@ class _Objects:
             write_images(folder, [(objects.mask > 0).astype(np.uint8)], ".")
             os.replace(folder / "frame_000.tif", folder / MASK)
         tables = self.tables | {"experiment": {**self.tables["experiment"], "images": pattern,
-                                               **_frames_by_number(self.tables, record)}}
+                                               **_named_frames(self.tables, record, labels)}}
         (folder / NAME).write_text(to_toml(tables), encoding="utf-8")
         return folder
 
@@ -242,17 +242,19 @@ class _File:
                          found="one that was read from a file", remedy="copy its folder")
 
 
-def _save_images(folder: Path, images: ArrayFrames | FileStack, link: bool) -> str:
-    """Write the images, or copy (link) their files; returns the pattern that finds them in their order."""
+def _save_images(folder: Path, images: ArrayFrames | FileStack, link: bool) -> tuple[str, list[str]]:
+    """Write the images, or copy (link) their files; returns the pattern that finds them in their order, and their
+    labels."""
     entries = images.entries if isinstance(images, FileStack) else ()
     if len({(entry.path, entry.page) for entry in entries}) != images.n_frames:  # arrays, or a file that is named twice
-        write_images(folder, (images.frame(k) for k in range(images.n_frames)))
-        return _KEYS["images"]
+        return _KEYS["images"], write_images(folder, (images.frame(k) for k in range(images.n_frames)))
+    names = {}
     for k, path in enumerate(dict.fromkeys(entry.path for entry in entries)):
-        target = folder / IMAGES / f"frame_{k:03d}{path.suffix.lower()}"
+        names[path] = f"frame_{k:03d}{path.suffix.lower()}"
+        target = folder / IMAGES / names[path]
         if not link or not _linked(path, target):
             shutil.copyfile(path, target)
-    return f"{IMAGES}/*"
+    return f"{IMAGES}/*", [names[entry.path] + entry.label[len(entry.path.name):] for entry in entries]
 
 
 def _linked(path: Path, target: Path) -> bool:
@@ -286,12 +288,12 @@ def _save_log(file: Path, log: Log) -> None:
         writer.writerows(log.rows)
 
 
-def _frames_by_number(tables: Mapping, record: Record) -> dict:
-    """The keys that name frames, by number: the images are written under new names."""
+def _named_frames(tables: Mapping, record: Record, labels: Sequence[str]) -> dict:
+    """The keys that name frames, by the labels of the images as they are written."""
     found = {"reference": list(record.averaged) or [record.reference], "exclude_frames": list(record.excluded),
              "still_frames": list(record.extras["still_frames"])}
     named = tables["experiment"]
-    return {key: numbers for key, numbers in found.items() if key in named
+    return {key: [labels[k] for k in numbers] for key, numbers in found.items() if key in named
             and not (key == "still_frames" and isinstance(named[key], str))}
 
 
