@@ -199,7 +199,9 @@ class JointPoints:
 
     def postprocess(self, state: LoopState, began: float) -> dict:
         """Residual maps and a result per experiment, then that of all in ``RUN/result.json``."""
-        own = {name: part.postprocess(self.joint.state_of(name, state), began) for name, part in self.parts.items()}
+        stage = resolve_stages(self.joint.whole)[state.schedule.stage]
+        own = {name: part.postprocess(self.joint.state_of(name, state), began, stage)
+               for name, part in self.parts.items()}
         made = {name: load_discrepancy(part.session.context.store, state.accepted.number) if state.accepted is not None
                 else "no simulation converged" for name, part in self.parts.items()}
         return self._write(state, own, joined(made, self.joint.whole.parameters.free, self.joint.names), made)

@@ -124,10 +124,11 @@ class RunPoints:
             if number != 0 and not state.has_accepted(number):
                 self.session.context.store.remove(f"evaluations/{number:03d}")
 
-    def postprocess(self, state: LoopState, began: float) -> dict:
+    def postprocess(self, state: LoopState, began: float, stage: Stage | None = None) -> dict:
+        """See `idic.run.postprocess.postprocess`."""
         from idic.run.postprocess import postprocess  # here: an identification begins sooner
 
-        return postprocess(self.session, state, self.timing, began)
+        return postprocess(self.session, state, self.timing, began, stage)
 
     def write_interrupted(self, began: float) -> dict | None:
         from idic.run.postprocess import write_interrupted

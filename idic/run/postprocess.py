@@ -21,13 +21,14 @@ from idic.correlation.view import GREY, SPACE
 from idic.identify.frame_fit import FrameFit, camera_entries, frame_entries, residual_summary
 from idic.identify.judgement.local_residual import ElementSums, element_sums
 from idic.identify.result import build_result
+from idic.identify.step.stages import resolve_stages
 from idic.identify.step.state import Evaluation, LoopState
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.discrepancy import discrepancy_job, discrepancy_of
 from idic.run.judgement.fields import write_fields
 from idic.run.judgement.floor import PointJob
 from idic.run.judgement.judgement import Judgement, judged
-from idic.model.experiment import Experiment
+from idic.model.experiment import Experiment, Stage
 from idic.run.prepare import read_free_dic
 from idic.run.recovery.recover import EVALUATIONS, START, SYSTEM, remove_damaged_judgement
 from idic.run.judgement.residual_maps import PointResiduals
@@ -92,9 +93,13 @@ def _in_steps(residual: np.ndarray, sigma: float | None) -> np.ndarray:
     return (np.round(residual / step) * step).astype(residual.dtype)
 
 
-def postprocess(session: Session, state: LoopState, timing: Timing, began: float) -> dict:
-    """Write ``RUN/result.json``; returns its content."""
+def postprocess(session: Session, state: LoopState, timing: Timing, began: float, stage: Stage | None = None) -> dict:
+    """Write ``RUN/result.json``; returns its content.
+
+    stage : as which the images are seen; None: the one of the state in the experiment's own schedule
+    """
     context, experiment = session.context, session.experiment
+    stage = stage or resolve_stages(experiment)[state.schedule.stage]
     point = None
     fits: list[dict[int, FrameFit]] = [{} for _ in experiment.views]
     channels, judgement = np.zeros((0, len(experiment.channels))), Judgement()
@@ -106,13 +111,13 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
         _write_channels(context, state)
         job = PointJob(session.run, state.accepted.number, state.accepted.values)
         remove_damaged_judgement(context.store)
-        judgement = judged(job, fits[0], sums, session.runner, discrepancy_job(session, state, point))
+        judgement = judged(job, fits[0], sums, session.runner, discrepancy_job(session, state, point, stage))
         write_fields(job, session.runner)
     result = build_result(experiment, state, point, context.weights.image_noise,
                           _residual_summary(context, point, fits, channels),
                           frame_entries(experiment, fits[0], context.settings["excluded_by_user"],
                                         _free_chi2(context, 0)),
-                          _cost(state, timing, began), discrepancy_of(session, state, point))
+                          _cost(state, timing, began), discrepancy_of(session, state, point, stage))
     if experiment.cameras:
         free = [_free_chi2(context, number) for number in range(len(fits))]
         textures = () if point is None else texture_pairs(

@@ -26,13 +26,20 @@ TURNED = """
 [[dof]]
 name = "camera.rotation_deg"
 """
+STAGED = """
+[[stage]]
+free = ["BODY.E"]
+[[stage]]
+free = "all"
+"""
 
 
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory):
-    """Two specimens of one material in two recordings, the second also with an unknown turn of its camera."""
+    """Two specimens of one material in two recordings: the first with a schedule of two stages, the second with none
+    and an unknown turn of its camera."""
     root = tmp_path_factory.mktemp("pair")
-    first = write_folder(root / "first", Twin(seed=1), ELASTIC + GRIPS + FORCE)
+    first = write_folder(root / "first", Twin(seed=1), ELASTIC + GRIPS + FORCE + STAGED)
     second = write_folder(root / "second", Twin(seed=2, grip=(0.0, 0.05, 0.1, 0.05, 0.0, 0.06)),
                           ELASTIC + GRIPS + FORCE + TURNED)
     return [first, second]
@@ -72,6 +79,15 @@ def test_the_camera_of_one_experiment_is_no_business_of_the_other(together):
         part = json.loads((run / "experiments" / name / "result.json").read_text())
         assert part["parameters"]["BODY.E"]["std"] == both["parameters"]["BODY.E"]["std"]
         assert part["residual"]["image_chi2_dof"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_an_experiment_without_a_schedule_ends_in_the_last_stage_of_the_other_one(together):
+    run, both = together
+    assert both["stages"] == 2 and both["status"] == "converged"
+    for name in ("first", "second"):
+        part = json.loads((run / "experiments" / name / "result.json").read_text())
+        assert part["stages"] == 2 and part["parameters"]["BODY.E"]["std_model"] is not None
+        assert "motion" in part["discrepancy"]["motion_px"] and f"{name}.motion" in both["discrepancy"]["motion_px"]
 
 
 @pytest.mark.slow  # steps side by side of one experiment: identify/test_parallel_steps.py

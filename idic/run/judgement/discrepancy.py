@@ -5,7 +5,6 @@ from __future__ import annotations
 from idic.correlation.shared_noise import generalised_weights
 from idic.identify.discrepancy.normal_equations import DiscrepancySystem, reason_against
 from idic.identify.sensitivity import perturbations
-from idic.identify.step.stages import resolve_stages
 from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Stage
 from idic.run.session import Session
@@ -14,10 +13,14 @@ from idic.store.discrepancy_store import LABEL, load_discrepancy
 from idic.store.layout import group_name
 
 
-def discrepancy_job(session: Session, state: LoopState, point: Evaluation | None) -> CorrelationJob | None:
+def discrepancy_job(session: Session, state: LoopState, point: Evaluation | None,
+                    stage: Stage) -> CorrelationJob | None:
     """The job of `sum_discrepancy` at the accepted point; None where it is done, or where there is a reason against it
-    (`discrepancy_of`)."""
-    context, stage = session.context, _stage(session, state)
+    (`discrepancy_of`).
+
+    stage : as which the images are seen
+    """
+    context = session.context
     if (reason_against(context.at_stage(stage).experiment, point)
             or context.store.finished(group_name(state.accepted.number, LABEL)) is not None):
         return None
@@ -27,11 +30,8 @@ def discrepancy_job(session: Session, state: LoopState, point: Evaluation | None
                           changes, weights, stage, state.increments.per_frame)
 
 
-def discrepancy_of(session: Session, state: LoopState, point: Evaluation | None) -> DiscrepancySystem | str:
+def discrepancy_of(session: Session, state: LoopState, point: Evaluation | None,
+                   stage: Stage) -> DiscrepancySystem | str:
     """The normal equations with the discrepancy of the model, or why there are none."""
-    reason = reason_against(session.context.at_stage(_stage(session, state)).experiment, point)
+    reason = reason_against(session.context.at_stage(stage).experiment, point)
     return reason or load_discrepancy(session.context.store, state.accepted.number)
-
-
-def _stage(session: Session, state: LoopState) -> Stage:
-    return resolve_stages(session.experiment)[state.schedule.stage]
