@@ -38,7 +38,8 @@ MIN_TOLD_CORRELATION = 0.05  # of neighbouring pixels
 
 def logged_noise(experiment: Experiment, channel: Channel) -> float:
     """Standard deviation of a reading of a channel: the stated one, else that of its course over all frames."""
-    return float(channel.noise_std or channel_noise(channel.values, experiment.times))
+    times = experiment.times if channel.times is None else channel.times
+    return float(channel.noise_std or channel_noise(channel.values, times))
 
 
 def channel_noise(values: np.ndarray, times: np.ndarray | None = None) -> float:

@@ -117,7 +117,8 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
         prescribed=tuple(entry for e in every for entry in e.prescribed),
         materials=tuple({m.element_set: m for e in reversed(every) for m in e.materials}.values()),
         loads=tuple(load for e in every for load in e.loads),
-        channels=tuple(replace(c, column=f"{name}.{c.column}") for name, e in experiments.items() for c in e.channels),
+        channels=tuple(replace(c, column=f"{name}.{c.column}", times=e.times)
+                       for name, e in experiments.items() for c in e.channels),
         stages=_stages(experiments, names), cameras=(),
         notes=tuple(dict.fromkeys([*(f"{name}: {note}" for name, e in experiments.items() for note in e.notes),
                                    *notes])))

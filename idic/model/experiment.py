@@ -215,7 +215,8 @@ class Channel:
     whose
     course the data give, drift_hats : (n_knots, n_frames) their courses; friction_knots, friction_hats : the same of
     the friction in the load train; full_scale : largest reading of the test that
-    these frames are a part of, None: these are all
+    these frames are a part of, None: these are all; times : (n_frames,) s of the readings among those of other
+    experiments, None: those of the experiment
     """
 
     column: str
@@ -234,6 +235,7 @@ class Channel:
     friction_hats: np.ndarray | None = None
     drift_hats: np.ndarray | None = None
     full_scale: float | None = None
+    times: np.ndarray | None = None
 
     @property
     def is_load(self) -> bool:

@@ -1,0 +1,40 @@
+"""What several experiments are as one: the course of a channel, the options and the increments of the common loop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
+
+from idic.experiment_file.load import load_experiment
+from idic.identify.joint import join
+from idic.identify.noise.channel_noise import weighted_std
+
+
+@pytest.fixture(scope="module")
+def experiment(clean, tmp_path_factory):
+    """The standard twin of six frames as it is read."""
+    return load_experiment(write_folder(tmp_path_factory.mktemp("joint") / "test", Twin(), ELASTIC + GRIPS + FORCE,
+                                        clean))
+
+
+def logged(experiment, times, noise_std=None):
+    """The experiment with a force over other times: a ramp with noise of 1 N."""
+    rng, times = np.random.default_rng(1), np.asarray(times, dtype=float)
+    force = 1e3 * times / times[-1] + rng.standard_normal(len(times))
+    channels = tuple(replace(channel, values=force, noise_std=noise_std) for channel in experiment.channels)
+    return replace(experiment, times=times, channels=channels)
+
+
+def test_the_noise_of_a_channel_is_that_of_its_own_experiment(experiment):
+    """Logs of 24 and 30 readings, the second over uneven times: by the times of the first its ramp is noise."""
+    uneven = np.cumsum(np.random.default_rng(2).uniform(0.2, 1.8, 30))
+    parts = {"even": logged(experiment, np.arange(24.0)), "uneven": logged(experiment, uneven),
+             "stated": logged(experiment, np.arange(9.0), noise_std=2.5)}
+    whole = join(parts).whole
+    found = [weighted_std(whole, number) for number in range(3)]
+    assert found == [weighted_std(part, 0) for part in parts.values()]
+    assert found[2] == 2.5 and max(found[:2]) < 2.0
+    assert [channel.noise_std for channel in whole.channels] == [None, None, 2.5]  # what nobody states stays open
