@@ -192,11 +192,15 @@ def _next_point(setup: _Setup, trial: LoopState, accepted: _Point) -> _Point:
 
 def evaluate_at(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
                 generalised: bool = False, increments: int | None = None) -> tuple[Evaluation, Weights]:
-    """The system of one point, without a step from it, and the weights behind it.
+    """The system of one point on all images as the experiment has them, without a step from it, and the weights
+    behind it.
+
+    The images of a stage of its schedule: give the experiment as the stage sees it (`idic.identify.loop.experiment_of`).
 
     values : internal units; local : (n_frames, m) mm, frame-local unknowns; generalised : least squares; increments :
     per frame, extrapolated in time, None: those of the options
     """
+    experiment = replace(experiment, stages=())
     setup = _prepare(experiment)
     state = replace(start(experiment), trial=Trial(dict(values)),
                     estimator=EstimatorChoice(GENERALISED if generalised else ORDINARY),

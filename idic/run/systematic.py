@@ -18,6 +18,7 @@ from idic.errors import InputError, NotConverged
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import locate, read_toml, with_overrides
 from idic.identify.in_memory import Identification, evaluate_at, identify
+from idic.identify.loop import experiment_of
 from idic.identify.measured_start import measured_start, starts_from_dic
 from idic.identify.step.increments import path_dependent_laws
 from idic.identify.step.state import LoopState
@@ -118,8 +119,8 @@ def _finer(context: RunContext, state: LoopState, increments: bool) -> Assessmen
     """The biases by the mesh, or by the increments of time."""
     try:
         ended = load_evaluation(context.store, state.accepted.number, context.names)
-        at = (evaluate_at, context.experiment, state.accepted.values, _local(context, state), state.generalised, ended,
-              state.increments.per_frame)
+        at = (evaluate_at, experiment_of(context.experiment, state), state.accepted.values, _local(context, state),
+              state.generalised, ended, state.increments.per_frame)
         biases, how = (time_step_bias(*at), "shorter increments") if increments else discretisation_bias(*at)
     except (InputError, NotConverged) as problem:
         return Assessment("", "", "failed", {}, str(problem).splitlines()[0])

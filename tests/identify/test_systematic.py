@@ -17,6 +17,7 @@ from idic.identify import in_memory
 from idic.identify.systematic.discretisation import discretisation_bias
 from idic.identify.systematic.refinement import carried_local, refined
 from idic.model.drives import build_drives
+from idic.model.experiment import Stage
 from idic.identify.systematic.spread import Assessment, with_bias, with_spread
 from idic.identify.systematic.treatments import AS_GIVEN, treatments
 from idic.report.page import render_page
@@ -54,6 +55,15 @@ def test_the_bias_is_the_change_of_an_identification_on_the_finer_mesh(coarse):
         difference = entry["value"] - fine.result["parameters"][name]["value"]
         # one Gauss-Newton step: second order in a change of some per cent; both searches stop within 2 % of a std
         assert bias == pytest.approx(difference, abs=0.1 * abs(difference) + 0.04 * entry["std"]), name
+
+
+@pytest.mark.parametrize("first", [Stage("all", until_s=2.5), Stage("all", lowpass_px=3.0)])
+def test_the_finer_mesh_is_compared_with_all_images_whatever_the_schedule_begins_with(coarse, first):
+    experiment, found = coarse
+    own = (found.state.accepted.values, found.local, False)
+    staged = replace(experiment, stages=(first, Stage("all")))
+    assert discretisation_bias(in_memory.evaluate_at, staged, *own, found.point) == discretisation_bias(
+        in_memory.evaluate_at, experiment, *own, found.point)
 
 
 @pytest.mark.slow  # 5 s of CPU time

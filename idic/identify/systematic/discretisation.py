@@ -53,8 +53,7 @@ def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Ex
     experiment : as its last stage sees it; the others as for `discretisation_bias`
     """
     try:
-        biases, _ = discretisation_bias(evaluate, replace(experiment, stages=()), values, local, generalised, ended,
-                                        increments)
+        biases, _ = discretisation_bias(evaluate, experiment, values, local, generalised, ended, increments)
     except NotConverged:
         return found
     bias = np.array([biases.get(name, 0.0) for name in found.names])
@@ -69,6 +68,7 @@ def discretisation_bias(evaluate: Evaluate, experiment: Experiment, values: Mapp
     Parameters
     ----------
     evaluate : simulates and correlates a point, `idic.identify.in_memory.evaluate_at`
+    experiment : as its last stage sees it
     values : identified, internal units
     local : (n_frames, m) mm, frame-local unknowns there
     generalised : whether generalised least squares found them
@@ -99,7 +99,7 @@ def time_step_bias(evaluate: Evaluate, experiment: Experiment, values: Mapping[s
 
     Parameters
     ----------
-    evaluate, values, local, generalised, ended, increments : as for `discretisation_bias`
+    evaluate, experiment, values, local, generalised, ended, increments : as for `discretisation_bias`
 
     Raises
     ------
