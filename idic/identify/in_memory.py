@@ -195,7 +195,8 @@ def evaluate_at(experiment: Experiment, values: Mapping[str, float], local: np.n
     """The system of one point on all images as the experiment has them, without a step from it, and the weights
     behind it.
 
-    The images of a stage of its schedule: give the experiment as the stage sees it (`idic.identify.loop.experiment_of`).
+    For the images of a stage of its schedule give the experiment as the stage sees it
+    (`idic.identify.loop.experiment_of`).
 
     values : internal units; local : (n_frames, m) mm, frame-local unknowns; generalised : least squares; increments :
     per frame, extrapolated in time, None: those of the options

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.stats import chi2
+from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, write_folder
 from typer.testing import CliRunner
 
 from idic.cli.app import app
 from idic.experiment_file.load import load_experiment
+from idic.identify.in_memory import evaluate_at
 from idic.identify.joint import join
+from idic.identify.loop import start
+from idic.identify.specimens.own_values import specimens_content
 from idic.identify.specimens.scatter import scatter
+from idic.identify.step.state import AcceptedPoint
+from idic.parameters import JointPrior, ParameterSet
 from idic.report.tables_page import joint_page
 from idic.run.plain import identify_experiment
 
@@ -160,6 +167,59 @@ def test_three_directions_from_init_to_the_report_by_the_command_line(tmp_path):
     assert all(len(found["values"]) == 1 and found["between_std"] is None for found in result["specimens"].values())
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "Specimen by specimen" in page
+
+
+# priors, in memory ---------------------------------------------------------------------------------------
+SCALE = '\n[[dof]]\nname = "channel.force_N.scale"\n'
+
+
+@pytest.fixture(scope="module")
+def recordings(clean, tmp_path_factory):
+    """Three recordings of the standard twin, each with a load cell of unknown scale."""
+    root, toml = tmp_path_factory.mktemp("specimens"), ELASTIC + GRIPS + FORCE + SCALE
+    return {f"s{seed}": load_experiment(write_folder(root / f"s{seed}", Twin(seed=seed), toml, clean))
+            for seed in (1, 2, 3)}
+
+
+def with_priors(experiment, nu_std=None, joint=()):
+    """The experiment with a prior of nu around 0.3, and with priors of several parameters together."""
+    parameters = (replace(p, prior_mean=0.3, prior_std=nu_std) if p.name == "BODY.nu" and nu_std else p
+                  for p in experiment.parameters.values())
+    return replace(experiment, parameters=ParameterSet(parameters, joint))
+
+
+def of_specimens(experiments):
+    """What every specimen says of the shared parameters, at the true values."""
+    joint = join(experiments)
+    values = joint.whole.parameters.as_values() | {"BODY.E": TRUTH["E"], "BODY.nu": TRUTH["nu"]}
+    state = replace(start(joint.whole), accepted=AcceptedPoint(values))
+    found = {name: evaluate_at(e, joint.values_of(name, values), np.zeros((e.n_frames, 0)))
+             for name, e in experiments.items()}
+    return specimens_content(joint, state, {name: point for name, (point, _) in found.items()},
+                             {name: weights.image_noise for name, (_, weights) in found.items()},
+                             dict.fromkeys(experiments, "not asked for"))
+
+
+def test_the_mean_of_specimens_is_in_the_unit_of_their_values_under_a_wide_prior(recordings):
+    """A prior wider than the scale of a parameter makes its scaled unit: no specimen has that prior."""
+    plain, wide = (of_specimens({name: with_priors(e, nu_std) for name, e in recordings.items()})["BODY.nu"]
+                   for nu_std in (None, 0.4))
+    values = [own["value"] for own in plain["values"].values()]
+    assert min(values) < plain["mean"] < max(values)
+    for key in ("mean", "mean_std", "between_std", "between_ci95"):
+        assert wide[key] == pytest.approx(plain[key], rel=1e-6), key
+
+
+def test_specimens_keep_the_joint_priors_of_what_is_their_own_and_no_others(recordings):
+    """A calibrated load cell: without what is known of its scale, the force says nothing of E."""
+    calibrated = JointPrior(("channel.force_N.scale",), np.array([1.0]), np.array([[0.01**2]]))
+    of_material = JointPrior(("BODY.nu",), np.array([0.3]), np.array([[1e-4**2]]))
+    bare, known = (of_specimens({name: with_priors(e, joint=joint) for name, e in recordings.items()})
+                   for joint in ((), (calibrated, of_material)))
+    assert not bare["BODY.E"]["values"] and len(known["BODY.E"]["values"]) == 3
+    for name, own in known["BODY.E"]["values"].items():
+        assert own["std"] == pytest.approx(0.01 * own["value"], rel=0.2)  # beside 0.3 % by the noise
+        assert known["BODY.nu"]["values"][name] == pytest.approx(bare["BODY.nu"]["values"][name], rel=1e-3)
 
 
 # the scatter alone --------------------------------------------------------------------------------------

@@ -43,20 +43,25 @@ def specimens_content(joint: Joint, state: LoopState, parts: Mapping[str, Evalua
     """
     counts = Counter(joined for names in joint.names.values() for joined in names.values())
     shared = [name for name in joint.whole.parameters.free if counts[name] > 1]
-    own = {name: _own_values(joint, name, state, parts[name], noise[name], discrepancies[name], shared)
+    current = {name: replace(p, prior_mean=None, prior_std=None)  # as every specimen sees them: in the same scaled unit
+               for name, p in parameters_at(joint.whole, state).items() if name in shared}
+    own = {name: _own_values(joint, name, state, parts[name], noise[name], discrepancies[name], current)
            for name in parts}
-    current = parameters_at(joint.whole, state)
     return {name: _entry(current[name], {specimen: values[name] for specimen, values in own.items() if name in values})
             for name in shared}
 
 
 def _own_values(joint: Joint, name: str, state: LoopState, point: Evaluation, noise: float,
-                discrepancy: DiscrepancySystem | str, shared: list[str]) -> dict[str, OwnValue]:
-    """By the name in the whole; parameters that this specimen does not determine are left out."""
+                discrepancy: DiscrepancySystem | str, shared: Mapping[str, Parameter]) -> dict[str, OwnValue]:
+    """By the name in the whole; parameters that this specimen does not determine are left out.
+
+    shared : the shared parameters, by the name in the whole, without their priors
+    """
     experiment, names = joint.experiments[name], joint.names[name]
+    given = parameters_at(experiment, joint.state_of(name, state))
     parameters = ParameterSet(
-        replace(p, prior_mean=None, prior_std=None) if names[p.name] in shared else p
-        for p in parameters_at(experiment, joint.state_of(name, state)).values())
+        (replace(shared[names[p.name]], name=p.name) if names[p.name] in shared else p for p in given.values()),
+        [prior for prior in given.joint if not any(names.get(own) in shared for own in prior.names)])
     analysis = Analysis(experiment, parameters, point, noise, discrepancy)
     step = analysis.found.inverse @ analysis.scaled.b
     found = {}
