@@ -23,6 +23,7 @@ import numpy as np
 from idic.correlation.system import CorrelationSystem, FrameRecord
 from idic.errors import InputError
 from idic.identify.step.estimator import check_estimator
+from idic.identify.step.increments import n_intervals
 from idic.identify.step.schedule import is_preliminary
 from idic.identify.step.stages import check_images
 from idic.identify.step.state import Evaluation, LoopState
@@ -30,7 +31,7 @@ from idic.model.experiment import Experiment, Stage
 from idic.parameters import Parameter, ParameterSet
 
 LOOP_OPTIONS = ("estimator", "weighting", "interpolation", "schedule", "max_iterations", "tolerance", "step_limit",
-                "trial_steps")
+                "trial_steps", "substeps")
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,11 @@ class Joint:
         return np.concatenate([np.full(len(experiment.channels), other == name)
                                for other, experiment in self.experiments.items()])
 
+    @property
+    def intervals(self) -> int:
+        """Intervals between the simulated frames of all experiments."""
+        return sum(n_intervals(experiment) for experiment in self.experiments.values())
+
     def combine(self, evaluations: Mapping[str, Evaluation], image_noise: Mapping[str, float]) -> Evaluation:
         """The evaluation of the whole; its image noise is that of the first experiment."""
         number = next(iter(evaluations.values())).number
@@ -82,7 +88,7 @@ class Joint:
             gram[np.ix_(place, place)] += (image_noise[name] / first) ** 2 * part.reference_gram
             systems.append(_among(part.system, free, place, self.channels_of(name)))
         increments = sum(part.increments for part in evaluations.values())
-        return Evaluation(number, _sum(systems), gram, increments=increments)
+        return Evaluation(number, _sum(systems), gram, increments=increments, intervals=self.intervals)
 
 
 def join(experiments: Mapping[str, Experiment]) -> Joint:
@@ -135,9 +141,13 @@ def _check_options(experiments: Mapping[str, Experiment]) -> None:
             wanted, found = getattr(given.options, key), getattr(experiment.options, key)
             if wanted != found:
                 raise InputError("experiments that are identified together share one schedule",
-                                 file=experiment.folder, key=f"[options] {key}", expected=f"{wanted!r}, as in {first}",
-                                 found=f"{found!r} in {name}",
+                                 file=experiment.folder, key=f"[options] {key}",
+                                 expected=f"{_stated(wanted)}, as in {first}", found=f"{_stated(found)} in {name}",
                                  remedy=f"make them equal, or use --set options.{key}=...")
+
+
+def _stated(option: object) -> str:
+    return "none given" if option is None else repr(option)
 
 
 def _joint_name(experiment: str, name: str, record: Experiment, own_directions: frozenset[str]) -> str:

@@ -180,7 +180,7 @@ class JointPoints:
             stage = resolve_stages(self.joint.whole)[trial.schedule.stage]
             parts = {name: Evaluation(trial.evaluations, None, None, why) if why else
                      part.correlate_trial(self.joint.state_of(name, trial), stage) for name, part in self.parts.items()}
-            found.append(JointEvaluation(trial.evaluations, None, None, why, 0, parts) if why
+            found.append(JointEvaluation(trial.evaluations, None, None, why, parts=parts) if why
                          else self._combined(parts))
         return found
 
@@ -232,7 +232,7 @@ class JointPoints:
     def _combined(self, parts: Mapping[str, Evaluation]) -> JointEvaluation:
         whole = self.joint.combine(parts, self._noise)
         return JointEvaluation(whole.number, whole.system, whole.reference_gram, whole.message, whole.increments,
-                               parts)
+                               whole.intervals, parts)
 
 
 def experiment_names(paths: Sequence[str | Path]) -> list[str]:

@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
+from idic.correlation.system import CorrelationSystem
+from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.identify.joint import join
+from idic.identify.loop import start
 from idic.identify.noise.channel_noise import weighted_std
+from idic.identify.step.increments import MAX_COARSE_REJECTIONS, meets_a_jump
+from idic.identify.step.state import Evaluation, TrustRegion
 
 
 @pytest.fixture(scope="module")
@@ -38,3 +43,29 @@ def test_the_noise_of_a_channel_is_that_of_its_own_experiment(experiment):
     assert found == [weighted_std(part, 0) for part in parts.values()]
     assert found[2] == 2.5 and max(found[:2]) < 2.0
     assert [channel.noise_std for channel in whole.channels] == [None, None, 2.5]  # what nobody states stays open
+
+
+def test_increments_are_halved_where_they_are_more_than_the_intervals_of_all_experiments(experiment):
+    joint = join({"first": experiment, "second": experiment})
+    state = replace(start(joint.whole), trust=TrustRegion(rejections=MAX_COARSE_REJECTIONS))
+    intervals = experiment.n_frames - 1
+
+    def evaluated(*increments):
+        n, nothing = len(experiment.parameters.free), np.zeros((0, len(experiment.parameters.free)))
+        system = CorrelationSystem(experiment.parameters.free, np.eye(n), np.zeros(n), 1.0, 1.0, np.eye(n), nothing, (),
+                                   generalised=False)
+        parts = {name: Evaluation(0, system, np.eye(n), increments=own)
+                 for name, own in zip(joint.experiments, increments, strict=True)}
+        return joint.combine(parts, dict.fromkeys(parts, 1.0))
+
+    whole, cut = evaluated(intervals, intervals), evaluated(intervals, intervals + 1)
+    assert not meets_a_jump(state, joint.whole, whole, whole)
+    assert meets_a_jump(state, joint.whole, cut, whole) and meets_a_jump(state, joint.whole, whole, cut)
+
+
+def test_experiments_of_one_loop_have_the_same_increments_per_frame(experiment):
+    finer = replace(experiment, options=replace(experiment.options, substeps=4))
+    with pytest.raises(InputError, match="share one schedule") as refused:
+        join({"first": experiment, "second": finer})
+    assert all(text in str(refused.value) for text in ("[options] substeps", "none given, as in first", "4 in second"))
+    assert join({"first": finer, "second": finer}).whole.options.substeps == 4

@@ -175,7 +175,8 @@ def meets_a_jump(state: LoopState, experiment: Experiment, trial: Evaluation, ac
     Laws that depend on time have a rule of their own (`is_too_coarse`).
     """
     per_frame = state.increments.per_frame or 1
-    whole = n_intervals(experiment) * (per_frame + (per_frame // 2 if state.increments.per_frame else 0))
+    intervals = n_intervals(experiment) if trial.intervals is None else trial.intervals
+    whole = intervals * (per_frame + (per_frame // 2 if state.increments.per_frame else 0))
     return (trial.system is not None and max(trial.increments, accepted.increments) > whole > 0
             and accepted.increments > 0 and per_frame < MOST_COARSE and not rate_dependent_laws(experiment)
             and state.trust.rejections >= MAX_COARSE_REJECTIONS)

@@ -174,7 +174,8 @@ class LoopState:
 class Evaluation:
     """An evaluated trial: the system over every free parameter, or None where the simulation failed.
 
-    reference_gram : (n, n) S^T H S of the system's shared columns; increments : of its simulation, 0 where unknown.
+    reference_gram : (n, n) S^T H S of the system's shared columns; increments : of its simulation, 0 where unknown;
+    intervals : between the frames that the increments lie in, of several experiments, None: those of the one.
     """
 
     number: int
@@ -182,3 +183,4 @@ class Evaluation:
     reference_gram: np.ndarray | None
     message: str = ""
     increments: int = 0
+    intervals: int | None = None
