@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,7 @@ from idic.model.heterogeneity import strayed
 from idic.model.mode_names import in_words
 from idic.parameters import ParameterSet
 
+Names = Mapping[str, Mapping[str, str]]  # {experiment: {its parameter: parameter of the whole}}
 SCHEMA = "idic.result/1"
 MIN_IMITATED_CORRELATION = 0.95  # of an undetermined parameter with its partners; below, the noise hides its effect
 MESH_COUNTED = ("the error by the mesh was estimated by a simulation on a finer one; std counts it (mesh_bias, a part "
@@ -74,7 +76,7 @@ def at_bound(parameters: ParameterSet) -> dict[str, float]:
 
 def build_result(experiment: Experiment, state: LoopState, point: Evaluation | None, image_noise: float,
                  residual: Mapping, frames: Sequence[Mapping], cost: Mapping,
-                 discrepancy: DiscrepancySystem | str) -> dict:
+                 discrepancy: DiscrepancySystem | str, joint_names: Names | None = None) -> dict:
     """The contents of ``RUN/result.json``.
 
     Parameters
@@ -84,6 +86,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     residual : ``image_rms_gv``, ``image_chi2_dof``, ``channel_rms``, ``channel_chi2_dof``
     frames : one mapping per frame: frame, label, status, rms_gv, chi2_dof
     cost : wall_s, forward_s, image_s, peak_rss_mb, forward_runs
+    joint_names : of several experiments together, as for `Analysis`
     """
     parameters = parameters_at(experiment, state)
     result: dict[str, Any] = {"schema": SCHEMA, "status": state.status, "end": end_entry(state),
@@ -104,7 +107,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     analysis = None
     if point is not None and point.system is not None:
         result["notes"] += [*noise_notes(experiment), *gradient_notes(experiment), *strayed(experiment, parameters)]
-        analysis = Analysis(experiment, parameters, point, image_noise, discrepancy)
+        analysis = Analysis(experiment, parameters, point, image_noise, discrepancy, joint_names)
         result |= analysis.summary()
         if analysis.channels:
             result["noise"] |= {"channels": channel_noise_content(experiment, analysis.channels)}
@@ -159,11 +162,15 @@ def _parameter_entry(p, start: ParameterSet, analysis: Analysis | None) -> dict:
 
 
 class Analysis:
-    """Spectrum, covariance and the statistics from them at the accepted point."""
+    """Spectrum, covariance and the statistics from them at the accepted point.
+
+    joint_names : of several experiments together: {experiment: {its parameter: parameter of the whole}}
+    """
 
     def __init__(self, experiment: Experiment, parameters: ParameterSet, point: Evaluation, image_noise: float,
-                 discrepancy: DiscrepancySystem | str = "it is not asked for"):
+                 discrepancy: DiscrepancySystem | str = "it is not asked for", joint_names: Names | None = None):
         self.experiment, self.parameters = experiment, parameters
+        self.joint_names = joint_names or {"": {name: name for name in parameters}}
         self.names = point.system.names
         self.channels = estimated_channel_noise(experiment, parameters, point)
         system = with_channel_noise(point.system, experiment, self.channels)
@@ -310,12 +317,21 @@ class Analysis:
         return ratios
 
     def _material_constants(self) -> dict:
-        """What the laws derive from their parameters, where identified ones enter and determine it."""
-        constants = {}
-        for material in self.experiment.materials:
+        """What the laws derive from their parameters, where identified ones enter and determine it.
+
+        Of several experiments, where a parameter belongs to one: under the name of that experiment.
+        """
+        constants: dict[str, dict] = {}
+        for experiment, material in product(self.joint_names, self.experiment.materials):
+            known, stem = self.joint_names[experiment], material.element_set
             derived = {} if material.law == EXTERNAL else get_law(material.law).derived
             for name, quantity in derived.items():
-                value, slopes = _with_slopes(quantity.value, material.element_set, self.parameters)
+                own = {one: f"{stem}.{one}" for one in inspect.signature(quantity.value).parameters}
+                if not set(own.values()) <= set(known):
+                    continue  # another experiment's material
+                names = {one: known[parameter] for one, parameter in own.items()}
+                label = f"{stem}.{name}" if names == own else f"{experiment}.{stem}.{name}"
+                value, slopes = _with_slopes(quantity.value, names, self.parameters)
                 gradient = np.array([slopes.get(n, 0.0) for n in self.names]) * self.scaled.slopes
                 left = self.found.vectors[:, ~self.found.determined].T @ gradient
                 size = np.linalg.norm(gradient)
@@ -323,16 +339,17 @@ class Analysis:
                     continue
                 found = self.parts(gradient)
                 std = found["std"]
-                constants[f"{material.element_set}.{name}"] = {
-                    "value": value, **found, "unit": quantity.unit,
-                    "ci95": [value - 1.96 * std, value + 1.96 * std]}
+                constants[label] = {"value": value, **found, "unit": quantity.unit,
+                                    "ci95": [value - 1.96 * std, value + 1.96 * std]}
         return constants
 
 
-def _with_slopes(function, element_set: str, parameters: ParameterSet) -> tuple[float, dict[str, float]]:
-    """Value of a derived quantity and its derivative by each of its parameters, by the complex step."""
-    names = inspect.signature(function).parameters
-    values = {name: parameters[f"{element_set}.{name}"].value for name in names}
-    slopes = {f"{element_set}.{name}": float(np.imag(function(**(values | {name: values[name] + 1e-30j})))) / 1e-30
-              for name in names}
+def _with_slopes(function, names: Mapping[str, str], parameters: ParameterSet) -> tuple[float, dict[str, float]]:
+    """Value of a derived quantity and its derivative by each of its parameters, by the complex step.
+
+    names : {argument of the function: its parameter}
+    """
+    values = {own: parameters[name].value for own, name in names.items()}
+    slopes = {name: float(np.imag(function(**(values | {own: values[own] + 1e-30j})))) / 1e-30
+              for own, name in names.items()}
     return float(function(**values)), slopes

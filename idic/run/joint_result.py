@@ -8,7 +8,7 @@ them (`idic.identify.specimens`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -46,7 +46,7 @@ def joint_result(run: Path, joint: Joint, state: LoopState, point: JointEvaluati
             "wall_s": max(c["wall_s"] for c in costs), "forward_s": max(c["forward_s"] for c in costs),
             "image_s": max(c["image_s"] for c in costs), "peak_rss_mb": max(c["peak_rss_mb"] for c in costs)}
     result = build_result(joint.whole, state, point, noise[next(iter(own))], _residual(own), frames, cost,
-                          discrepancy)
+                          discrepancy, joint.names)
     result["experiments"] = {
         name: {"title": part["title"], "noise": part["noise"], "residual": part["residual"],
                "folder": joint.experiments[name].folder, "report": f"experiments/{name}/report.html"}
@@ -59,7 +59,7 @@ def joint_result(run: Path, joint: Joint, state: LoopState, point: JointEvaluati
     return result
 
 
-def result_of_part(folder: Path, own: dict, whole: Mapping, names: Mapping[str, str]) -> None:
+def result_of_part(folder: Path, own: dict, whole: Mapping, experiment: str, names: Mapping[str, str]) -> None:
     """Give the result of one experiment the standard deviations that all of them have together."""
     for name, entry in own["parameters"].items():
         joint = whole["parameters"][names[name]]
@@ -71,13 +71,22 @@ def result_of_part(folder: Path, own: dict, whole: Mapping, names: Mapping[str, 
             matrix = np.array(whole[key]["matrix"]).reshape(len(whole[key]["names"]), -1)
             own[key] = {"names": [back[whole[key]["names"][i]] for i in kept],
                         "matrix": matrix[np.ix_(kept, kept)].tolist()}
-    own["derived"] = {name: entry for name, entry in whole["derived"].items()
-                      if not name.startswith(tuple(f"{other}." for other in whole["experiments"]))}
+    own["derived"] = derived_of_part(whole["derived"], experiment, whole["experiments"])
     own["not_identifiable"] = [entry | {"name": back[entry["name"]]} for entry in whole["not_identifiable"]
                                if entry["name"] in back]
     own["notes"] = [*own["notes"], "Identified together with other experiments (" + ", ".join(whole["experiments"])
                     + "): standard deviations and correlations are those of all."]
     write_result(folder, own)
+
+
+def derived_of_part(derived: Mapping[str, dict], experiment: str, experiments: Iterable[str]) -> dict[str, dict]:
+    """The derived quantities of one experiment under its own names: those of all, and of nobody else.
+
+    derived : of the whole, ``NAME.SET.K`` and ``NAME.SET.E1/E2`` those of an experiment
+    """
+    others = tuple(f"{name}." for name in experiments if name != experiment)
+    return {"/".join(side.removeprefix(f"{experiment}.") for side in label.split("/")): entry
+            for label, entry in derived.items() if not any(side.startswith(others) for side in label.split("/"))}
 
 
 def _residual(own: Mapping[str, dict]) -> dict:

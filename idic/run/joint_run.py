@@ -217,7 +217,7 @@ class JointPoints:
                parts: Mapping[str, DiscrepancySystem | str] | None = None) -> dict:
         result = joint_result(self.run, self.joint, state, self.accepted(state), self._noise, own, discrepancy, parts)
         for name, part in self.parts.items():
-            result_of_part(Path(part.session.run), own[name], result, self.joint.names[name])
+            result_of_part(Path(part.session.run), own[name], result, name, self.joint.names[name])
         return result
 
     @property

@@ -33,7 +33,8 @@ def test_the_factor_of_the_power_law_follows_from_its_reference_strain():
     """K = K0 ep0^-n: dK/dn = -ln(ep0) K, dK/dK0 = K / K0."""
     values = {"K0": 2.0, "n": 0.83, "ep0": 2e-3}
     parameters = ParameterSet([Parameter(f"strip.{name}", value) for name, value in values.items()])
-    K, slopes = _with_slopes(get_law("j2_power_reference").derived["K"].value, "strip", parameters)
+    K, slopes = _with_slopes(get_law("j2_power_reference").derived["K"].value,
+                             {name: f"strip.{name}" for name in values}, parameters)
     assert K == pytest.approx(2.0 * 2e-3**-0.83, rel=1e-14)
     assert slopes["strip.n"] == pytest.approx(-np.log(2e-3) * K, rel=1e-12)
     assert slopes["strip.K0"] == pytest.approx(K / 2.0, rel=1e-12)

@@ -14,8 +14,21 @@ from idic.experiment_file.load import load_experiment
 from idic.identify.joint import join
 from idic.identify.loop import start
 from idic.identify.noise.channel_noise import weighted_std
+from idic.identify.result import Analysis
 from idic.identify.step.increments import MAX_COARSE_REJECTIONS, meets_a_jump
 from idic.identify.step.state import Evaluation, TrustRegion
+from idic.run.joint_result import derived_of_part
+
+OWN_STRENGTH = """
+[material.BODY]
+law = "j2_power_reference"
+E = 2000.0
+nu = 0.35
+yield_stress = 20.0
+K0 = { value = 100.0, unit = "MPa", identify = true, shared = false }
+n = { value = 0.2, identify = true }
+ep0 = 0.01
+"""
 
 
 @pytest.fixture(scope="module")
@@ -69,3 +82,23 @@ def test_experiments_of_one_loop_have_the_same_increments_per_frame(experiment):
         join({"first": experiment, "second": finer})
     assert all(text in str(refused.value) for text in ("[options] substeps", "none given, as in first", "4 in second"))
     assert join({"first": finer, "second": finer}).whole.options.substeps == 4
+
+
+def test_a_constant_of_a_law_belongs_to_the_experiment_whose_parameter_it_follows_from(clean, tmp_path):
+    """K = K0 ep0^-n with a strength of each specimen and one exponent."""
+    own = load_experiment(write_folder(tmp_path / "own", Twin(), OWN_STRENGTH + GRIPS + FORCE, clean))
+    joint = join({"short": own, "long": own})
+    free = joint.whole.parameters.free
+    assert set(free) == {"short.BODY.K0", "long.BODY.K0", "BODY.n"}
+    parameters = joint.whole.parameters.with_values({"short.BODY.K0": 100.0, "long.BODY.K0": 110.0})
+    system = CorrelationSystem(free, np.diag([1e6 / parameters[name].slope() ** 2 for name in free]), np.zeros(3), 1.0,
+                               1.0, np.zeros((3, 3)), np.zeros((0, 3)), (), generalised=False)
+    analysis = Analysis(joint.whole, parameters, Evaluation(0, system, np.zeros((3, 3))), 1.0, joint_names=joint.names)
+    derived = analysis.summary()["derived"]
+    K = 0.01**-0.2
+    assert {label: entry["value"] for label, entry in derived.items()} == pytest.approx(
+        {"short.BODY.K": 100.0 * K, "long.BODY.K": 110.0 * K})
+    # of one of them: its own, and what belongs to all
+    ratios = {"BODY.C/Q": {"of": "all"}, "short.BODY.E1/E2": {"of": "short"}, "short.BODY.E1/long.BODY.E1": {}}
+    assert derived_of_part(derived | ratios, "short", joint.experiments) == {
+        "BODY.K": derived["short.BODY.K"], "BODY.C/Q": {"of": "all"}, "BODY.E1/E2": {"of": "short"}}
