@@ -10,6 +10,7 @@ from idic.model.mode_names import is_mode
 from idic.report import words
 
 THE_RUN = "as given"
+NOT_DETERMINED = "not determined"
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,10 @@ def treatment_table(result: Mapping) -> TreatmentTable | None:
     rows = [(THE_RUN, THE_RUN, result["status"], *(words.number(value, std) for value, std in own.values()))]
     for treatment in treatments:
         values = treatment["values"] | ratios_of(result, treatment["values"])
+        absent = "–" if treatment["status"] == "failed" else NOT_DETERMINED
         rows.append((*_with_added(treatment), treatment["status"],
-                     *(words.number(values.get(name), std) for name, (_, std) in own.items())))
+                     *(words.number(values[name], std) if name in values else absent
+                       for name, (_, std) in own.items())))
     return TreatmentTable(tuple(shown[name] for name in own), tuple(rows))
 
 
@@ -42,7 +45,7 @@ def _with_added(treatment: Mapping) -> tuple[str, ...]:
     """Boundary and camera of a treatment, with the values of their degrees of freedom."""
     said: dict[bool, list[str]] = {True: [], False: []}
     for name, entry in treatment.get("added", {}).items():
-        value = f"{words.number(entry['value'], entry['std'])} {entry['unit']}" if entry["std"] else "not determined"
+        value = f"{words.number(entry['value'], entry['std'])} {entry['unit']}" if entry["std"] else NOT_DETERMINED
         said[name.startswith("boundary.")].append(f"{name.rpartition('.')[2]} {value}".rstrip())
     return tuple(": ".join((treatment[key], *([", ".join(said[key == "boundary"])] if said[key == "boundary"] else [])))
                  for key in ("boundary", "camera"))

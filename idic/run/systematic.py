@@ -6,7 +6,7 @@ from the identified point, in the memory of its worker. Their outcome goes into 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,13 +17,13 @@ from idic.dic.boundary import boundary_start, with_boundary_start
 from idic.errors import InputError, NotConverged
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import locate, read_toml, with_overrides
-from idic.identify.in_memory import Identification, evaluate_at, identify
+from idic.identify.in_memory import evaluate_at, identify
 from idic.identify.loop import experiment_of
 from idic.identify.measured_start import measured_start, starts_from_dic
 from idic.identify.step.increments import path_dependent_laws
 from idic.identify.step.state import LoopState
 from idic.identify.systematic.discretisation import discretisation_bias, time_step_bias
-from idic.identify.systematic.spread import Assessment, with_bias, with_spread, with_time_bias
+from idic.identify.systematic.spread import Assessment, determined_values, with_bias, with_spread, with_time_bias
 from idic.identify.systematic.treatments import Treatment, treatments
 from idic.model.experiment import Experiment, Measured
 from idic.model.mode_names import is_mode
@@ -104,14 +104,15 @@ def assess(job: AssessmentJob) -> Assessment:
         found = identify(experiment, local)
     except (InputError, NotConverged) as problem:
         return Assessment(boundary, camera, "failed", {}, str(problem).splitlines()[0])
-    values = {name: found.parameters[name].shown for name in context.names if name in found.parameters}
-    return Assessment(boundary, camera, found.state.status, values, added=_added(found, context.names))
+    result = found.result
+    return Assessment(boundary, camera, found.state.status, determined_values(result, context.names),
+                      added=_added(result, context.names))
 
 
-def _added(found: Identification, known: Sequence[str]) -> dict[str, dict[str, float | str | None]]:
+def _added(result: Mapping, known: Sequence[str]) -> dict[str, dict[str, float | str | None]]:
     """The identified values of the treatment's additional degrees of freedom, modes of a boundary excepted."""
     return {name: {key: entry[key] for key in ("value", "std", "unit")}
-            for name, entry in found.result["parameters"].items()
+            for name, entry in result["parameters"].items()
             if entry["free"] and name not in known and not is_mode(name)}
 
 

@@ -18,7 +18,7 @@ from idic.identify.systematic.discretisation import discretisation_bias
 from idic.identify.systematic.refinement import carried_local, refined
 from idic.model.drives import build_drives
 from idic.model.experiment import Stage
-from idic.identify.systematic.spread import Assessment, with_bias, with_spread
+from idic.identify.systematic.spread import Assessment, determined_values, with_bias, with_spread
 from idic.identify.systematic.treatments import AS_GIVEN, treatments
 from idic.report.page import render_page
 from idic.report.treatments import treatment_table
@@ -220,6 +220,26 @@ def test_the_table_of_treatments_has_the_run_first_and_ratios_that_follow_from_t
     assert table.rows == (("as given", "as given", "converged", "0.300", "2.00"),
                           ("b", "c", "converged", "0.100", "1.50"), ("b", "d", "failed", "–", "–"))
     assert found["derived"]["P.E1/E2"]["systematic_std"] == pytest.approx(np.std([2.0, 1.5], ddof=1))
+
+
+def test_a_treatment_that_leaves_a_parameter_open_says_nothing_of_it():
+    """Its value is where it started, which is that of the run: no agreement. Ratios of open parameters count."""
+    entry = {"std": 0.01, "free": True, "unit": "", "start": 0.2}
+    result = {"status": "converged", "not_identifiable": [], "notes": [],
+              "derived": {"P.E1/E2": {"value": 2.0, "std": 0.1}},
+              "parameters": {"P.E1": entry | {"value": 1.0, "std": None}, "P.E2": entry | {"value": 1.0, "std": None},
+                             "P.nu": entry | {"value": 0.3}, "P.G": entry | {"value": 5.0}}}
+    names = tuple(result["parameters"])
+    assert determined_values(result, (*names, "camera.k1")) == {"P.nu": 0.3, "P.G": 5.0, "P.E1/E2": 2.0}
+    open_ = result | {"derived": {}, "parameters": result["parameters"] | {"P.nu": entry | {"value": 0.3, "std": None}}}
+    far = result | {"parameters": result["parameters"] | {"P.nu": entry | {"value": 0.32}},
+                    "derived": {"P.E1/E2": {"value": 2.2, "std": 0.1}}}
+    found = with_spread(result, [Assessment(kind, "c", "converged", determined_values(own, names))
+                                 for kind, own in (("open", open_), ("far", far))])
+    assert found["parameters"]["P.nu"]["systematic_std"] == pytest.approx(np.std([0.3, 0.32], ddof=1))
+    assert found["derived"]["P.E1/E2"]["systematic_std"] == pytest.approx(np.std([2.0, 2.2], ddof=1))
+    assert treatment_table(found).rows[1:] == (("open", "c", "converged", "not determined", "5.000", "not determined"),
+                                               ("far", "c", "converged", "0.320", "5.000", "2.20"))
 
 
 def test_a_bias_beyond_the_standard_deviation_is_noted():

@@ -16,6 +16,7 @@ MAX_SPREAD = 0.3  # of the value: a parameter that changes by more between treat
 class Assessment:
     """The outcome of a treatment or of the finer mesh: values (biases) in the user's units, or why there are none.
 
+    values : of parameters and ratios that it determines (`determined_values`)
     added : value, std (None: not determined) and unit of every additional degree of freedom of the treatment
     """
 
@@ -62,6 +63,18 @@ def with_time_bias(result: dict, finer: Assessment) -> dict:
     if finer.failed:
         notes.append(f"time step error not known: {finer.failed}")
     return result | {"notes": notes}
+
+
+def determined_values(result: Mapping, names: Sequence[str]) -> dict[str, float]:
+    """Values of the parameters `names` that an identification determines, and of ratios of those that it does not.
+
+    A parameter that it leaves open keeps the value that it started from, which says nothing.
+
+    result : content of result.json
+    """
+    entries = result["parameters"]
+    found = {name: entries[name]["value"] for name in names if entries.get(name, {}).get("std") is not None}
+    return found | {label: entry["value"] for label, entry in result["derived"].items() if ratio_of(label, entries)}
 
 
 def with_spread(result: dict, found: Sequence[Assessment]) -> dict:
@@ -112,10 +125,10 @@ def _judge(result: dict, name: str, entry: dict, values: Sequence[float]) -> Non
 
 
 def ratios_of(result: Mapping, values: Mapping[str, float]) -> dict[str, float]:
-    """The ratios among the derived quantities of a result, of other values of its parameters."""
+    """The ratios among the derived quantities of a result, of other values: as they are there, else of parameters."""
     pairs = {label: ratio_of(label, result["parameters"]) for label in result["derived"]}
-    return {label: values[pair[0]] / values[pair[1]] for label, pair in pairs.items()
-            if pair and set(pair) <= set(values)}
+    return {label: values[label] if label in values else values[pair[0]] / values[pair[1]]
+            for label, pair in pairs.items() if pair and (label in values or set(pair) <= set(values))}
 
 
 def ratio_of(label: str, parameters: Mapping) -> tuple[str, str] | None:

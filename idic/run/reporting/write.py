@@ -248,10 +248,12 @@ def _spreads(result: Mapping) -> Iterator[str]:
             continue
         found = [(own["values"] | ratios_of(result, own["values"]), own) for own in treatments]
         values = {numbers[name]: own for numbers, own in found if name in numbers}
+        n = sum(name in numbers for numbers, _ in found)
         if values:
             low, high = min(values), max(values)
+            without = f"; {len(found) - n} more do not determine it" if n < len(found) else ""
             yield (f"{name}: {low:.5g} ({_words(values[low])}) to {high:.5g} ({_words(values[high])}) over "
-                   f"{len(treatments)} other treatment{'' if len(treatments) == 1 else 's'} of boundary and camera.")
+                   f"{n} other treatment{'' if n == 1 else 's'} of boundary and camera{without}.")
 
 
 def _words(treatment: Mapping) -> str:
