@@ -12,14 +12,17 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
+from idic.correlation.system import CorrelationSystem
 from idic.fe.mesh.mesh import make_mesh
 from idic.identify import in_memory
-from idic.identify.systematic.discretisation import discretisation_bias
+from idic.identify.covariance import scaled_system, spectrum
+from idic.identify.systematic.discretisation import beyond_data, discretisation_bias
 from idic.identify.systematic.refinement import carried_local, refined
 from idic.model.drives import build_drives
 from idic.model.experiment import Stage
 from idic.identify.systematic.spread import Assessment, determined_values, with_bias, with_spread
 from idic.identify.systematic.treatments import AS_GIVEN, treatments
+from idic.parameters import JointPrior, Parameter, ParameterSet
 from idic.report.page import render_page
 from idic.report.treatments import treatment_table
 from idic.run.plain import identify_experiment
@@ -94,6 +97,38 @@ def test_quadratic_elements_find_nearly_all_of_the_bias_of_linear_ones(clean, tm
     for name, entry in found.result["parameters"].items():
         for key in ("value", "std", "mesh_bias"):
             assert stored[name][key] == pytest.approx(entry[key], rel=1e-4), (name, key)
+
+
+def test_a_prior_holds_a_parameter_against_the_error_of_the_mesh_once_and_not_twice(clean, tmp_path):
+    toml = ELASTIC.replace("E = { value = 1200, ", "E = { value = 1200, prior = { mean = 2000, std = 8 }, ")
+    path = write_folder(tmp_path / "test", Twin(), toml + GRIPS + FORCE + ORDINARY + 'element_order = "as_given"\n',
+                        clean)
+    write_inp(_linear(plate((6, 4))), path.parent / "mesh.inp", "linear")
+    experiment = load_experiment(path)
+    found = in_memory.identify(experiment)
+    biases, _ = discretisation_bias(in_memory.evaluate_at, experiment, found.state.accepted.values, found.local, False,
+                                    found.point)
+    entries = found.result["parameters"]
+    assert entries["BODY.E"]["std_noise"] < 6.0  # 6.5 without the prior
+    for name, bias in biases.items():
+        assert entries[name]["mesh_bias"] == pytest.approx(bias, rel=1e-6), name
+
+
+def test_the_error_of_a_mesh_moves_the_answer_by_its_bias_beside_priors_and_noise_of_measured_ends():
+    names, rng = ("A.E", "A.nu", "camera.shift"), np.random.default_rng(5)
+    parameters = ParameterSet([Parameter("A.E", 2000.0, "MPa", True, transform="log", prior_mean=1900.0, prior_std=9.0),
+                               Parameter("A.nu", 0.3, "", True, scale=0.3), Parameter("camera.shift", 0.1, "px", True)],
+                              [JointPrior(("A.nu", "camera.shift"), np.zeros(2), 1e-5 * np.eye(2))])
+    root, slopes = rng.standard_normal((3, 3)), parameters.slopes()
+    M, bias = 1e6 * root @ root.T / np.outer(slopes, slopes), 1e-3 * slopes * rng.standard_normal(3)
+    system = CorrelationSystem(names, M, np.zeros(3), 1.0, 1.0, M, np.zeros((0, 3)), ())
+    half = np.linalg.cholesky(M)
+    for end_noise in (None, half @ np.diag([0.1, 0.3, 0.55]) @ half.T):  # the last direction counts less
+        own = replace(system, end_noise=end_noise)
+        scaled = scaled_system(own, parameters, np.zeros((3, 3)), 0.0)
+        of_b = slopes * (M @ bias + beyond_data(own, parameters, bias))
+        moved = spectrum(scaled).inverse @ (of_b if scaled.weight is None else scaled.weight @ of_b)
+        np.testing.assert_allclose(slopes * moved, bias, rtol=1e-9)
 
 
 def _linear(mesh):

@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.correlation.equations import Weights
+from idic.correlation.system import CorrelationSystem
 from idic.errors import NotConverged
 from idic.fe.mesh.refine import is_raised_by_default
 from idic.identify.covariance import MAX_UNDETERMINED_SHARE, scaled_system, spectrum, undetermined_share
@@ -29,6 +30,7 @@ from idic.identify.step.state import Evaluation
 from idic.identify.systematic.refinement import carried_local, refined
 from idic.model.drives import build_drives
 from idic.model.experiment import Experiment
+from idic.parameters import ParameterSet
 
 Evaluate = Callable[[Experiment, Mapping[str, float], np.ndarray, bool, int | None], tuple[Evaluation, Weights]]
 
@@ -48,6 +50,9 @@ def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Ex
                     increments: int | None) -> DiscrepancySystem:
     """The normal equations of a discrepancy with the error of a coarse mesh; without it where the finer one fails.
 
+    The error m of b by the mesh is the one that moves the parameters by their bias (priors hold them as they hold them
+    against noise), and that leaves nothing beside it.
+
     Parameters
     ----------
     experiment : as its last stage sees it; the others as for `discretisation_bias`
@@ -57,7 +62,21 @@ def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Ex
     except NotConverged:
         return found
     bias = np.array([biases.get(name, 0.0) for name in found.names])
-    return replace(found, mesh_error=found.M[:, :found.n] @ bias)  # it moves as the parameters do, and leaves nothing
+    error = found.M[:, :found.n] @ bias
+    error[:found.n] += beyond_data(ended.system, experiment.parameters.with_values(values), bias)
+    return replace(found, mesh_error=error)
+
+
+def beyond_data(system: CorrelationSystem, parameters: ParameterSet, bias: np.ndarray) -> np.ndarray:
+    """What the M of an answer asks of b for a change of the parameters beside that of the data: its priors, less the
+    noise of measured ends  # (n,)"""
+    priors = scaled_system(replace(system, M=np.zeros_like(system.M), end_noise=None), parameters,
+                           np.zeros_like(system.M), 0.0)
+    held = priors.M @ (bias / priors.slopes)
+    if system.end_noise is None:
+        return held / priors.slopes
+    weight = scaled_system(system, parameters, np.zeros_like(system.M), 0.0).weight
+    return np.linalg.lstsq(weight, held, rcond=None)[0] / priors.slopes - system.end_noise @ bias
 
 
 def discretisation_bias(evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
