@@ -29,7 +29,8 @@ from idic.diagnose.screen.score import null_model, score
 from idic.errors import InputError, NotConverged
 from idic.identify.in_memory import Identification
 from idic.images.camera import Camera
-from idic.model.experiment import Column, Correction, Experiment, Measured, Parametrised, Temperature
+from idic.model.experiment import (Column, Controlled, Correction, Experiment, Measured, Parametrised, Temperature,
+                                   TemperatureField)
 from idic.model.forward import build_forward
 
 MIN_SEPARATING_CHI2 = 25.0  # D of a reliable separation: five standard deviations
@@ -187,7 +188,10 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
         return np.concatenate([values, factors * values[peak]])
 
     def held(values: np.ndarray) -> np.ndarray:
-        return np.concatenate([values, np.full(n, values[-1])])
+        return np.concatenate([values, np.repeat(values[-1:], n, axis=0)])
+
+    def steady(rates: np.ndarray | None) -> np.ndarray | None:
+        return None if rates is None else np.concatenate([rates, np.zeros(n)])
 
     def correction(entry: Correction) -> Correction:
         return replace(entry, course=(held if entry.kind == "slip" or entry.knot is not None else scaled)(entry.course))
@@ -197,21 +201,24 @@ def continued(experiment: Experiment, continuation: Continuation) -> Experiment:
         changes = {"corrections": tuple(correction(c) for c in drive.corrections)} if hasattr(
             drive, "corrections") else {}
         if isinstance(drive, Column):
-            rates = None if drive.rates is None else np.concatenate([drive.rates, np.zeros(n)])
             values = (held if isinstance(entry, Temperature) else scaled)(drive.values)
-            changes |= {"values": values, "rates": rates}  # type: ignore[dict-item]
+            changes |= {"values": values, "rates": steady(drive.rates)}  # type: ignore[dict-item]
+        elif isinstance(drive, Controlled):
+            changes |= {"course": scaled(drive.course), "rates": steady(drive.rates)}  # type: ignore[dict-item]
+        elif isinstance(drive, TemperatureField):
+            changes |= {"values": held(drive.values)}  # type: ignore[dict-item]
         return replace(entry, drive=replace(drive, **changes)) if changes else entry
 
-    channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]),
-                             drift_hats=_further(c.drift_hats, n),
-                             rates=None if c.rates is None else np.concatenate([c.rates, np.zeros(n)]))
+    channels = tuple(replace(c, values=np.concatenate([c.values, np.zeros(n)]), rates=steady(c.rates),
+                             drift_hats=_further(c.drift_hats, n), friction_hats=_further(c.friction_hats, n))
                      for c in experiment.channels)
     prescribed = tuple(carried(entry) for entry in experiment.prescribed)
     return replace(experiment, motion_error=None, times=np.concatenate([experiment.times, times]),
                    camera=_held(experiment.camera, n),
                    channels=channels, prescribed=prescribed,
                    loads=tuple(carried(entry) for entry in experiment.loads),
-                   temperatures=tuple(carried(entry) for entry in experiment.temperatures),
+                   temperatures=tuple(replace(carried(entry), hats=_further(entry.hats, n))
+                                      for entry in experiment.temperatures),
                    labels=(*experiment.labels, *(f"next {k}" for k in range(n))))
 
 
@@ -247,7 +254,7 @@ def _shown(model: Model, continuation: Continuation, seen: np.ndarray) -> _Shown
     fields, channels, motion, channel_residual = [], [], [], []
     for at in forward.march(context.parameters, context.moving, local, None, forward.drives.n_local > 0):
         frame = at.frame + experiment.reference
-        if frame in old or frame >= context.experiment.n_frames - len(continuation.motion):
+        if frame in old or frame >= context.experiment.n_frames:  # of the recording: what follows is new
             response = FrameResponse(frame, at.seen_u, at.channels, at.seen_du, at.dchannels, at.seen_local_du,
                                      at.local_dchannels)
             rows = channel_equations(cameras[0].context, response)

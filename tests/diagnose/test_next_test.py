@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from side_twins import TOML, Side, write_folder
 
+from idic.correlation.channels import knots
 from idic.diagnose.cautions import cautions
 from idic.diagnose.next_test import (
     MIN_SEPARATING_CHI2,
+    _shown,
     Continuation,
     Model,
     Separation,
@@ -30,7 +32,11 @@ from idic.diagnose.screen.situation import situation
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import read_toml
 from idic.identify.in_memory import identify
+from idic.model.experiment import Controlled, Load, Temperature, TemperatureField
 from idic.model.forward import build_forward
+from idic.model.free_course import knot_name
+from idic.model.load_train import way_of
+from idic.model.temperature import nodal_temperature
 from idic.validation.trial.tool_run import FolderSource
 from idic.validation.trial.scenes.recording import Paint, write_public
 from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
@@ -112,6 +118,38 @@ def test_the_programme_is_continued_and_the_recording_stays(models):
     np.testing.assert_allclose(grip.values[n:], [0.5 * was.values[np.argmax(np.abs(was.values))], 0.0])
     np.testing.assert_allclose(after.times[n:] - before.times[-1], [0.1 * duration, 0.3 * duration])
     assert len(after.channels[0].values) == n + 2 == after.n_frames
+
+
+def test_courses_that_the_data_give_stay_as_they_are_in_the_last_frame(models):
+    """Friction in the load train, the warmth of a lamp, a motion that a gauge controls."""
+    recorded = models[0].found.experiment
+    n, more = recorded.n_frames, 2
+    hat = np.linspace(0.0, 1.0, n)[None]
+    channel = replace(recorded.channels[0], friction_knots=(n - 1,), friction_hats=hat)
+    warm = TemperatureField(np.outer(hat[0], np.ones(recorded.mesh.n_nodes)), "course")
+    controlled = Load("RIGHT", "force", Controlled("strain", hat[0], "RIGHT", "x", rates=hat[0]), "x")
+    before = replace(recorded, channels=(channel,), loads=(controlled,),
+                     temperatures=(Temperature(None, warm, knots=(n - 1,), hats=3.0 * hat),))
+    after = continued(before, Continuation("back", (0.5, 0.0), (0.1, 0.2)))
+    way = way_of(after.prescribed)
+    for frame in range(n, n + more):
+        assert knots(after, after.channels[0], frame) == {knot_name("channel.force_N.friction", n - 1): way[frame]}
+    warmth = nodal_temperature(after)
+    np.testing.assert_array_equal(warmth.values[n:], np.ones((more, recorded.mesh.n_nodes)))
+    (knot,) = warmth.knots.values()
+    np.testing.assert_array_equal(knot[n:], [3.0, 3.0])
+    drive = after.loads[0].drive
+    assert len(drive.course) == len(drive.rates) == after.n_frames
+
+
+def test_an_excluded_frame_before_the_end_is_not_compared_with_the_new_ones(models):
+    recorded = models[0].found
+    experiment = replace(recorded.experiment, excluded=(recorded.experiment.n_frames - 2,))
+    found = identification_at(experiment, recorded.parameters.as_values(), recorded.local, None)
+    model, back = Model("slip", found, residual_evidence(found)), Continuation("back", (0.5, 0.0), (0.1, 0.2))
+    evidence = model.residual.evidence
+    assert experiment.excluded[0] not in evidence.frames
+    assert len(_shown(model, back, evidence.seen).fields) == len(evidence.frames) + 2
 
 
 def test_whether_a_recording_comes_back_to_no_load(models):
