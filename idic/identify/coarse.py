@@ -35,6 +35,7 @@ from idic.fe.equilibrium import Control
 from idic.fe.mesh.coarsen import Coarse, coarsen
 from idic.identify.driver import MemoryPoints, run_loop
 from idic.identify.loop import start
+from idic.identify.measured_start import measured_start, needs_motion_in_space
 from idic.identify.step.schedule import first_free
 from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Experiment, Parametrised, Stage, TemperatureField
@@ -80,11 +81,12 @@ def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[
     values : where to begin, internal units
     simplified : on a mesh of fewer elements
     """
-    setup = _prepare(experiment, u_px, simplified)
+    asked = experiment.parameters.with_free(first_free(experiment))  # the others keep their values
+    setup = _prepare(replace(experiment, parameters=asked), u_px, simplified)
     here = {**setup.experiment.parameters.as_values(), **values}
     setup = replace(setup, experiment=replace(
         setup.experiment, parameters=setup.experiment.parameters.with_values(here),
-        stages=(Stage(first_free(experiment)),),
+        stages=(Stage("all"),),
         options=replace(setup.experiment.options, max_iterations=evaluations, estimator="ordinary",
                         schedule="all", search="never", step_limit=None, trial_steps=1)))
     points = MemoryPoints(setup.experiment, setup.weights.image_noise, start(setup.experiment), _Point(None, None, 0.0),
@@ -97,12 +99,14 @@ def coarse_fit(experiment: Experiment, u_px: np.ndarray | None, values: Mapping[
 
 @dataclass(frozen=True)
 class _Setup:
-    """u_px : (n_frames, n_nodes, 2) NaN where unknown, of the simulated frames."""
+    """u_px : (n_frames, n_nodes, 2) NaN where unknown, of the simulated frames; local : (n_frames, m) mm, motion of
+    measured edges, zero elsewhere."""
 
     experiment: Experiment
     forward: ForwardModel
     moving: tuple[str, ...]
     u_px: np.ndarray
+    local: np.ndarray
     weights: Weights
     points: int
 
@@ -128,11 +132,14 @@ def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) 
     u_px[[experiment.reference, *experiment.excluded]] = np.nan
     forward = replace(build_forward(experiment), control=FAST_FAILURE)
     moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
+    local = np.zeros((experiment.n_frames, forward.drives.n_local))
+    if np.isfinite(u_px).any() and not needs_motion_in_space(experiment):
+        local = measured_start(experiment, u_px, experiment.excluded)
     noises = np.array([CHANNEL_STD_SHARE * max(np.abs(channel.values).max(), 1e-300)
                        for channel in experiment.channels])
     weights = Weights(MOTION_STD_PX**-2, MOTION_STD_PX, noises**-2.0, noises)
     points = int(np.isfinite(u_px).sum()) + (experiment.n_frames - experiment.reference) * len(noises)
-    return _Setup(experiment, forward, moving, u_px, weights, points)
+    return _Setup(experiment, forward, moving, u_px, local, weights, points)
 
 
 def coarse_mesh(experiment: Experiment) -> Coarse | None:
@@ -172,10 +179,11 @@ def _evaluate(setup: _Setup, state: LoopState, accepted: _Point) -> _Point:
         farthest = max(farthest, came, key=len)
         if problem is None:
             break
-    if len(farthest) < MIN_FRAMES:
+    if problem is not None and len(farthest) < MIN_FRAMES:
         return _Point(Evaluation(state.evaluations, None, None, str(problem)), None, 0.0)
     still = [_standing(farthest[-1], frame) for frame in range(farthest[-1].frame + 1, experiment.n_frames)]
-    system = reduce_systems([_frame(context, response, setup.u_px[response.frame]) for response in (*farthest, *still)])
+    system = reduce_systems([_frame(context, response, setup.u_px[response.frame], setup.local[response.frame])
+                             for response in (*farthest, *still)])
     nothing = np.zeros((len(system.names),) * 2)
     increments = 0 if still else len(taken)
     evaluation = Evaluation(state.evaluations, replace(system, shared=dense(system.shared)[:0]), nothing,
@@ -188,10 +196,9 @@ def _simulate(setup: _Setup, parameters: ParameterSet,
     """The frames that a simulation reaches, the reference first, its increments, and why it stopped (None: at the
     end)."""
     experiment, forward = setup.experiment, setup.forward
-    local = np.zeros((experiment.n_frames, forward.drives.n_local))
     came, taken = [], ()
     try:
-        for at in forward.march(parameters, setup.moving, local, frozen, forward.drives.n_local > 0):
+        for at in forward.march(parameters, setup.moving, setup.local, frozen, forward.drives.n_local > 0):
             taken = at.steps.times
             came.append(FrameResponse(at.frame + experiment.reference, at.seen_u, at.channels, at.seen_du, at.dchannels,
                                       at.local_du, at.local_dchannels))
@@ -206,11 +213,12 @@ def _standing(last: FrameResponse, frame: int) -> FrameResponse:
     return replace(last, frame=frame, **nothing)
 
 
-def _frame(context: CorrelationContext, response: FrameResponse, u_px: np.ndarray) -> CorrelationSystem:
-    """The contribution of a frame to M and b: nodes take the place of pixels."""
+def _frame(context: CorrelationContext, response: FrameResponse, u_px: np.ndarray,
+           local: np.ndarray) -> CorrelationSystem:
+    """The contribution of a frame to M and b: nodes take the place of pixels; local : its own unknowns, mm"""
     experiment = context.experiment
     view = view_of(experiment, context.camera).at(response.frame)
-    nodes, local = experiment.mesh.nodes, np.zeros(len(context.local_precision))
+    nodes = experiment.mesh.nodes
     columns = np.hstack([global_columns(context, response), view.columns(nodes, response.u, response.local_du)])
     gap = u_px.ravel() - view.motion(nodes, response.u)[:, :2].ravel()
     columns = columns.reshape(len(nodes), view.n_components, -1)[:, :2].reshape(2 * len(nodes), -1)

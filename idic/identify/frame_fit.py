@@ -58,7 +58,7 @@ def frame_entries(experiment: Experiment, fits: Mapping[int, FrameFit], excluded
         elif frame < experiment.reference or frame in excluded_by_user:
             status = "excluded"
         elif frame in experiment.excluded:
-            status = "unexplained"
+            status = "lost" if fit is not None and fit.n_pixels == 0 else "unexplained"
         elif fit is not None and fit.n_pixels == 0:
             status = "lost"
         elif fit is not None and fit.chi2_dof > allowed:

@@ -41,6 +41,18 @@ def motion_in_space(experiment: Experiment) -> np.ndarray:
     return u_mm
 
 
+def without_edges(experiment: Experiment, u_px: np.ndarray) -> list[int]:
+    """Frames that hold nothing of a motion that edges take from them: between its neighbours it is interpolated, and
+    no step may change it.
+
+    u_px : (n_frames, n, 2) px, NaN where a frame was lost
+    """
+    if not any(isinstance(entry.drive, Measured) for entry in experiment.prescribed):
+        return []
+    lost = np.isnan(u_px).all(axis=(1, 2))
+    return [int(k) for k in np.flatnonzero(lost) if k > experiment.reference and k not in experiment.excluded]
+
+
 def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int],
                    u_mm: np.ndarray | None = None, nodes: np.ndarray | None = None) -> np.ndarray:
     """Start of the frame-local unknowns from a free FE-DIC: nodal motion on the measured edges, zero elsewhere.

@@ -101,9 +101,11 @@ def describe_trial(label: str, fit: CoarseFit) -> str:
 
 
 def trial_points(experiment: Experiment) -> list[Trial]:
-    """One trial per start value of a free parameter, and the given start where it lies among them."""
-    given = [Trial("start, continued", {}, TRIAL_EVALUATIONS)] if _inside(experiment) else []
-    return [*given, *trials_of_law(experiment)]
+    """One trial per start value of a free parameter, and the given start where it lies among them, or where its bounds
+    admit none of them."""
+    of_law = trials_of_law(experiment)
+    given = [Trial("start, continued", {}, TRIAL_EVALUATIONS)] if _inside(experiment) or not of_law else []
+    return [*given, *of_law]
 
 
 def trials_of_law(experiment: Experiment) -> list[Trial]:

@@ -19,7 +19,7 @@ from idic.experiment_file.load import load_experiment
 from idic.experiment_file.tables.camera_noise import recorded
 from idic.identify.input_noise import measured_noise
 from idic.identify.measured_start import (
-    measured_nodes, measured_start, motion_in_space, needs_free_dic, needs_motion_in_space,
+    measured_nodes, measured_start, motion_in_space, needs_free_dic, needs_motion_in_space, without_edges,
 )
 from idic.identify.step.stages import resolve_stages
 from idic.identify.two_step import check_method, is_two_step, regularisation_of
@@ -155,6 +155,7 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
             nodes = None if virtual_boundaries(experiment) else measured_nodes(experiment)
             u_px = read_free_motion(store, nodes=nodes)
             excluded += [int(k) for k in np.flatnonzero(found["unexplained"]) if int(k) not in excluded]
+            excluded += without_edges(experiment, u_px)
             in_space = read_array(store.group("motion"), "u_mm") if needs_motion_in_space(experiment) else None
             local = measured_start(experiment, u_px, excluded, in_space, nodes if in_space is None else None)
             begin = boundary_start(experiment, u_px, excluded, in_space)

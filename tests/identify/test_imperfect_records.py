@@ -11,11 +11,15 @@ from twin_bodies import PIXEL
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, judged, solved, write_folder
 
 from idic.experiment_file.load import load_experiment
+from idic.identify.frame_fit import FrameFit, frame_entries
+from idic.identify.in_memory import identify
 from idic.images.camera import Camera
+from idic.model.drives import build_drives
 from idic.model.experiment import Column
 from idic.model.forward import build_forward, solve
 from idic.report.record import FreeFields
 from idic.report.words import left_out, not_explained
+from idic.run.in_memory.preparation import prepare
 from idic.run.judgement.free import free_summary
 
 WHOLE = ELASTIC + GRIPS + FORCE
@@ -187,6 +191,24 @@ def test_the_offset_of_a_late_log_is_found(tmp_path):
     found = result["parameters"]["time.offset"]
     assert abs(found["value"] - 0.2) < 0.03, found  # rates are central differences over 2 s of a motion that curves
     assert_true(result, {"BODY.nu": TRUTH["nu"]})
+
+
+def test_a_black_image_leaves_measured_edges_between_their_neighbours(clean, tmp_path):
+    """The prior of a measured edge, its smoothness, took it back to rest in a frame that shows nothing."""
+    images, force = clean
+    edges = "".join(f'\n[[boundary]]\nnodes = "{name}"\nu = "measured"\n' for name in ("LEFT", "RIGHT"))
+    black = images.copy()
+    black[3] = 0
+    folder = write_folder(tmp_path / "test", Twin(), ELASTIC + edges + FORCE, (black, force))
+    prepared = prepare(load_experiment(folder))
+    found = identify(prepared.start, prepared.local)
+    drives = build_drives(prepared.experiment)
+    right = [i for i, drive in enumerate(drives.local) if ".RIGHT.x" in drives.names[drive]]
+    motion = found.local[:, right].mean(axis=1)
+    assert prepared.experiment.excluded == (3,)
+    assert motion[3] == pytest.approx(0.5 * (motion[2] + motion[4]), rel=0.1)
+    entries = frame_entries(prepared.experiment, {3: FrameFit(3, 0, float("nan"), float("nan"))}, ())
+    assert entries[3]["status"] == "lost"
 
 
 def test_a_late_log_of_a_steady_motion_changes_nothing_from_a_reference_on_the_way(clean, tmp_path):

@@ -136,6 +136,29 @@ def test_stages_free_their_parameters_one_after_the_other(clean, plain, tmp_path
         assert abs(entry["value"] - result["parameters"][name]["value"]) < 0.05 * entry["std"]
 
 
+def test_a_stage_that_is_cut_short_on_the_way_over_a_bound_is_not_at_the_bound(clean, tmp_path):
+    near = WHOLE.replace("nu = { value = 0.25,", "nu = { value = 0.29, bounds = [0.0, 0.30],")
+    assert near != WHOLE
+    state, result = solved(write_folder(tmp_path / "test", Twin(), near + "[[stage]]\nmax_iterations = 1\n", clean))
+    assert state.status == result["status"] == "max_iterations" and not result["at_bound"]
+
+
+def test_the_limit_of_evaluations_at_a_change_of_images_ends_on_those_of_its_point(clean, tmp_path):
+    toml = WHOLE + "[[stage]]\nuntil_s = 1.0\n[options]\nmax_iterations = 3\n"
+    state, result = solved(write_folder(tmp_path / "test", Twin(), toml, clean))
+    assert state.status == "max_iterations" and {entry["stage"] for entry in state.history} == {result["stages"] - 1}
+
+
+@pytest.mark.parametrize("more", ["", "until_s = 3.0\n", 'until_s = 3.0\n[[stage]]\nfree = ["BODY.nu"]\n'])
+def test_a_schedule_that_ends_with_locked_parameters_goes_on_with_all(more, clean, plain, tmp_path):
+    """A value that never moved has no error bar: nu stood at its start beside 0.25 ± 0.009, as identified."""
+    toml = WHOLE + f'[[stage]]\nfree = ["BODY.E"]\n{more}'
+    state, result = solved(write_folder(tmp_path / "test", Twin(), toml, clean))
+    assert state.status == "converged"
+    for name, entry in plain[2]["parameters"].items():
+        assert abs(entry["value"] - result["parameters"][name]["value"]) < 0.05 * entry["std"]
+
+
 def test_a_stage_that_cannot_move_leaves_the_search_to_the_next(clean, plain, tmp_path, monkeypatch):
     toml = WHOLE + '[[stage]]\nfree = ["BODY.E"]\n[[stage]]\nfree = "all"\n'
     path = write_folder(tmp_path / "test", Twin(), toml, clean)

@@ -62,6 +62,33 @@ def test_a_coarse_fit_finds_the_parameters_of_a_motion_from_any_distance(measure
         assert fit.values[name] == pytest.approx(value, rel=1e-2)
 
 
+def test_a_coarse_fit_moves_measured_edges_as_they_were_measured(measured, tmp_path):
+    """At rest no parameter does anything, and every start would be as good as another."""
+    edges = "".join(f'\n[[boundary]]\nnodes = "{name}"\nu = "measured"\n' for name in ("LEFT", "RIGHT"))
+    given, u_px = measured
+    experiment = load_experiment(write_folder(tmp_path / "test", Twin(), ELASTIC + edges + FORCE))
+    experiment = replace(experiment, channels=given.channels, stack=None)
+    fit = coarse_fit(experiment, u_px, {"BODY.E": 10e3, "BODY.nu": 0.05}, 15)
+    assert fit.misfit < 1e-2
+    for name, value in TRUTH.items():
+        assert fit.values[name] == pytest.approx(value, rel=1e-2)
+
+
+def test_a_test_of_few_frames_can_be_searched(measured):
+    experiment, u_px = measured
+    frames = list(range(MIN_FRAMES - 1))
+    fit = coarse_fit(selected_frames(experiment, frames), u_px[frames], {"BODY.E": 4e3}, 10)
+    assert fit.part == 1.0 and fit.values["BODY.E"] == pytest.approx(2000.0, rel=1e-2)
+
+
+def test_bounds_that_admit_no_value_of_the_law_leave_the_start(measured):
+    experiment = with_trials(measured[0], "BODY.nu", (0.45, 0.49))
+    narrow = {name: replace(p, bounds=(0.1, 0.4)) if name == "BODY.nu" else p for name, p in
+              experiment.parameters.items()}
+    experiment = replace(experiment, parameters=ParameterSet(narrow.values()))
+    assert [trial.label for trial in trial_points(experiment)] == ["start, continued"]
+
+
 def test_nodes_that_were_not_measured_and_excluded_frames_do_not_count(measured):
     experiment, u_px = measured
     spoilt = u_px.copy()

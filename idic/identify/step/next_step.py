@@ -85,7 +85,7 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
     state, change = _with_activation(state, scaled, parameters, ends)
     ended = done and change is None
     if ended or (stage.max_iterations is not None and state.schedule.iterations >= stage.max_iterations):
-        beyond = beyond_bounds(step, parameters)
+        beyond = beyond_bounds(step, parameters) if done else ()
         end = (bounded(beyond) if beyond else Ending("converged", done) if done
                else out_of_iterations(state.schedule.iterations, "[stage]", step, options))
         return _leave_stage(state, experiment, stages, point, image_noise, end)
@@ -231,8 +231,13 @@ def _leave_stage(state: LoopState, experiment: Experiment, stages: Sequence[Stag
     number = state.schedule.stage
     if number + 1 == len(stages):
         return leave_schedule(state, experiment, stages[-1], point, image_noise, end)
+    others, limit = not same_images(stages[number], stages[number + 1]), experiment.options.max_iterations
+    if others and state.rounds >= limit:
+        end = Ending("max_iterations", f"{limit} evaluations are the limit (max_iterations in [options]): none is left "
+                     "for the images of the next stage", ITERATIONS)
+        return replace(state, status=end.status, end=end)
     state = replace(state, schedule=SchedulePosition(number + 1), trust=TrustRegion())
-    if not same_images(stages[number], stages[number + 1]) and state.rounds < experiment.options.max_iterations:
+    if others:
         return replace(state, trial=Trial(dict(state.accepted.values), re_evaluation=True))
     return next_step(state, experiment, stages, point, image_noise)
 

@@ -13,7 +13,8 @@ from idic.parameters import ParameterSet
 
 def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
     """The schedule with "all" spelled out; by default one stage that frees everything, after a stage on blurred images
-    where a start may have been searched.
+    where a start may have been searched. A schedule that ends on other images, or with locked parameters, goes on with
+    it: values of locked ones are no answer, and error bars are of all.
 
     Raises
     ------
@@ -36,9 +37,8 @@ def resolve_stages(experiment: Experiment) -> tuple[Stage, ...]:
                              remedy="mark the parameter with identify = true or take it out of the stage")
         check_images(experiment, stage, number)
         resolved.append(replace(stage, free=tuple(name for name in everything if name in names)))
-    last = resolved[-1]
-    if is_preliminary(last):  # the answer comes from all images as they are
-        resolved.append(replace(last, max_iterations=None, lowpass_px=None, until_s=None))
+    if is_preliminary(resolved[-1]) or resolved[-1].free != everything:
+        resolved.append(Stage(everything))
     return tuple(resolved)
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from idic.dic import DicStack, boundary_start, dic_stack, with_boundary_start
 from idic.identify.coarse import coarse_fit
 from idic.identify.input_noise import measured_noise
-from idic.identify.measured_start import measured_start, motion_in_space, needs_free_dic, needs_motion_in_space
+from idic.identify.measured_start import (measured_start, motion_in_space, needs_free_dic, needs_motion_in_space,
+                                           without_edges)
 from idic.identify.search import search
 from idic.identify.step.schedule import wants_search
 from idic.identify.two_step import is_two_step, regularisation_of
@@ -70,6 +71,7 @@ def prepare(experiment: Experiment, say: Callable[[str], None] = lambda text: No
     excluded, seen = list(experiment.excluded), experiment
     if found is not None:
         excluded += [k for k, status in enumerate(found.status) if status == "unexplained" and k not in excluded]
+        excluded += without_edges(experiment, found.u_px)
         in_space = motion_in_space(experiment) if needs_motion_in_space(experiment) else None
         local = measured_start(experiment, found.u_px, excluded, in_space)
         seen = with_boundary_start(seen, boundary_start(experiment, found.u_px, excluded, in_space))
