@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
 import uuid
 from collections.abc import Callable, Iterator, Mapping
@@ -31,6 +32,8 @@ from idic.store.replace import replace_file
 STORE_NAME = "run.zarr"
 _SEAL = "descriptions"  # attribute of a group
 SCHEMA = "idic.run/1"
+_ASIDE, _REMOVED = ".old", ".gone.old"  # endings of folders that are being replaced, and removed
+_SET_ASIDE = re.compile(r"\.(?P<name>.+)\.[0-9a-f]{12}\.old")
 _OWN_FILES = {LOCK_NAME, "log.txt", STORE_NAME, FROM_PYTHON}
 
 
@@ -48,7 +51,7 @@ class RunStore:
     def claim(self, identity: str, *, title: str = "") -> Iterator[RunStore]:
         """Lock the RUN for a ``with`` block, create the store or check that it belongs to this experiment.
 
-        Leftovers of a killed process (temporary names) are removed.
+        Leftovers of a killed process (temporary names) are removed; a group that it was replacing comes back.
 
         Raises
         ------
@@ -225,8 +228,12 @@ class RunStore:
             for name in [name for name in names if name.startswith(".") and name.endswith(".tmp")]:
                 (Path(base) / name).unlink(missing_ok=True)
             for name in [name for name in folders if name.startswith(".") and name.endswith((".tmp", ".old"))]:
-                shutil.rmtree(Path(base) / name, ignore_errors=True)
                 folders.remove(name)
+                back = set_back(Path(base) / name)
+                if back is None:
+                    shutil.rmtree(Path(base) / name, ignore_errors=True)
+                else:
+                    folders.append(back.name)
             if "c" in folders:
                 folders.remove("c")  # chunks: thousands of files, none of them temporary
 
@@ -249,9 +256,46 @@ def renamed_when_complete(target: Path, unless: Callable[[], bool] = lambda: Fal
     if unless():
         shutil.rmtree(folder, ignore_errors=True)
         return
-    _remove_tree(target)  # a rename onto a non-empty folder fails; a kill in between loses one group
-    replace_file(folder, target)
+    _take_place(folder, target)
+
+
+def _take_place(folder: Path, target: Path) -> None:
+    """Put a complete folder in the place of `target`; whenever this ends, one of the two is there or comes back.
+
+    A rename onto a folder with files fails: the old one is set aside for the moment of the second rename (`set_back`
+    finds it there after a kill), and is deleted only when the new one is in its place.
+    """
+    aside = _set_aside(target)
+    try:
+        replace_file(folder, target)
+    except BaseException:
+        if aside is not None and not target.exists():
+            replace_file(aside, target)
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
     _sync(target.parent)
+    if aside is not None:
+        _remove_tree(aside)
+
+
+def _set_aside(target: Path) -> Path | None:
+    """Rename a folder that is about to be replaced; None where there is none."""
+    aside = target.parent / f".{target.name}.{uuid.uuid4().hex[:12]}{_ASIDE}"
+    try:
+        replace_file(target, aside)
+    except FileNotFoundError:
+        return None
+    return aside
+
+
+def set_back(folder: Path) -> Path | None:
+    """Give a folder that was set aside its name again, if nothing took its place; None where it stays."""
+    was = _SET_ASIDE.fullmatch(folder.name)
+    target = folder.parent / was["name"] if was else None
+    if target is None or target.exists():
+        return None
+    replace_file(folder, target)
+    return target
 
 
 def _sync_tree(folder: Path) -> None:
@@ -276,17 +320,13 @@ def _sync(path: Path) -> None:
 
 
 def _remove_tree(path: Path) -> None:
-    """Delete a folder; it is renamed first, so that no reader finds it half deleted."""
-    if not path.exists():
+    """Delete a folder; it is renamed first, so that no reader finds it half deleted and nobody sets it back."""
+    doomed = path.parent / f".{path.name.lstrip('.')}.{uuid.uuid4().hex[:12]}{_REMOVED}"
+    try:
+        replace_file(path, doomed)
+    except FileNotFoundError:  # there is none, or another task was faster
         return
-    if not path.name.startswith("."):
-        doomed = path.parent / f".{path.name}.{uuid.uuid4().hex[:12]}.old"
-        try:
-            replace_file(path, doomed)
-        except FileNotFoundError:  # another task was faster
-            return
-        path = doomed
-    shutil.rmtree(path, ignore_errors=True)
+    shutil.rmtree(doomed, ignore_errors=True)
 
 
 def _create_group(folder: Path, attributes: dict) -> None:

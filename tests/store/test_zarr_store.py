@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -325,3 +326,50 @@ def test_a_chunk_of_nothing_but_the_fill_value_is_written_by_another_process_too
             FrameArrays.open(folder, "r",
                              "r+").write(k, np.full((1, 3, 4), np.nan if dtype is np.float32 else 0, dtype))
     assert not FrameArrays.open(store.group("maps"), "r").missing()
+
+
+class Killed(BaseException):
+    """What ends a process; nothing after it has an effect."""
+
+
+@pytest.mark.parametrize("renames", range(4))
+@pytest.mark.parametrize("killed", [True, False])
+def test_a_group_that_is_being_replaced_is_there_afterwards_whenever_the_process_ends(tmp_path, renames, killed):
+    def build(value):
+        with store.building("evaluations/003/base", {"x": 1}) as group:
+            write_array(group, "steps", np.full(3, value))
+
+    store = RunStore(tmp_path / "run")
+    with store.claim("id"):
+        build(1.0)
+    with pytest.MonkeyPatch.context() as patch, suppress(Killed):
+        done = []
+
+        def rename(source, target):
+            if not str(target).endswith(("zarr.json", ".json")):
+                done.append(target)
+                if len(done) == renames + 1 or killed and len(done) > renames:
+                    raise Killed
+            os.replace(source, target)
+
+        patch.setattr("idic.store.run_store.replace_file", rename)
+        if killed:
+            patch.setattr("shutil.rmtree", lambda *_, **__: None)
+        build(2.0)
+    with store.claim("id"):
+        folder = store.finished("evaluations/003/base", {"x": 1})
+        assert folder is not None and read_array(folder, "steps")[0] == (1.0 if renames < 2 else 2.0)
+        assert sorted(path.name for path in folder.parent.iterdir()) == ["base", "zarr.json"]
+
+
+def test_a_group_that_was_removed_does_not_come_back_after_a_kill(tmp_path):
+    store = RunStore(tmp_path / "run")
+    with store.claim("id"):
+        with store.building("final") as group:
+            write_array(group, "steps", np.arange(3))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("shutil.rmtree", lambda *_, **__: None)
+            store.remove("final")
+    with store.claim("id"):
+        assert not store.path.joinpath("final").exists()
+        assert [path.name for path in store.path.iterdir()] == ["zarr.json"]
