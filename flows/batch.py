@@ -135,9 +135,9 @@ def _side_by_side(work: _Work, jobs: Sequence[BatchJob]) -> None:
     """Whole identifications as tasks; one that repeatedly kills its workers is given up, the others continue."""
     todo = list(jobs)
     while todo:
-        done = len(jobs) - len(todo)
+        asked, done = tuple(todo), len(jobs) - len(todo)
         results = work.runner.stream(
-            identify_whole, tuple(todo), [f"identify-{job.name}" for job in todo],
+            identify_whole, asked, [f"identify-{job.name}" for job in asked],
             progress=lambda now, _, before=done: work.console.tasks("identify", before + now,
                                                                     len(jobs)))  # type: ignore[misc]
         try:
@@ -145,7 +145,9 @@ def _side_by_side(work: _Work, jobs: Sequence[BatchJob]) -> None:
                 del todo[0]
                 _take_down(work, outcome)
         except JobKillsWorkers as problem:
-            _take_down(work, BatchOutcome(todo.pop(0).name, ERROR, str(problem)))
+            killer = todo[0] if problem.job is None else asked[problem.job]
+            todo.remove(killer)
+            _take_down(work, BatchOutcome(killer.name, ERROR, str(problem)))
 
 
 def _take_down(work: _Work, outcome: BatchOutcome) -> None:

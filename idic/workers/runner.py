@@ -14,7 +14,12 @@ MAX_TOLD = 500  # characters of a problem that a watch is told
 
 
 class JobKillsWorkers(InputError):
-    """The processes of one job die repeatedly; other jobs may succeed."""
+    """The processes of one job die repeatedly; other jobs may succeed.
+
+    job : its number among the jobs of the call, where it is known
+    """
+
+    job: int | None = None
 
 
 class Watch(Protocol):
@@ -99,7 +104,7 @@ class TaskRunner(Protocol):
         Raises
         ------
         JobKillsWorkers
-            Workers keep dying on a job, the first one whose result is missing.
+            Workers keep dying on a job; raised in the place of its result, and with its number.
         InputError
             The connection to the scheduler is lost.
         Exception

@@ -120,11 +120,17 @@ class Submission:
                 submitted += 1
             while wanted not in back:
                 future, index = self._next()
-                back[index] = self._result(future, index)
+                try:
+                    back[index] = self._result(future, index)
+                except JobKillsWorkers as problem:
+                    back[index] = problem  # in the place of its result: what earlier jobs did is not lost
                 done += 1
                 if progress is not None:
                     progress(done, total)
-            yield back.pop(wanted)
+            result = back.pop(wanted)
+            if isinstance(result, JobKillsWorkers):
+                raise result
+            yield result
 
     def _submit(self, index: int, copy: str = "", workers: list[str] | None = None) -> None:
         key = f"{self._names[index]}{copy}-{self.token}-{index}"
@@ -177,12 +183,14 @@ class Submission:
         try:
             return future.result()
         except KilledWorker as problem:
-            raise JobKillsWorkers(
+            killer = JobKillsWorkers(
                 f"the worker processes keep dying on {self._names[index]}",
                 found=f"{ALLOWED_FAILURES + 1} deaths; memory is the usual reason",
                 remedy="use fewer --workers, a smaller model or image region, or a machine with more memory; "
                 "then run the command again with --resume",
-            ) from problem
+            )
+            killer.job = index
+            raise killer from problem
         except FutureCancelledError as problem:
             raise InputError(
                 "the connection to the Dask scheduler was lost",

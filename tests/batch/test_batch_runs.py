@@ -95,6 +95,26 @@ def test_a_run_that_kills_its_workers_is_given_up_and_the_others_are_done(tmp_pa
     assert all(rows[name]["status"] == "converged" for name in set("abc") - {victim})
 
 
+def test_the_run_that_kills_its_workers_is_given_up_also_where_earlier_ones_are_still_at_work(tmp_path):
+    from idic.run.batch.entries import BatchRun
+    from idic.run.batch.store import Batch
+    from idic_flows.batch import BatchConsole, _side_by_side, _Work
+
+    class Numbered(Murderous):
+        def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False):
+            killer = JobKillsWorkers("the worker processes keep dying")
+            killer.job = next((k for k, job in enumerate(jobs) if job.name == self.victim), None)
+            if killer.job is not None:
+                raise killer
+            yield from super().stream(function, jobs, names)
+
+    batch = Batch(tmp_path / "out", [BatchRun(name, "x") for name in "abc"])
+    with batch.claim(resume=False):
+        _side_by_side(_Work(batch, Numbered("b"), BatchConsole()), [batch.job(run) for run in batch.runs])
+        rows = {row["name"]: row["status"] for row in batch.write("finished")["runs"]}
+    assert rows == {"a": "converged", "b": "error", "c": "converged"}
+
+
 def test_a_deployment_takes_absolute_paths_below_its_root_only(tmp_path, monkeypatch):
     from idic_flows.deployed import data_path
 

@@ -15,6 +15,7 @@ import numpy as np
 import psutil
 import pytest
 import tifffile
+from distributed import KilledWorker
 from cluster_jobs import (die_always, die_once, die_when_asked, fail_until, hold_memory, loaded, refuse, slow_first,
                           slow_once, square, thread_limits)
 from experiment_file.small_experiment import load_experiment, write_experiment
@@ -26,7 +27,8 @@ from idic.store.run_store import RunStore
 from idic.store.stack import ZarrStack
 from idic.workers.dask_connection import checked_address
 from idic.workers.dask_executor import open_cluster
-from idic.workers.runner import SerialRunner
+from idic.workers.runner import JobKillsWorkers, SerialRunner
+from idic.workers.submission import Submission
 from idic.workers.task_limits import TaskLimits, task_limits
 
 HERE = Path(__file__).parent
@@ -214,6 +216,48 @@ def test_a_job_that_always_kills_its_worker_is_named(tmp_path):
     assert "fewer --workers" in problem.value.remedy
 
 
+class Over:
+    """A future of a job that is over: with its own number, or with the death of its workers."""
+
+    status = "finished"
+
+    def __init__(self, number, kills):
+        self.number, self.kills, self.tell = number, kills, None
+
+    def add_done_callback(self, tell):
+        self.tell = tell
+
+    def result(self):
+        if self.kills:
+            raise KilledWorker("simulate", None, 8)
+        return self.number
+
+
+class KillerFirst:
+    """A client on which job 1 kills its workers, and is given up before anything else is over."""
+
+    def __init__(self):
+        self.futures = []
+
+    def submit(self, function, job, **_):
+        self.futures.append(Over(job, kills=job == 1))
+        return self.futures[-1]
+
+    def end_all(self):
+        for number in (1, 2, 0):
+            self.futures[number].tell(self.futures[number])
+
+
+def test_a_job_that_kills_its_workers_is_blamed_in_its_place_and_earlier_results_come():
+    client, came = KillerFirst(), []
+    submission = Submission(client, square, [0, 1, 2], names(3), TaskLimits(), copies=False)
+    threading.Timer(0.1, client.end_all).start()
+    with pytest.raises(JobKillsWorkers, match="dying on job-it000-1") as problem:
+        for result in submission.in_order(None, 3):
+            came.append(result)
+    assert came == [0] and problem.value.job == 1
+
+
 class Killer(threading.Thread):
     """Kills the first worker processes of this process that it sees, as they start."""
 
@@ -282,7 +326,8 @@ def test_workers_end_with_their_driver_however_it_ends(tmp_path, stop):
         textwrap.dedent(f"""
         import sys
         sys.path.insert(0, {str(HERE)!r})
-        from cluster_jobs import wait_long
+        from distributed import KilledWorker
+from cluster_jobs import wait_long
         from idic.workers.dask_executor import open_cluster
         if __name__ == "__main__":
             with open_cluster(2) as runner:
