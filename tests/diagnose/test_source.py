@@ -4,11 +4,18 @@ import shutil
 
 import numpy as np
 import pytest
+from experiment_file.small_experiment import change, load_experiment, write_experiment
 from material_twins import write_folder
 
 import idic
-from idic.run.diagnosis.source import open_source
+from idic.run.diagnosis.source import Source, open_source
+from idic.run.prepare import ingest, prepare
 from idic.store.layout import BASE, group_name
+from idic.store.run_store import RunStore
+from idic.workers.runner import SerialRunner
+
+
+AS_GIVEN = {"options.element_order": "as_given"}
 
 
 @pytest.fixture(scope="module")
@@ -59,3 +66,25 @@ def test_virtual_edges_of_a_run_keep_the_modes_that_it_measured(tmp_path):
         np.testing.assert_array_equal(here.drive.courses, there.drive.courses)
     held = source.load({"boundary": [{"nodes": "LEFT", "ux": 0.0, "uy": 0.0}, edges[1]]})
     assert held.prescribed[-1].drive.shapes is not None
+
+
+def test_a_folder_that_is_identified_again_is_read_again_by_workers_that_live_on(tmp_path):
+    """Under the same RUN, after a change of each kind of file: a table of the experiment, the log, the mesh."""
+    folder, run = write_experiment(tmp_path / "test"), tmp_path / "run"
+
+    def read():
+        shutil.rmtree(run, ignore_errors=True)
+        experiment, store = load_experiment(folder, AS_GIVEN), RunStore(run)
+        with store.claim(experiment.identity):
+            ingest(store, experiment, SerialRunner())
+            prepare(str(run), str(folder), AS_GIVEN, SerialRunner())
+        return Source(str(run), {}).load(), experiment
+
+    read()
+    for name, old, new in (("experiment.toml", "thickness_mm = 2.0", "thickness_mm = 4.0"),
+                           ("loads.csv", "0.300", "0.400"), ("mesh.inp", "101, 0.0, 0.0", "101, 0.1, 0.0")):
+        change(folder, name, old, new)
+        seen, own = read()
+        assert seen.thickness == own.thickness
+        np.testing.assert_array_equal(seen.channels[0].values, own.channels[0].values)
+        np.testing.assert_array_equal(seen.mesh.nodes, own.mesh.nodes)

@@ -63,7 +63,7 @@ class Source:
         context = self.context
         settings, identified = context.settings, context.experiment
         file = locate(settings["experiment"])
-        kept = known(self.run)
+        kept = known(self.run, settings["identity"], file.read_bytes())
         if "toml" not in kept:
             kept["toml"] = read_toml(file)
         raw = with_overrides(kept["toml"], {**settings["overrides"], **self.edits, **(edits or {})})
@@ -131,8 +131,11 @@ class EditedFolder(ExperimentFolder):
 
 
 @lru_cache(maxsize=2)
-def known(run: str) -> dict:
-    """What was read for the experiments of a RUN in this process."""
+def known(run: str, identity: str, text: bytes) -> dict:
+    """What was read for the experiments of a RUN in this process; a folder may be identified again.
+
+    identity : of the experiment, with the contents of its files; text : experiment.toml, as [setup] is not in it
+    """
     return {}
 
 
