@@ -26,8 +26,9 @@ from idic.images.placed_camera import AnyCamera
 from idic.model.experiment import Experiment
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.joint_run import folders_of, is_joint
+from idic.run.judgement.accepted_point import channels_of, refuse_passed_point
 from idic.run.judgement.residual_maps import residuals_of
-from idic.store.arrays import FrameArrays, read_array
+from idic.store.arrays import FrameArrays
 from idic.store.layout import BASE, group_name
 
 
@@ -142,7 +143,10 @@ class FieldsOfRun:
             names = ", ".join(str(folder) for folder in folders_of(self.run).values())
             raise InputError("several experiments were identified together", file=self.run, expected="the RUN of one",
                              found="a joint RUN", remedy=f"load one of {names}")
-        return open_run(str(self.run))
+        context = open_run(str(self.run))
+        _ = self._accepted
+        refuse_passed_point(context, self.result)
+        return context
 
     @cached_property
     def _accepted(self) -> Mapping:
@@ -180,12 +184,15 @@ class FieldsOfRun:
 
     @property
     def simulated(self) -> np.ndarray:
-        _ = self._accepted
-        return read_array(self.context.store.group("channels"), "simulated")
+        return self._channels[0]
 
     @property
     def measured(self) -> np.ndarray:
-        return read_array(self.context.store.group("channels"), "measured")
+        return self._channels[1]
+
+    @cached_property
+    def _channels(self) -> tuple[np.ndarray, np.ndarray]:
+        return channels_of(self.context, self.result)
 
 
 def _freely_measured(context: CorrelationContext, frame: int, simulated: Callable[[int], np.ndarray]) -> np.ndarray:

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.channels import channel_values, measured_values
 from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.pinhole.texture import texture_pairs
 from idic.correlation.view import GREY, SPACE
@@ -24,6 +23,7 @@ from idic.identify.result import build_result
 from idic.identify.step.stages import resolve_stages
 from idic.identify.step.state import Evaluation, LoopState
 from idic.run.context import RunContext, correlation_context, open_run
+from idic.run.judgement.accepted_point import channel_table
 from idic.run.judgement.discrepancy import discrepancy_job, discrepancy_of
 from idic.run.judgement.fields import write_fields
 from idic.run.judgement.floor import PointJob
@@ -166,13 +166,17 @@ def write_interrupted(session: Session, timing: Timing, began: float) -> dict | 
     state = load_state(session.run)
     if state is None or state.accepted is None:
         return None
-    context = session.context
+    context, experiment = session.context, session.experiment
     point = load_evaluation(context.store, state.accepted.number, context.names)
     state = replace(state, status="interrupted")
-    result = build_result(context.experiment, state, point, context.weights.image_noise,
-                          _residual_summary(context, point, [{}], _channel_residual(context, state)),
-                          frame_entries(context.experiment, {}, context.settings["excluded_by_user"]),
+    fits: list[dict[int, FrameFit]] = [{} for _ in experiment.views]
+    result = build_result(experiment, state, point, context.weights.image_noise,
+                          _residual_summary(context, point, fits, _channel_residual(context, state)),
+                          frame_entries(experiment, {}, context.settings["excluded_by_user"]),
                           _cost(state, timing, began), "the run was interrupted: std counts noise alone")
+    if experiment.cameras:
+        result["cameras"] = camera_entries(experiment, point, fits, context.settings["excluded_by_user"],
+                                           [None for _ in fits])
     result["sensitivity"] = session.sensitivity
     result["history"] = [dict(entry) for entry in state.history]
     write_result(session.run, result)
@@ -227,19 +231,8 @@ def _channel_residual(context, state: LoopState) -> np.ndarray:
     return (measured - simulated)[frames]
 
 
-def channel_table(context, values: Mapping[str, float], evaluation: int) -> tuple[np.ndarray, np.ndarray]:
-    """Simulated and measured channels of all frames, scale and offset included  # 2 x (n_frames, n_channels)"""
-    experiment = context.experiment
-    parameters = experiment.parameters.with_values(values)
-    stored = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "channels").read()
-    simulated = np.full((experiment.n_frames, len(experiment.channels)), np.nan)
-    for i, frame in enumerate(range(experiment.reference, experiment.n_frames)):
-        simulated[frame] = channel_values(experiment, parameters, stored[i], frame)
-    return simulated, measured_values(experiment, parameters)
-
-
 def _write_channels(context, state: LoopState) -> None:
-    with context.store.building("channels") as folder:
+    with context.store.building("channels", {"evaluation": state.accepted.number}) as folder:
         simulated, measured = channel_table(context, state.accepted.values, state.accepted.number)
         write_array(folder, "simulated", simulated)
         write_array(folder, "measured", measured)

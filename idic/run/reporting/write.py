@@ -33,6 +33,7 @@ from idic.report.tables_page import joint_page
 from idic.report.words import time_label
 from idic.run.context import RunContext, open_run
 from idic.run.joint_run import folders_of, is_joint
+from idic.run.judgement.accepted_point import channel_table, channels_of, refuse_passed_point
 from idic.run.judgement.floor import read_floor
 from idic.run.judgement.shown_frames import shown_frames
 from idic.run.reporting.evidence import evidence, last_accepted
@@ -40,7 +41,7 @@ from idic.run.judgement.residual_maps import residuals_of
 from idic.run.reporting.paraview import write_paraview
 from idic.run.reporting.second_process import SecondProcess
 from idic.run.reporting.series import gauges_of, series_of
-from idic.store.arrays import FrameArrays, read_array
+from idic.store.arrays import FrameArrays
 from idic.store.layout import BASE, group_name
 from idic.store.result_file import RESULT_FILE, read_result
 from idic.store.system_store import load_evaluation
@@ -183,6 +184,7 @@ def _refuse_another_experiment(run: Path, context: RunContext, result: Mapping) 
     evaluated = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
     if not evaluated:
         return
+    refuse_passed_point(context, result)
     stored = FrameArrays.open(context.store.group(group_name(evaluated[-1], BASE)), "u").shape[0]
     unknown = set(result["history"][0]["values"]) - set(context.experiment.parameters)
     if stored != context.experiment.mesh.n_nodes or unknown:
@@ -291,10 +293,7 @@ def _rms_after(result: Mapping) -> np.ndarray:
 
 
 def _channels(context: RunContext, result: Mapping) -> tuple[ChannelRecord, ...]:
-    from idic.run.postprocess import channel_table
-
-    folder = context.store.group("channels")
-    measured, simulated = read_array(folder, "measured"), read_array(folder, "simulated")
+    simulated, measured = channels_of(context, result)
     started = None
     if result["history"][0]["phi"] is not None:
         started, _ = channel_table(context, result["history"][0]["values"], 0)

@@ -1,0 +1,52 @@
+"""The accepted point of a result: its channels, and whether the RUN still has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from idic.correlation.channels import channel_values, measured_values
+from idic.errors import InputError
+from idic.run.context import RunContext
+from idic.store.arrays import FrameArrays, read_array
+from idic.store.layout import BASE, group_name
+
+
+def refuse_passed_point(context: RunContext, result: Mapping) -> None:
+    """InputError where a run was resumed after an interruption and killed: its result is of a point before that."""
+    number = _last_accepted(result)["evaluation"]
+    if result.get("status") != "interrupted" or context.store.finished(group_name(number, BASE)) is not None:
+        return
+    raise InputError("the run was interrupted, and its result is older than its last step", file=context.store.run,
+                     expected=f"the simulation of evaluation {number}", found="those of later ones",
+                     remedy="finish the run first:  idic identify EXPERIMENT --out RUN --resume")
+
+
+def channels_of(context: RunContext, result: Mapping) -> tuple[np.ndarray, np.ndarray]:
+    """Simulated and measured channels of the accepted point of a result  # 2 x (n_frames, n_channels)
+
+    The stored ones where they are of that point; those of an earlier one, before a pause, are not.
+    """
+    last, folder = _last_accepted(result), context.store.finished("channels")
+    stored = {} if folder is None else context.store.ident(folder)  # without a number: of an earlier version
+    known = stored.get("evaluation") == last["evaluation"] if stored else result.get("status") != "interrupted"
+    if folder is None or not known:
+        return channel_table(context, last["values"], last["evaluation"])
+    return read_array(folder, "simulated"), read_array(folder, "measured")
+
+
+def channel_table(context: RunContext, values: Mapping[str, float],
+                  evaluation: int) -> tuple[np.ndarray, np.ndarray]:
+    """Simulated and measured channels of all frames, scale and offset included  # 2 x (n_frames, n_channels)"""
+    experiment = context.experiment
+    parameters = experiment.parameters.with_values(values)
+    stored = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "channels").read()
+    simulated = np.full((experiment.n_frames, len(experiment.channels)), np.nan)
+    for i, frame in enumerate(range(experiment.reference, experiment.n_frames)):
+        simulated[frame] = channel_values(experiment, parameters, stored[i], frame)
+    return simulated, measured_values(experiment, parameters)
+
+
+def _last_accepted(result: Mapping) -> Mapping:
+    return [entry for entry in result["history"] if entry["accepted"]][-1]
