@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -58,6 +59,21 @@ def test_an_interrupted_batch_says_how_to_go_on(batch):
     with batch.claim(resume=False):
         row = batch.write("interrupted")["runs"][-1]
     assert row["status"] == "interrupted" and "--resume" in row["reason"]
+
+
+def test_a_batch_interrupted_while_it_is_resumed_keeps_the_rows_of_finished_runs(batch):
+    with batch.claim(resume=False):
+        before = {row["name"]: row for row in batch.write("finished")["runs"]}
+    for name in ("a0", "a1", "limit", "refused"):
+        (batch.folder / name).mkdir()
+        (batch.folder / name / "result.json").touch()
+    changed = [replace(run, overrides={"A.E": 50.0}) if run.name == "a1" else run for run in batch.runs]
+    again = Batch(batch.folder, changed)
+    with again.claim(resume=True):
+        rows = {row["name"]: row for row in again.write("interrupted")["runs"]}
+    assert rows["a0"] == before["a0"] and rows["limit"] == before["limit"]
+    assert rows["a1"]["status"] == "interrupted", "another start than the one of the earlier row"
+    assert rows["b0"]["status"] == "interrupted", "its RUN is gone"
 
 
 def test_scatter_is_of_converged_runs_over_all_and_per_experiment(batch):

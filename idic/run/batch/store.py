@@ -20,8 +20,9 @@ from idic.report.batch_page import draw_batch, render_batch
 from idic.report.batch_table import batch_table, scatter
 from idic.run.batch.entries import BatchRun
 from idic.run.batch.runs import BatchJob, BatchOutcome
-from idic.store.run_lock import run_lock
 from idic.store.replace import replace_file
+from idic.store.result_file import RESULT_FILE
+from idic.store.run_lock import run_lock
 
 SCHEMA = "idic.batch/1"
 JSON_FILE, CSV_FILE, PAGE_FILE = "batch.json", "batch.csv", "batch.html"
@@ -45,6 +46,7 @@ class Batch:
         self.folder, self.runs = Path(out).resolve(), tuple(runs)
         self._sensitivity = sensitivity
         self._outcomes: dict[str, BatchOutcome] = {}
+        self._earlier: dict[str, dict] = {}  # rows of the batch that is continued
         self._began = time.monotonic()
 
     @contextmanager
@@ -69,6 +71,7 @@ class Batch:
                              expected="a new or empty folder, or an earlier batch", found=", ".join(strangers[:5]),
                              remedy="choose another --out")
         with run_lock(self.folder):
+            self._earlier = self._rows_of_earlier_batch()
             yield self
 
     def job(self, run: BatchRun) -> BatchJob:
@@ -96,9 +99,27 @@ class Batch:
         return {"schema": SCHEMA, "status": status, "converged": sum(row["status"] == "converged" for row in rows),
                 "wall_s": time.monotonic() - self._began, "runs": rows, "groups": scatter(rows)}
 
+    def _rows_of_earlier_batch(self) -> dict[str, dict]:
+        """Rows of the same runs whose RUN is still there: they are true until --resume has come to them."""
+        try:
+            rows = {row["run"]: row for row in json.loads((self.folder / JSON_FILE).read_text("utf-8"))["runs"]}
+        except (OSError, ValueError, KeyError, TypeError):
+            return {}
+        found = {}
+        for run in self.runs:
+            row = rows.get(run.name, {})
+            same = row.get("experiment") == run.experiment and row.get("set") == json.loads(
+                json.dumps(dict(run.overrides)))
+            if same and row.get("status") not in (WAITING, INTERRUPTED) and (
+                    self.folder / run.name / RESULT_FILE).exists():
+                found[run.name] = row
+        return found
+
     def _row(self, run: BatchRun, status: str) -> dict:
         row = {"name": run.name, "experiment": run.experiment, "set": dict(run.overrides), "run": run.name}
         outcome = self._outcomes.get(run.name)
+        if outcome is None and run.name in self._earlier:
+            return self._earlier[run.name]
         if outcome is None:
             return row | {"status": WAITING if status == "running" else INTERRUPTED,
                           "reason": "" if status == "running" else "not finished; --resume continues it",
