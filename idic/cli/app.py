@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -44,7 +46,15 @@ app = Program(
 def main() -> None:
     """Entry point of the command ``idic``."""
     use_one_thread()
+    for stream in (sys.stdout, sys.stderr):
+        never_fail_on_a_letter(stream)
     app()
+
+
+def never_fail_on_a_letter(stream) -> None:
+    """Print "?" for a letter that a terminal or pipe of another encoding (latin-1, cp1252) does not have."""
+    if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
+        stream.reconfigure(errors="replace")
 
 
 # options ------------------------------------------------------------------------------------------

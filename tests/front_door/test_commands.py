@@ -1,5 +1,6 @@
 """What a user meets first: help, exit codes, messages that say what to do."""
 
+import io
 import os
 import signal
 import subprocess
@@ -193,3 +194,16 @@ def test_the_shell_completes_commands_and_options(monkeypatch):
         monkeypatch.setenv("COMP_WORDS", words)
         monkeypatch.setenv("COMP_CWORD", str(words.count(" ")))
         assert expected in CliRunner().invoke(app, prog_name="idic").output.split()
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "cp1252", "ascii", "utf-8"])
+def test_a_letter_that_the_terminal_does_not_have_ends_no_command(encoding, monkeypatch):
+    """The minus sign and the chi of the tables, and a file name that is no UTF-8."""
+    from idic.cli import app as program
+
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(io.BytesIO(), encoding=encoding))
+    monkeypatch.setattr("idic.cli.app.use_one_thread", lambda: None)
+    monkeypatch.setattr("idic.cli.app.app", lambda: print("−3 °C, χ² \udcff"))
+    program.main()
+    sys.stdout.flush()
+    assert b"3" in sys.stdout.buffer.getvalue()
