@@ -10,6 +10,7 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +21,12 @@ from fault_runs import command_line, finish, outcome, stored_system
 
 import idic
 from idic.errors import InputError
+from idic.identify.step.state import ParallelTrial
+from idic.run.recovery.recover import recover
 from idic.store.arrays import Damaged, FrameArrays, read_array
+from idic.store.run_store import RunStore
+from idic.store.state_file import load_state, save_state
+from idic.workers.runner import SerialRunner
 
 SHARE = float(
     os.environ.get("IDIC_DAMAGE_SHARE", "0.01")
@@ -152,6 +158,31 @@ def test_damaged_channels_are_computed_anew(kinds, tmp_path, kind):
     shutil.rmtree(channels)
     assert_computed_anew(whole, run)
     assert channels.exists()
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_damaged_simulation_of_a_parallel_trial_is_computed_anew(small, tmp_path, which):
+    """With trial_steps = 2; `which` of the two trials is damaged."""
+    run = tmp_path / "run"
+    shutil.copytree(small.run, run)
+    store, state = RunStore(run), load_state(run)
+    values, number = dict(state.accepted.values), state.evaluations + which
+    state = replace(state, status="running", end=None,
+                    trial=replace(state.trial, values=values, parallel=(ParallelTrial(values, 0.1, 1),)))
+    save_state(run, state)
+    for evaluation in (state.evaluations, state.evaluations + 1):
+        for label in ("start", "base"):
+            store.repeat(f"evaluations/{evaluation:03d}/{label}", {},
+                         store.group(f"evaluations/{state.accepted.number:03d}/{label}"))
+    base = f"evaluations/{number:03d}/base"
+    flip(next(file for file in sorted((store.path / base / "u" / "c").rglob("*")) if file.is_file()))
+    with store.claim(store.identity()):
+        found = recover(store, small.experiment, SerialRunner())
+    assert found == [f"{base} is damaged: it is computed again"] and store.finished(base) is None
+    store.remove(f"evaluations/{number:03d}/start")
+    with store.claim(store.identity()):
+        found = recover(store, small.experiment, SerialRunner())
+    assert len(found) == 1 and "starts over" in found[0], "where a trial starts does not follow from the state"
 
 
 def cases(whole, share: float) -> list[tuple[int, str, bool]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from idic.errors import InputError
 from idic.fe.external.solver import sweep
+from idic.identify.loop import trial_states
 from idic.identify.step.state import LoopState
 from idic.run.prepare import write_description
 from idic.run.recovery.scan import damaged_groups
@@ -120,7 +121,8 @@ def _result(run: Path) -> dict:
 
 
 def _needed(store: RunStore, state: LoopState) -> list[str]:
-    """Groups that cannot be computed anew from the state alone: the first and the accepted point, the trial's start."""
+    """Groups that cannot be computed anew from the state alone: the first and the accepted point, where the open trials
+    start."""
     must = set()
     if state.accepted is not None:
         for number in {0, state.accepted.number}:
@@ -128,13 +130,13 @@ def _needed(store: RunStore, state: LoopState) -> list[str]:
             must |= {_stored_name(folder) for folder in _simulations(store, number)}
         must.add(group_name(state.accepted.number, BASE))
     if state.running:
-        must.add(group_name(state.evaluations, START))
+        must |= {group_name(trial.evaluations, START) for trial in trial_states(state)}
     return sorted(must)
 
 
 def _of_the_open_trial(store: RunStore, state: LoopState) -> list[str]:
-    """The stored groups of the trial that was being evaluated."""
-    return [_stored_name(folder) for folder in _simulations(store, state.evaluations)]
+    """The stored groups of the trial that was being evaluated, and of those beside it."""
+    return [_stored_name(folder) for trial in trial_states(state) for folder in _simulations(store, trial.evaluations)]
 
 
 def _simulations(store: RunStore, number: int) -> list[Path]:
