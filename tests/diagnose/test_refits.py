@@ -118,10 +118,25 @@ def test_another_job_is_not_taken_for_a_stored_one(change, tmp_path):
     assert store.get(job(**change)) is None and store.get(job()) is not None
 
 
-def test_a_refit_is_stored_under_the_name_that_earlier_versions_gave_it():
-    """Hashes written before the fields of a job were renamed: a RUN of then is resumed without a refit."""
-    assert job_hash(job()) == "5895bc78f26d7540"
-    assert job_hash(job(early_stop=EarlyStop(2.0, np.float64(1.0)), unlimited=True)) == "49613435e6442fad"
+def test_a_refit_of_another_version_is_made_again(tmp_path, monkeypatch):
+    store = RefitStore(tmp_path, resume=False)
+    store.put(job(), made())
+    known = job_hash(job())
+    monkeypatch.setattr("idic.__version__", "9.9.9")
+    assert job_hash(job()) != known and RefitStore(tmp_path, resume=True).get(job()) is None
+
+
+@pytest.mark.parametrize("damage", ["cut", "empty", "flipped", "other"])
+def test_a_refit_whose_file_cannot_be_read_is_made_again(damage, tmp_path):
+    store = RefitStore(tmp_path, resume=False)
+    store.put(job(), made())
+    (file,) = store.folder.glob("*.npz")
+    content = file.read_bytes()
+    flipped = bytes(byte ^ (k % 7 == 0) for k, byte in enumerate(content))
+    file.write_bytes({"cut": content[:len(content) // 2], "empty": b"", "flipped": flipped, "other": b"text"}[damage])
+    assert store.get(job()) is None
+    store.put(job(), made())
+    assert store.get(job()) is not None
 
 
 def test_a_new_diagnosis_forgets_the_refits_of_the_last_one(tmp_path):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+import idic
 from idic.diagnose.refit import Refit
 from idic.diagnose.refit_job import RefitJob, run_refit
 from idic.diagnose.residual.heldout import Fit
@@ -59,15 +61,14 @@ class RefitStore:
             shutil.rmtree(self.folder)
 
     def get(self, job: RefitJob) -> Refit | None:
-        """The stored refit of this job, None without one."""
+        """The stored refit of this job; None without one, or where its file cannot be read."""
         path = self._path(job)
         if not path.exists():
             return None
-        with np.load(path, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-        plain = json.loads(str(arrays.pop("plain")))
-        fits = {name: None if plain[name] is None else _fit(name, plain[name], arrays) for name in FITS}
-        return Refit(**(plain | fits), local=arrays["local"], steps=arrays.get("steps"))
+        try:
+            return _read(path)
+        except Exception:  # noqa: BLE001 - a damaged archive raises whatever comes; the refit is made again
+            return None
 
     def put(self, job: RefitJob, refit: Refit) -> None:
         """Store a refit completely or not at all."""
@@ -83,6 +84,8 @@ class RefitStore:
         path, part = self._path(job), self.folder / f"{job.name}.part"
         with open(part, "wb") as file:
             np.savez(file, plain=np.array(json.dumps(plain)), **arrays)
+            file.flush()
+            os.fsync(file.fileno())  # a power cut leaves no name of an unwritten file
         replace_file(part, path)
 
     def _path(self, job: RefitJob) -> Path:
@@ -92,14 +95,23 @@ class RefitStore:
 _ARRAYS = [field.name for field in fields(Fit) if field.name != "pixels"]
 
 
+def _read(path: Path) -> Refit:
+    with np.load(path, allow_pickle=False) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    plain = json.loads(str(arrays.pop("plain")))
+    fits = {name: None if plain[name] is None else _fit(name, plain[name], arrays) for name in FITS}
+    return Refit(**(plain | fits), local=arrays["local"], steps=arrays.get("steps"))
+
+
 def _fit(name: str, pixels: float, arrays: Mapping[str, np.ndarray]) -> Fit:
     return Fit(**{part: arrays[f"{name}.{part}"] for part in _ARRAYS}, pixels=pixels)
 
 
 def job_hash(job: RefitJob) -> str:
-    """Hash of a job; the keys and the form of ``race`` are those of stored file names and stay."""
+    """Hash of a job and of the version of idic, which may compute another refit of it."""
     stop = job.early_stop
-    plain = {"source": dict(job.source.edits), "labels": job.labels, "edits": [dict(e) for e in job.edits],
+    plain = {"idic": idic.__version__, "source": dict(job.source.edits), "labels": job.labels,
+             "edits": [dict(e) for e in job.edits],
              "values": [{name: float(v).hex() for name, v in values.items()} for values in job.values],
              "race": "None" if stop is None else f"Race(null={stop.null!r}, best={stop.best!r})", "copies": job.copies,
              "swapped": job.swapped, "borrowed": job.borrowed, "estimator": job.estimator,
