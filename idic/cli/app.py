@@ -151,5 +151,12 @@ def wide_console():
     """A console that keeps the lines of a table whole in a pipe or a file."""
     from rich.console import Console
 
-    console = Console()
-    return console if console.is_terminal else Console(width=PIPE_COLUMNS)
+    console = Console(markup=False, emoji=False)
+    return console if console.is_terminal else Console(width=PIPE_COLUMNS, markup=False, emoji=False)
+
+
+def terminal(stderr: bool = False):
+    """A console for lines of any length; brackets in a path, a name or a message are no markup."""
+    from rich.console import Console
+
+    return Console(stderr=stderr, soft_wrap=True, markup=False, emoji=False)

@@ -10,8 +10,7 @@ import typer
 from rich.table import Table
 
 from idic.cli.app import (MemoryLimit, Overrides, RefusedStore, Scheduler, Sensitivity, SensitivityOption, Workers, app,
-                          read_overrides,
-                          wide_console)
+                          read_overrides, terminal, wide_console)
 from idic.cli.command import user_path
 from idic.cli.outcomes import DONE, NOT_CONVERGED, outcome
 
@@ -42,15 +41,13 @@ def batch(
 ) -> None:
     """Identify many experiments, or one from many starts."""
     with outcome(resume=True):
-        from rich.console import Console
-
         from idic.cli.progress import progress_view
         from idic.workers.mirrored_runner import refuse_store
         from idic.workers.prefect_server import start_server
 
         refuse_store(store, "batch")
         settings = read_overrides(overrides)
-        with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out, STAGES) as view:
+        with start_server(), progress_view(terminal(stderr=True), out, STAGES) as view:
             from idic_flows.batch import BatchConsole, run_batch
 
             callbacks = BatchConsole(view.stage, view.tasks, view.said, view.dashboards)

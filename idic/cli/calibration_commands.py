@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from idic.cli.app import app, wide_console
+from idic.cli.app import app, terminal, wide_console
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 from idic.errors import InputError
@@ -48,11 +48,9 @@ def calibrate(
         from idic.calibrate.records import Lens
         from idic.run.calibration.run import run_calibration
 
-        from rich.console import Console
-
         from idic.cli.progress import progress_view
 
-        with progress_view(Console(stderr=True, soft_wrap=True), out.parent, STAGES) as view:
+        with progress_view(terminal(stderr=True), out.parent, STAGES) as view:
             run = run_calibration(images, out, spacing, target, _grid(grid), Lens(_names(free)), target_std, view.stage,
                                   view.tasks)
         console = wide_console()

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from idic.cli.app import FileStore, MemoryLimit, Run, Scheduler, UsePrefect, Workers, app, wide_console
+from idic.cli.app import FileStore, MemoryLimit, Run, Scheduler, UsePrefect, Workers, app, terminal, wide_console
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
@@ -38,14 +38,12 @@ def diagnose(
     Locate the disagreement of model and recording, select a candidate, refit with it and test it on held-out frames.
     """
     with outcome(run=run, resume=True):
-        from rich.console import Console
-
         from idic.cli.diagnosis_tables import candidates_table, told
         from idic.cli.progress import progress_view
         from idic.run.diagnosis.source import open_source
 
         open_source(run)  # before a server is started
-        with progress_view(Console(stderr=True, soft_wrap=True), run,
+        with progress_view(terminal(stderr=True), run,
                            QUICK_STAGES if quick else STAGES) as view:
             if prefect:
                 from idic_flows.diagnose import run_diagnosis as run_it
@@ -53,7 +51,7 @@ def diagnose(
                 from idic.run.diagnosis.plain import diagnose_plainly as run_it
 
             content = run_it(run, workers, scheduler, view.stage, resume, blocks, memory_limit, quick, store)
-        console = Console(soft_wrap=True)
+        console = terminal()
         for text in told(content):
             console.print(text, highlight=False, markup=False)
         (console if console.is_terminal else wide_console()).print(candidates_table(content))

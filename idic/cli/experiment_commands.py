@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from idic.cli.app import (AllowExternal, Bits, Experiment, Overrides, Seed, Workers, app, read_overrides, wide_console)
+from idic.cli.app import (AllowExternal, Bits, Experiment, Overrides, Seed, Workers, app, read_overrides, terminal,
+                          wide_console)
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 from idic.errors import InputError
@@ -91,14 +92,12 @@ def design(
 ) -> None:
     """Predict the error bars of a test before it is made. Compares plans."""
     with outcome():
-        from rich.console import Console
-
         from idic.cli.design_tables import show_design
         from idic.cli.progress import progress_view
         from idic.run.design import PAGE_FILE, write_design
 
         stages = ("simulations and sensitivities", "figures and page")
-        with progress_view(Console(stderr=True, soft_wrap=True), out, stages) as view:
+        with progress_view(terminal(stderr=True), out, stages) as view:
             content = write_design(experiments, out, read_overrides(overrides), noise_gv, confusable, workers,
                                    view.stage,
                                    lambda done, total: view.tasks("plans", done, total))

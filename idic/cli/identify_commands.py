@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from idic.cli.app import (AllowExternal, FileStore, MemoryLimit, Overrides, RefusedStore, Scheduler, Sensitivity,
-                          SensitivityOption, UsePrefect, Workers, app, exit_code, read_overrides)
+                          SensitivityOption, UsePrefect, Workers, app, exit_code, read_overrides, terminal)
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome, paused
 
@@ -97,12 +97,10 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
               began: float, second: SecondProcess | None, memory_limit=None, pause_after: int | None = None,
               store: str | None = None) -> dict:
     """second : draws figures of the report afterwards; None: there is no report."""
-    from rich.console import Console
-
     from idic.cli.progress import progress_view
 
     settings = read_overrides(overrides)
-    console, stages = Console(stderr=True, soft_wrap=True), STAGES if second else STAGES[:-1]
+    console, stages = terminal(stderr=True), STAGES if second else STAGES[:-1]
     spent_s = time.monotonic() - began
     with _server(prefect), progress_view(console, out, stages, spent_s) as view:  # it starts while we import
         with _without_collection():
@@ -159,13 +157,11 @@ def _show_result(result: dict, run: Path, began: float, second: SecondProcess | 
     """Print the result; `second` as of `_identify`."""
     import json
 
-    from rich.console import Console
-
     from idic.cli.progress import progress_view
     from idic.cli.tables import remarks, result_table, summary_line
 
     truth = json.loads(truth_file.read_text(encoding="utf-8")) if truth_file is not None else None
-    console = Console(soft_wrap=True)
+    console = terminal()
     console.print(summary_line(result), highlight=False, markup=False)
     console.print(result_table(result, truth))
     for text in remarks(result):
@@ -175,7 +171,7 @@ def _show_result(result: dict, run: Path, began: float, second: SecondProcess | 
         return
     from idic.run.reporting.write import write_report
 
-    with progress_view(Console(stderr=True, soft_wrap=True), run, STAGES, time.monotonic() - began) as view:
+    with progress_view(terminal(stderr=True), run, STAGES, time.monotonic() - began) as view:
         view.stage("report")
         page = write_report(run, second=second)
     console.print(f"report   {user_path(page)}", highlight=False)

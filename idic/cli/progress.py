@@ -93,7 +93,7 @@ class ProgressView:
         """A line with the time since the start, on the screen and, once the RUN exists, in ``RUN/log.txt``."""
         line = f"{time.monotonic() - self._began:6.1f} s  {text}"
         if not quiet:
-            self._console.print(line + on_screen, highlight=False, soft_wrap=True)
+            self._console.print(line + on_screen, highlight=False, markup=False, emoji=False, soft_wrap=True)
         self._unwritten.append(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {line}\n")
         if any((self._run / mark).exists() for mark in RUN_MARKS):
             with open(self._run / LOG_FILE, "a", encoding="utf-8") as log:
@@ -110,8 +110,8 @@ class ProgressView:
 def progress_view(console: Console, run: Path, stages: Sequence[str] = (),
                   spent_s: float = 0.0) -> Iterator[ProgressView]:
     """Bars for the length of a ``with`` block; their lines go to ``RUN/log.txt`` too. See `ProgressView`."""
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(bar_width=30), MofNCompleteColumn(),
-               TimeElapsedColumn())  # fmt: skip
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(bar_width=30),
+               MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         yield ProgressView(console, progress, run, stages, spent_s)
 

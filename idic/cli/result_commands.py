@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
-from idic.cli.app import FileStore, MemoryLimit, Run, Scheduler, Workers, app, wide_console
+from idic.cli.app import FileStore, MemoryLimit, Run, Scheduler, Workers, app, terminal, wide_console
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
@@ -20,8 +21,6 @@ SYSTEMATIC_STAGES = ("discretisation, boundary and camera", "report")
 def report(run: Run) -> None:
     """Write the HTML report, the figures and the tables of a run again, and files for ParaView."""
     with outcome(run=run):
-        from rich.console import Console
-
         from idic.cli.progress import progress_view
         from idic.run.reporting.second_process import drawing_beside
 
@@ -29,7 +28,7 @@ def report(run: Run) -> None:
             second.start()  # it imports while this process does
             from idic.run.reporting.write import write_report
 
-            with progress_view(Console(stderr=True, soft_wrap=True), run, REPORT_STAGES) as view:
+            with progress_view(terminal(stderr=True), run, REPORT_STAGES) as view:
                 page = write_report(run, view.stage, paraview=True, second=second)
         typer.echo(f"{user_path(page)} written")
 
@@ -87,7 +86,7 @@ def compare(
             for k, name in enumerate(table.header):
                 shown.add_column(name, justify="right" if k else "left")
             for row in table.rows:
-                shown.add_row(*(f"[bold]{cell.text}[/bold]" if cell.far else cell.text for cell in row))
+                shown.add_row(*(Text(cell.text, style="bold" if cell.far else "") for cell in row))
             console.print(shown)
         if out is not None:
             typer.echo(f"page     {user_path(write_comparison(content, out))}")
@@ -109,8 +108,6 @@ def systematic(
     Discretisation, boundary and camera. The report is written again.
     """
     with outcome(run=run):
-        from rich.console import Console
-
         from idic.cli.progress import progress_view
         from idic.cli.tables import systematic_table, treatments_table
         from idic.run.reporting.write import write_report
@@ -119,13 +116,13 @@ def systematic(
 
         place, seen = Workplace(workers, scheduler, memory_limit, store), assessed_experiments(run)
         place.check(run, say=typer.echo)
-        with (progress_view(Console(stderr=True, soft_wrap=True), run, SYSTEMATIC_STAGES) as view,
+        with (progress_view(terminal(stderr=True), run, SYSTEMATIC_STAGES) as view,
               place.opened(run, seen, ("idic.run.systematic",)) as runner):
             view.stage(SYSTEMATIC_STAGES[0])
             result = assess(run, runner, bias, spread, lambda done, total: view.tasks("comparisons", done, total))
             view.stage("report")
             page = write_report(run)
-        console = Console(soft_wrap=True)
+        console = terminal()
         console.print(systematic_table(result))
         if spread:
             console.print(treatments_table(result))

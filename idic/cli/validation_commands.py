@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from idic.cli.app import MemoryLimit, RefusedStore, Scheduler, Seed, Workers, app
+from idic.cli.app import MemoryLimit, RefusedStore, Scheduler, Seed, Workers, app, terminal
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
@@ -101,12 +101,10 @@ def gallery(
 @contextmanager
 def _study_console(out: Path, stages: Sequence[str] = ()) -> Iterator:
     """A Prefect server, and the progress of a study on the screen."""
-    from rich.console import Console
-
     from idic.cli.progress import progress_view
     from idic.workers.prefect_server import start_server
 
-    with start_server(), progress_view(Console(stderr=True, soft_wrap=True), out, stages) as view:
+    with start_server(), progress_view(terminal(stderr=True), out, stages) as view:
         from idic_flows.study import StudyConsole
 
         yield StudyConsole(view.stage, view.tasks, view.said, view.dashboards)

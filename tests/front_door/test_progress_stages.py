@@ -11,7 +11,8 @@ from rich.console import Console
 from typer.testing import CliRunner
 from virtual_tests.small_strip import SMALL
 
-from idic.cli.app import app
+from idic.cli.app import app, terminal, wide_console
+from idic.cli.batch_commands import batch_rows
 
 from idic.cli.progress import SETTLED_GAIN, Pace, duration, evaluations_left, progress_view
 from idic.virtual_tests import examples
@@ -81,3 +82,25 @@ def test_the_log_of_a_demonstration_counts_from_the_start_of_the_command(tmp_pat
     shown = [float(seconds) for _, _, seconds, _ in lines]
     assert "report" in lines[-1][-1] and shown[0] > 3.0
     assert [-1.3 < stamp - seconds < 0.5 for stamp, seconds in zip(stamps, shown, strict=True)] == [True] * len(lines)
+
+
+ODD = "runs/[old]/[/x] :warning: [bold]"
+
+
+def test_brackets_in_a_message_a_path_or_a_name_are_shown_as_they_are(tmp_path, monkeypatch, capsys):
+    """Rich takes them for markup: it drops ``[old]``, and ``[/x]`` raises MarkupError."""
+    said = io.StringIO()
+    with progress_view(Console(file=said, width=200, force_terminal=True), tmp_path, (ODD,)) as view:
+        view.stage(ODD)
+        view.tasks(ODD, 1, 3)
+        view.said(f"a: bad input ({ODD})")
+    assert f"a: bad input ({ODD})" in said.getvalue()
+    monkeypatch.setenv("COLUMNS", "300")
+    row = {"name": ODD, "status": "bad_input", "reason": ODD, "iterations": None, "image_chi2_dof": None,
+           "wall_s": None, "parameters": {ODD: {"value": 1.0, "std": 0.1, "unit": "[mm]"}}}
+    wide_console().print(batch_rows({"runs": [row]}))
+    assert capsys.readouterr().out.count(ODD) == 3
+    for console in (wide_console(), terminal(), terminal(stderr=True)):
+        console.print(f"results  {ODD}", highlight=False)
+    answer = capsys.readouterr()
+    assert (answer.out + answer.err).count(ODD) == 3
