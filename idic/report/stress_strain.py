@@ -8,6 +8,7 @@ from idic.materials.composed.terms import TIMES
 from idic.report.figures.style import BLUE, ORANGE, Picture, look, new_figure, to_picture
 from idic.report.record import LawCurve, RunRecord
 from idic.report.stress_scale import stress_unit
+from idic.report.words import two_digits
 
 WIDTH_95 = 1.96
 
@@ -33,7 +34,7 @@ def stress_strain(record: RunRecord, curve: LawCurve) -> Picture | None:
                    xlim=(min(0.0, strain[-1]), max(0.0, strain[-1])),
                    ylim=(0.0, 1.15 * max(float(np.nanmax(half)), 1e-12)))
         figure.align_ylabels([top, bottom])
-        last = f"{stress[-1]:.4g} ± {half[-1]:.2g} {unit}"
+        last = f"{stress[-1]:.4g} ± {two_digits(half[-1])} {unit}"
         caption = (
             f"The law {curve.law} in uniaxial {'tension' if strain[-1] > 0 else 'compression'} along {curve.axis}, the "
             f"main direction of the test, in {curve.seconds:.4g} {record.time_label_unit}, up to "

@@ -73,7 +73,7 @@ def relative(value: float | None, std: float | None) -> str:
     """A standard deviation in per cent of the value; a value within it of zero has none."""
     if not value or not std:
         return "–"
-    return f"{100.0 * std / abs(value):.2g} %" if std < abs(value) else "> 100 %"
+    return f"{two_digits(100.0 * std / abs(value))} %" if std < abs(value) else "> 100 %"
 
 
 def parts_of_std(entry: Mapping) -> str:
@@ -84,7 +84,8 @@ def parts_of_std(entry: Mapping) -> str:
 
 def two_digits(std: float) -> str:
     """An error to two digits, without an exponent where it can be written out."""
-    return f"{std:.2g}" if not 100 <= abs(std) < 1e7 else f"{float(f'{std:.2g}'):.0f}"
+    text = f"{std:.2g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(std) < 1e7 else text  # from 99.5 on, which is rounded to 100
 
 
 def discrepancy(result: Mapping) -> str:
@@ -226,7 +227,7 @@ def virtual_boundaries(result: Mapping) -> list[dict]:
         free = sum(bool(p.get("free")) for p in entries)
         text = f"{len(names)} modes" + ("" if free == len(names) else f", {free} free")
         found.append({"name": motion, "free": free, "determined": len(stds), "unit": entries[0].get("unit", ""),
-                      "std": f"{stds[0]:.2g} … {stds[-1]:.2g}" if stds else "–",
+                      "std": f"{two_digits(stds[0])} … {two_digits(stds[-1])}" if stds else "–",
                       "text": text + ("" if len(stds) == free else f", {len(stds)} determined")})
     return found
 

@@ -11,6 +11,8 @@ import pytest
 from made_up_run import NAMES, make_curve, make_practice, make_record, make_result
 
 from idic.report import tables, words
+from idic.report.design.page import short
+from idic.report.design.words import percent
 from idic.report.figures import charts, maps, matrices
 from idic.report.page import _derived_rows, draw_sections, render_page
 
@@ -164,6 +166,17 @@ def test_the_local_chi2_is_one_where_there_is_nothing_but_noise():
 )
 def test_numbers_show_two_digits_of_their_standard_deviation(value, std, unit, text):
     assert words.with_std(value, std, unit) == text
+
+
+@pytest.mark.parametrize(("std", "text"), [
+    (99.4, "99"), (99.5, "100"), (99.96, "100"), (100.0, "100"), (123.0, "120"), (9.96e6, "10000000"), (2e7, "2e+07"),
+    (0.0, "0"), (-99.7, "-100"), (float("nan"), "nan"), (float("inf"), "inf"), (2.5e-6, "2.5e-06")])
+def test_an_error_has_no_exponent_where_it_can_be_written_out(std, text):
+    assert words.two_digits(std) == short(std) == text
+
+
+def test_a_share_that_is_rounded_to_the_whole_has_no_exponent():
+    assert words.relative(1.0, 0.997) == percent(0.997) == "100 %" and percent(1.52) == "150 %"
 
 
 @pytest.mark.parametrize(

@@ -93,9 +93,7 @@ def _px(motion: float) -> str:
 
 def short(std: float | None) -> str:
     """A standard deviation to two digits; – for None."""
-    if std is None:
-        return "–"
-    return f"{std:.2g}" if std < 100 or std >= 1e7 else f"{float(f'{std:.2g}'):.0f}"
+    return "–" if std is None else words.two_digits(std)
 
 
 def _direction_rows(plan: Mapping) -> list[dict]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from idic.report.words import number, short_names
+from idic.report.words import number, short_names, two_digits
 
 MODE = re.compile(r"(boundary\..+)\.s\d+t\d+")  # amplitude of a mode of a virtual boundary: there may be hundreds
 MAX_TERMS = 6  # of a direction that are written out
@@ -38,7 +38,8 @@ def mode_groups(parameters: Mapping) -> list[str]:
     sentences = []
     for stem, entries in groups.items():
         stds = [entry["std"] for entry in entries if entry["std"] is not None]
-        spread = f"std {min(stds):.2g} to {max(stds):.2g} {entries[0]['unit']}" if stds else "none determined"
+        spread = (f"std {two_digits(min(stds))} to {two_digits(max(stds))} {entries[0]['unit']}" if stds
+                  else "none determined")
         lost = len(entries) - len(stds)
         sentences.append(f"{stem}: {len(entries)} modes are identified together with the material, {spread}"
                          + (f"; {lost} not determined." if lost and stds else "."))
@@ -89,7 +90,7 @@ def headline(plan: Mapping) -> str:
 
 
 def percent(relative: float) -> str:
-    return f"{100.0 * relative:.2g} %"
+    return f"{two_digits(100.0 * relative)} %"
 
 
 def open_parameters(plan: Mapping) -> list[str]:

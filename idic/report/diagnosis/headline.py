@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from idic.diagnose.selection.rival import NO_CAUSE
 from idic.report.diagnosis.words import (MIN_GOOD_PROBABILITY, below_margin, new_values, selected_titles,
                                          side_in_words, size_of_grey, unconfirmed, when_and_where, with_size)
-from idic.report.words import short_names, with_std
+from idic.report.words import short_names, two_digits, with_std
 
 MIN_MOVE_STD = 2.0  # standard deviations after: a parameter that moved less is not worth a word
 MOSTLY = 0.5  # explained share from which a nearest candidate explains most of it
@@ -116,7 +116,7 @@ def left_over(content: Mapping, titles: Mapping[str, str] | None = None) -> str 
                  else _of_before(left.get("motion_share")))
         parts.append(f"{left['motion_px']:.2g} px of motion{place}{share}")
         small = not at_rest and left["motion_px"] < ((content.get("margin") or {}).get("px") or 0.0)
-    parts += [f"{100.0 * one['reading_share']:.2g} % of {one['column']}{_of_before(one['share'])}"
+    parts += [f"{two_digits(100.0 * one['reading_share'])} % of {one['column']}{_of_before(one['share'])}"
               for one in left.get("channels", ()) if one["significant"]]
     if not parts:
         return None
@@ -204,7 +204,7 @@ def _too_much(ratio: float) -> str:
     """By how much a value was off: "8.3 % too low", "9 times as high"."""
     share = 100.0 * (ratio - 1.0)
     return (f"{ratio:.2g} times as high" if ratio >= 2.0
-            else f"{abs(share):.2g} % too {'high' if share > 0 else 'low'}")
+            else f"{two_digits(abs(share))} % too {'high' if share > 0 else 'low'}")
 
 
 def per_cent(share: float | None) -> str:

@@ -15,7 +15,7 @@ from idic.report.diagnosis.words import (MIN_EVEN_PROBABILITY, MIN_GOOD_PROBABIL
                                          standing_of)
 from idic.report.html import filled_in
 from idic.report.page import Section
-from idic.report.words import number, short_names
+from idic.report.words import number, short_names, two_digits
 
 STANDINGS = {"significant": "significant", "small": "significant, below the practical margin",
              "inadmissible": "significant with an inadmissible sign", "excluded": "excluded with a bound",
@@ -79,7 +79,7 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
              ("held-out excess before", number(fit["heldout_excess_before"], std), None)]
     if content.get("probability") is not None:
         facts.insert(1, ("probability that this is the cause" if content["named"] else "probability of no cause",
-                         f"{100.0 * content['probability']:.2g} %", _good_or_bad(content["probability"])))
+                         f"{two_digits(100.0 * content['probability'])} %", _good_or_bad(content["probability"])))
     if (margin := content.get("margin")) is not None:  # not in diagnoses of earlier versions
         floor = margin["camera_floor_px"]
         source = ("assumed: no frame is at rest" if floor is None else "from images at rest"
