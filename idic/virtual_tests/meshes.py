@@ -96,7 +96,7 @@ def strip_with_hole(
 
 def write_inp(mesh: Mesh, path: Path, title: str) -> None:
     """Write a mesh with its node, element and edge (face) sets as an Abaqus input file (mm)."""
-    path.write_text(inp_text(mesh, title), encoding="ascii")
+    path.write_text(inp_text(mesh, title), encoding="utf-8")
 
 
 def grid_cells(n: int, m: int, order: int) -> np.ndarray:

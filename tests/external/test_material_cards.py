@@ -117,6 +117,13 @@ def test_a_warmed_element_of_calculix_goes_as_the_law_with_tables_over_the_tempe
     assert np.abs(theirs - ours).max() < 2.0 * KIRCHHOFF * np.abs(ours).max()
 
 
+@pytest.mark.parametrize("program", ["abaqus", "calculix"])
+def test_a_card_at_one_temperature_says_so_in_plain_letters(program):
+    card = material_card("M", WARMED, WARMED_VALUES, program)
+    assert "** NOT IN THIS CARD: temperature: the values are those at 20 deg C" in card.text and card.text.isascii()
+    assert "20 °C" in card.missing[-1]
+
+
 def test_thermal_strain_in_calculix_is_taken_from_the_displacement_gradient(ccx, tmp_path):
     """With that the law follows; the expanded body of idic is off by e E strain where it is unloaded, by e stress."""
     card = material_card("M", WARMED, WARMED_VALUES, "calculix", reached=0.1, temperatures=(20.0, 170.0))

@@ -141,6 +141,16 @@ def test_an_identified_law_becomes_a_table_and_cards(run, tmp_path):
     assert not any(written.missing.values())
 
 
+def test_a_card_of_a_set_with_any_letters_is_written(run, tmp_path, monkeypatch):
+    from idic.materials.composed.material_card import Card
+    from idic.run.reporting.law_files import export_laws
+
+    monkeypatch.setattr("idic.run.reporting.law_files.material_card",
+                        lambda *_, **__: Card("*MATERIAL, NAME=PRÜFLING\n", ()))
+    written, = export_laws(run, tmp_path / "laws")
+    assert all("PRÜFLING" in file.read_text(encoding="utf-8") for file in written.files[1:])
+
+
 def test_a_free_hardening_curve_is_drawn_with_its_band_and_the_nearest_forms():
     from idic.materials.composed.free_curve import classical_fits, knots
     from idic.report.figures.hardening import hardening_curve

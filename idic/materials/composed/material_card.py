@@ -76,8 +76,9 @@ def material_card(name: str, law: str, values: Mapping[str, float], program: str
     if factors and not tabled:
         missing.append(f"temperature: the values are those at {values['reference_temperature']:g} °C")
     lines = lines + _expansion(values)
-    head = [f"** {line}" for line in (f"{law}, units mm, N, MPa, s; Kirchhoff flow stress read as Cauchy stress",
-                                      *(f"NOT IN THIS CARD: {what}" for what in missing))]
+    head = [f"** {line}".replace("°C", "deg C")  # a solver may read plain letters only
+            for line in (f"{law}, units mm, N, MPa, s; Kirchhoff flow stress read as Cauchy stress",
+                         *(f"NOT IN THIS CARD: {what}" for what in missing))]
     return Card("\n".join([*head, *before, f"*MATERIAL, NAME={name}", *lines]) + "\n", tuple(missing))
 
 

@@ -66,7 +66,7 @@ def export_laws(run: Path | str, folder: Path | str) -> tuple[WrittenLaw, ...]:
         for program in PROGRAMS:
             card = material_card(material.element_set, material.law, values, program, temperatures=visited)
             files.append(folder / f"{material.element_set}.{program}.inp")
-            files[-1].write_text(card.text, encoding="ascii")
+            files[-1].write_text(card.text, encoding="utf-8")
             missing[program] = card.missing
         written.append(WrittenLaw(material.element_set, tuple(files), missing))
     return tuple(written)
