@@ -3,11 +3,16 @@
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from idic.errors import InputError, NotConverged
 from idic.expressions import parse_expression
 from idic.fe.external.deck import ARITHMETIC, parse_deck
+from idic.fe.external.inp_writer import inp_text
+from idic.fe.external.solver import ExternalSetup, ExternalSolver
+from idic.fe.mesh.mesh import make_mesh
+from idic.readers.meshes import read_mesh_file
 
 VALUES = {"A.E": 70e3, "SET-1.nu": 0.3, "geometry.hole_x[1]": 2.5, "b": 2.0, "TABLE.grip": "0, 0\n1, 0.5"}
 
@@ -50,3 +55,23 @@ def test_an_unknown_name_is_refused_with_its_line_and_a_guess():
 def test_a_place_without_a_finite_value_makes_no_deck(text):
     with pytest.raises(NotConverged, match="line 1"):
         render(text)
+
+
+def setup(deck_file, **more):
+    words = tuple(parse_deck(word, Path("x")) for word in ("ccx", "-i", "{job}"))
+    return ExternalSetup(Path("experiment.toml"), parse_deck("**", Path("x")), deck_file, words, "calculix_frd", **more)
+
+
+@pytest.mark.parametrize("deck_file, job", [("plate.inp", "plate"), ("strip_0.5mm.inp", "strip_0.5mm"),
+                                            ("plate", "plate")])
+def test_the_job_is_the_name_of_the_deck_without_its_ending(deck_file, job):
+    assert setup(deck_file).job == job and setup(deck_file).arguments == ("ccx", "-i", job)
+
+
+def test_a_mesh_with_names_of_any_letters_is_written_as_the_deck_is(tmp_path):
+    mesh = make_mesh(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]), [("quad4", np.arange(4)[None])],
+                     node_sets={"RÄNDER": np.array([0, 1])})
+    solver = ExternalSolver(setup("plate.inp", mesh_file="mesh.inp"), None)
+    solver._write(tmp_path, {}, {"mesh.inp": inp_text(mesh, "idic")})
+    assert "RÄNDER" in (tmp_path / "mesh.inp").read_text(encoding="utf-8")
+    assert "RÄNDER" in read_mesh_file(tmp_path / "mesh.inp").node_sets

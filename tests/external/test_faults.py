@@ -1,5 +1,6 @@
 """A solver that crashes, hangs or writes garbage for some parameters: rejected steps, kept folders; the run goes on."""
 
+import threading
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from test_process import gone
 import idic
 from idic.errors import InputError, NotConverged
 from idic.experiment_file.load import load_experiment
+from idic.fe.external.solver import MAX_KEPT_FOLDERS, _keep
 from idic.model.forward import build_forward, solve
 
 BETWEEN = (1600.0, 1790.0)  # MPa: the first step from 1200 goes to 1703
@@ -106,3 +108,28 @@ def test_direct_differentiation_is_refused_before_anything_is_written(tmp_path):
     with pytest.raises(InputError, match="gives no derivatives"):
         idic.identify_experiment(folder, tmp_path / "run", sensitivity="direct")
     assert not (tmp_path / "run").exists()
+
+
+def test_cleaning_up_after_failed_runs_fails_none_where_others_do_it_at_the_same_time(tmp_path):
+    problems = []
+
+    def fail_often(worker):
+        for k in range(100):
+            folder = tmp_path / f".{worker}.{k}"
+            folder.mkdir()
+            try:
+                _keep(folder, tmp_path / f"it{k % 3}-{worker}", "crashed", ("a",), {"E": 1.0}, 1)
+            except Exception as problem:  # noqa: BLE001 - any one would end the run
+                problems.append(repr(problem))
+
+    threads = [threading.Thread(target=fail_often, args=(worker,)) for worker in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert problems == []
+    folder = tmp_path / ".last"
+    folder.mkdir()
+    kept = _keep(folder, tmp_path / "last", "crashed", ("a",), {"E": 1.0}, 1)
+    assert kept == tmp_path / "last" and "crashed" in (kept / "reason.txt").read_text()
+    assert len([path for path in tmp_path.iterdir() if path.name[0] != "."]) <= MAX_KEPT_FOLDERS

@@ -12,6 +12,7 @@ from __future__ import annotations
 import shutil
 import uuid
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -59,7 +60,7 @@ class ExternalSetup:
     @property
     def job(self) -> str:
         """Name of the deck without its ending."""
-        return self.deck_file.partition(".")[0]
+        return Path(self.deck_file).stem
 
     @property
     def arguments(self) -> tuple[str, ...]:
@@ -119,7 +120,7 @@ class ExternalSolver:
         for source in self.setup.files:
             shutil.copyfile(source, folder / source.name)
         if self.setup.mesh_file is not None:
-            (folder / self.setup.mesh_file).write_text(texts[self.setup.mesh_file], encoding="ascii")
+            (folder / self.setup.mesh_file).write_text(texts[self.setup.mesh_file], encoding="utf-8")
         (folder / self.setup.deck_file).write_text(self.setup.deck.render({**values, **texts}), encoding="utf-8")
 
     def _attempt(self, folder: Path) -> Solution:
@@ -154,14 +155,30 @@ def _last_words(log: Path) -> str:
 
 
 def _keep(folder: Path, kept: Path, reason: str, command, values: Mapping[str, float], attempt: int) -> Path:
-    """Leave a failed run to be looked at; of many the latest ones."""
+    """Leave a failed run to be looked at, of many the latest ones; returns its folder.
+
+    Others clean up here at the same time, and the disk may be full: whatever fails is left as it is.
+    """
     lines = [reason, f"attempt {attempt}", f"command: {' '.join(command)}", "",
              *(f"{name} = {value!r}" for name, value in sorted(values.items()))]
-    (folder / REASON_FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with suppress(OSError):
+        (folder / REASON_FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
     shutil.rmtree(kept, ignore_errors=True)
-    folder.rename(kept)
-    old = sorted((path.stat().st_mtime, path) for reason_file in kept.parent.glob(f"*/{REASON_FILE}")
-                 if (path := reason_file.parent).name[0] != RUNNING_PREFIX)
-    for _, path in old[:-MAX_KEPT_FOLDERS]:
+    try:
+        folder.rename(kept)
+    except OSError:
+        kept = folder
+    for path in _failed_runs(kept.parent)[:-MAX_KEPT_FOLDERS]:
         shutil.rmtree(path, ignore_errors=True)
     return kept
+
+
+def _failed_runs(scratch: Path) -> list[Path]:
+    """Folders of failed runs, oldest first."""
+    found = []
+    with suppress(OSError):
+        for path in scratch.iterdir():
+            with suppress(OSError):  # it was deleted meanwhile
+                if not path.name.startswith(RUNNING_PREFIX):
+                    found.append(((path / REASON_FILE).stat().st_mtime, path))
+    return [path for _, path in sorted(found)]
