@@ -326,8 +326,7 @@ def test_workers_end_with_their_driver_however_it_ends(tmp_path, stop):
         textwrap.dedent(f"""
         import sys
         sys.path.insert(0, {str(HERE)!r})
-        from distributed import KilledWorker
-from cluster_jobs import wait_long
+        from cluster_jobs import wait_long
         from idic.workers.dask_executor import open_cluster
         if __name__ == "__main__":
             with open_cluster(2) as runner:
