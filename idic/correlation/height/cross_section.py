@@ -15,7 +15,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import ndimage
 
 from idic.correlation.comparison import NoiseTerms
 from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
@@ -306,6 +305,8 @@ def _without_gaps(image: np.ndarray, shape, lowpass_px: float) -> tuple[np.ndarr
         known = ~gap[row]
         filled[row, gap[row]] = np.interp(columns[gap[row]], columns[known], image[row, known]) if known.any() else mean
     if lowpass_px > 0.0:
+        from scipy import ndimage  # here: an identification begins sooner
+
         reach = int(np.ceil(REACH_STDS * lowpass_px))
         gap = ndimage.maximum_filter(gap, 2 * reach + 1, mode="constant")
     changed = np.cumsum(np.pad(gap, ((0, 0), (_GAP_MARGIN_PX + 1, _GAP_MARGIN_PX))), axis=1)
