@@ -18,6 +18,7 @@ from idic.experiment_file.objects import ORIGIN, Objects, from_objects, further_
 from idic.experiment_file.toml_file import NAME, locate, read_toml, to_toml, with_overrides
 from idic.fe.external.inp_writer import inp_text
 from idic.model.experiment import Experiment as Record
+from idic.notebook.saved_folder import saved_in_run
 from idic.parameters import ParameterSet
 from idic.readers.images import FileStack, read_image
 from idic.readers.logs import Log
@@ -163,13 +164,18 @@ class Experiment:
         return self._source.save(Path(folder), self.record)
 
     def as_files(self, folder: Path) -> tuple[Path, dict]:
-        """The experiment as a path and ``--set`` values; one of Python objects is saved in `folder`, or was before.
+        """The experiment as a path and ``--set`` values; one of Python objects is saved in `folder` of a RUN.
 
         Image files are linked there, not copied: the RUN has its own copy of every image.
+
+        Raises
+        ------
+        InputError
+            The RUN began with another experiment.
         """
         if isinstance(self._source, _File):
             return self._source.file, dict(self._source.overrides)
-        return folder if (folder / NAME).exists() else self._source.save(folder, self.record, link=True), {}
+        return saved_in_run(lambda place: self._source.save(place, self.record, link=True), folder), {}
 
     def __repr__(self) -> str:
         record = self.record

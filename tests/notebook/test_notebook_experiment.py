@@ -133,6 +133,28 @@ def test_a_changed_experiment_is_another_one_and_the_first_stays():
         experiment.changed({"sheeet.E": 50e3})
 
 
+def test_a_changed_experiment_takes_the_place_of_the_saved_one_until_the_run_begins(tmp_path):
+    """Values, log, images and mask each make another experiment; the same one again is no change."""
+    data, folder = arrays.recorded(), tmp_path / "run" / "experiment-from-python"
+    changes = [{}, {"thickness_mm": 3.0}, {"loads": data.loads | {"force_N": 2.0 * data.loads["force_N"]}},
+               {"images": data.images[:, ::-1]}, {"mask": np.ones((95, 135))}, {}]
+    for number, change in enumerate(changes):
+        experiment = made(**change)
+        path, overrides = experiment.as_files(folder)
+        assert path == folder and overrides == {}
+        assert without_words(load_experiment(path)) == without_words(experiment.record), number
+        assert (load_experiment(path).stack.frame(1) == experiment.record.stack.frame(1)).all()
+        written = (folder / "experiment.toml").stat().st_mtime_ns
+        experiment.as_files(folder)
+        assert (folder / "experiment.toml").stat().st_mtime_ns == written
+    (tmp_path / "run" / "run.zarr").mkdir()
+    assert made().as_files(folder) == (folder, {})
+    with pytest.raises(InputError, match="another experiment") as told:
+        made().changed({"sheet.E": 50e3}).as_files(folder)
+    assert "experiment.toml" in told.value.found and "another out" in told.value.remedy
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["experiment-from-python", "run.zarr"]
+
+
 def test_a_notebook_shows_the_experiment_and_escapes_its_words():
     page = made(title="<script>alert(1)</script>")._repr_html_()
     assert "sheet.E" in page and "4 images of 135 × 95 px" in page and "data:image/webp;base64," in page
