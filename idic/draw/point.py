@@ -46,7 +46,8 @@ def _point(context: RunContext, state: LoopState, frame: int | None) -> Point:
     last = experiment.n_frames - 1
     k = last if frame is None else int(np.clip(frame, min(experiment.reference + 1, last), last))
     simulated, measured = channel_table(context, state.accepted.values, state.accepted.number)
-    channels = [{"name": channel.column, "simulated": _finite(simulated[:, i]), "measured": _finite(measured[:, i])}
+    channels = [{"name": channel.column, "simulated": _finite(simulated[:, i] / channel.shown_factor),
+                 "measured": _finite(measured[:, i] / channel.shown_factor)}
                 for i, channel in enumerate(experiment.channels)]
     image, chi2 = _residual(context, state, k)
     picture, box = _coloured(image, experiment.noise.std_gv or float(np.nanstd(image)) or 1.0)

@@ -112,7 +112,8 @@ def mean_chi2(used: Sequence[FrameFit]) -> float | None:
 def residual_summary(experiment: Experiment, fits: Sequence[Mapping[int, FrameFit]], channels: np.ndarray,
                      channel_noise: np.ndarray, lost_pixels: int | None,
                      free_dic: Mapping[str, np.ndarray] | None) -> dict:
-    """The fit of images and channels; chi2 over all cameras, the rms in grey values of the main one.
+    """The fit of images and channels; chi2 over all cameras, the rms in grey values of the main one; rms and noise of a
+    channel in the unit of its column.
 
     Parameters
     ----------
@@ -121,15 +122,17 @@ def residual_summary(experiment: Experiment, fits: Sequence[Mapping[int, FrameFi
     free_dic : ``chi2_dof`` and ``rms_gv`` of every frame of a free FE-DIC  # (n_frames,)
     """
     used = used_fits(experiment, fits[0])
+    factors = [channel.shown_factor for channel in experiment.channels]
     shown = [(i, channel.column) for i, channel in enumerate(experiment.channels) if len(channels)]
     summary = {
         "image_rms_gv": mean_rms(used),
         "image_chi2_dof": mean_chi2([fit for own in fits for fit in used_fits(experiment, own)]),
         "lost_pixels": lost_pixels,
-        "channel_rms": {column: float(np.sqrt(np.mean(channels[:, i] ** 2))) for i, column in shown},
+        "channel_rms": {column: float(np.sqrt(np.mean(channels[:, i] ** 2))) / factors[i] for i, column in shown},
         "channel_chi2_dof": {column: float(np.mean(channels[:, i] ** 2) / channel_noise[i] ** 2)
                              for i, column in shown},
-        "channel_noise_std": {c.column: float(channel_noise[i]) for i, c in enumerate(experiment.channels)},
+        "channel_noise_std": {c.column: float(channel_noise[i]) / factors[i]
+                              for i, c in enumerate(experiment.channels)},
     }
     if free_dic is not None:
         frames = [fit.frame for fit in used]

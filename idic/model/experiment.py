@@ -216,7 +216,8 @@ class Channel:
     course the data give, drift_hats : (n_knots, n_frames) their courses; friction_knots, friction_hats : the same of
     the friction in the load train; full_scale : largest reading of the test that
     these frames are a part of, None: these are all; times : (n_frames,) s of the readings among those of other
-    experiments, None: those of the experiment
+    experiments, None: those of the experiment; shown_unit, shown_factor : unit of the column, which tables and results
+    for the user have, and internal units per such unit
     """
 
     column: str
@@ -236,6 +237,12 @@ class Channel:
     drift_hats: np.ndarray | None = None
     full_scale: float | None = None
     times: np.ndarray | None = None
+    shown_unit: str = ""
+    shown_factor: float = 1.0
+
+    def __post_init__(self):
+        if not self.shown_unit:
+            object.__setattr__(self, "shown_unit", self.unit)
 
     @property
     def is_load(self) -> bool:

@@ -76,18 +76,19 @@ class Plots:
             axes = figure.subplots(2 * n, 1, sharex=True, squeeze=False, height_ratios=(2.2, 1.0) * n)[:, 0]
             for i, channel in enumerate(experiment.channels):
                 top, bottom = axes[2 * i:2 * i + 2]
-                difference, std = measured[:, i] - simulated[:, i], stds.get(channel.column)
-                top.plot(x, simulated[:, i], "-", color=BLUE, label="simulated")
-                top.plot(x, measured[:, i], "o", color="#222222", ms=3.5, label="measured")
-                label = channel.column.removesuffix(f"_{channel.unit}").replace("_", " ")
-                top.set_ylabel(f"{label} [{channel.unit}]")
+                read, modelled = measured[:, i] / channel.shown_factor, simulated[:, i] / channel.shown_factor
+                difference, std, unit = read - modelled, stds.get(channel.column), channel.shown_unit
+                top.plot(x, modelled, "-", color=BLUE, label="simulated")
+                top.plot(x, read, "o", color="#222222", ms=3.5, label="measured")
+                label = channel.column.removesuffix(f"_{unit}").replace("_", " ")
+                top.set_ylabel(f"{label} [{unit}]")
                 top.legend()
                 if std:
                     bottom.axhspan(-2.0 * std, 2.0 * std, color=FAINT, alpha=0.6, lw=0)
                 bottom.axhline(0.0, color=GREY, lw=0.7)
                 bottom.plot(x, difference, "-o", color=BLUE, lw=0.8, ms=3.5)
                 reach = 1.25 * max(float(np.nanmax(np.abs(difference))), 2.0 * (std or 0.0), 1e-12)
-                bottom.set(ylabel=f"difference [{channel.unit}]", ylim=(-reach, reach))
+                bottom.set(ylabel=f"difference [{unit}]", ylim=(-reach, reach))
             if not experiment.channels:
                 axes[0].set_title("no channel is compared")
             axes[-1].set_xlabel(time_label(x))

@@ -20,7 +20,8 @@ class ChannelRecord:
     Attributes
     ----------
     measured, simulated, started : (n_frames,) float
-        Logged values, values at the identified and at the starting parameters (`started` may be None).
+        Logged values, values at the identified and at the starting parameters (`started` may be None), in `unit`, that
+        of the column.
     std : float or None
         Standard deviation of the measurement.
     """

@@ -61,7 +61,7 @@ def parameter_status(record: RunRecord, name: str) -> str:
 
 
 def frames(record: RunRecord) -> str:
-    """One row per frame: time, status, residuals, every channel measured and simulated."""
+    """One row per frame: time, status, residuals, every channel measured and simulated in the unit of its column."""
     timed = record.time_label_unit == "s"  # else the abscissa is the number of the frame once more
     header = ["frame", *([record.time_label.replace(" ", "_")] if timed else []), "label", "status", "rms_before_gv",
               "rms_gv",
@@ -73,7 +73,7 @@ def frames(record: RunRecord) -> str:
         before = None if record.rms_before is None else record.rms_before[k]
         row = [
             f.get("frame", k),
-            *([record.abscissa[k]] if timed else []),
+            *([f"{record.abscissa[k]:.15g}"] if timed else []),  # milliseconds of 1.7e9 s since 1970, too
             f.get("label"),
             f.get("status"),
             before,

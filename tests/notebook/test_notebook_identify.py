@@ -15,6 +15,8 @@ import idic
 from idic.errors import InputError
 from idic.notebook.optional import optional
 from idic.parameters import ParameterSet
+from idic.report.tables import frames
+from idic.run.reporting.write import load_record
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "twins"))
 
@@ -81,6 +83,28 @@ def test_a_run_is_loaded_and_resumed_as_any_other(experiment, from_run, run):
     assert idic.identify(str(run / "experiment-from-python"), run, resume=True).content == from_run.content
     with pytest.raises(InputError, match="exists already"):
         idic.identify(experiment, run)
+
+
+def test_a_channel_in_kN_is_told_in_kN(in_memory, tmp_path):
+    """Noise, residual, note, table and figure have the unit that the column names; the numbers are those of N."""
+    loads = arrays.recorded().loads
+    tables = arrays.recorded().tables(
+        loads={"grip_mm": loads["grip_mm"], "force_kN": loads["force_N"] / 1e3, "time_s": 1.7e9 + np.arange(4) / 8},
+        channels=[{"column": "force_kN", "simulated": {"reaction": "RIGHT", "component": "x"},
+                   "noise_std": arrays.FORCE_NOISE / 1e3}])
+    result = idic.identify(idic.Experiment(**tables), tmp_path / "run")
+    for key, size in (("channel_rms", 1e3), ("channel_noise_std", 1e3), ("channel_chi2_dof", 1.0)):
+        there = in_memory["residual"][key]["force_N"] / size
+        assert result["residual"][key]["force_kN"] == pytest.approx(there, rel=1e-3)  # the start differs
+    record = load_record(tmp_path / "run")
+    assert "Noise of force_kN: 0.005 kN, as given in the experiment file." in record.notes
+    rows = [line.split(",") for line in frames(record).splitlines()]
+    read = [float(row[rows[0].index("force_kN_measured")]) for row in rows[1:]]
+    np.testing.assert_allclose(read, loads["force_N"] / 1e3, rtol=1e-9)  # 10 digits
+    assert [row[rows[0].index("time_[s]")] for row in rows[1:]] == ["1700000000", "1700000000.125", "1700000000.25",
+                                                                    "1700000000.375"]
+    labels = [axis.get_ylabel() for axis in result.plot.channels().axes]
+    assert labels == ["force [kN]", "difference [kN]"]
 
 
 @pytest.mark.slow  # a further case of the bits in memory and on disk

@@ -91,7 +91,8 @@ def _channel(made: Motion, table: ChannelTable, key: str, context: Context) -> C
             for number in (table.drift_knots, table.friction_knots)]
     return Channel(table.column, values, noise, name, simulated.component, simulated.factor, rates, unit, kind,
                    simulated.minus, drift_from=_drift_from(table, key, context), drift_knots=free[0][0],
-                   drift_hats=free[0][1], friction_knots=free[1][0], friction_hats=free[1][1])
+                   drift_hats=free[0][1], friction_knots=free[1][0], friction_hats=free[1][1],
+                   shown_unit=_unit_of(table.column, table.unit, context) or unit, shown_factor=factor)
 
 
 def _drift_from(table: ChannelTable, key: str, context: Context) -> float | None:
@@ -238,11 +239,16 @@ def logged(column: str, internal: str, unit: str | None, context: Context,
                          expected='loads = "loads.csv" in [experiment]', found=f'column "{column}"',
                          remedy="name the log, or give the values without a column")
     raw = context.log.column(column, file=context.file, key=key)
-    factor = column_factor(column, internal, unit or context.log.unit(column), file=context.file, key=key)
+    factor = column_factor(column, internal, _unit_of(column, unit, context), file=context.file, key=key)
     times = context.log.times
     values = raw * factor
     rates = np.gradient(values, times) if times is not None and len(times) > 1 else None
     return values, factor, rates
+
+
+def _unit_of(column: str, unit: str | None, context: Context) -> str | None:
+    """The unit of a column as its table states it, else the log; None where neither does."""
+    return unit or (None if context.log is None else context.log.unit(column))
 
 
 def _check_conflicts(made: Motion, file) -> None:

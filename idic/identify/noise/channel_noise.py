@@ -92,18 +92,20 @@ def added_spread(rows: np.ndarray, compared: np.ndarray, experiment: Experiment,
 
 
 def channel_noise_content(experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> dict[str, dict]:
-    """The correlated channels for the result (docs/quantities.md)."""
-    return {experiment.channels[number].column: {
-        "std": noise.std, "weighted_std": weighted_std(experiment, number), "order": noise.order,
+    """The correlated channels for the result (docs/quantities.md), in the units of their columns."""
+    return {(channel := experiment.channels[number]).column: {
+        "std": noise.std / channel.shown_factor,
+        "weighted_std": weighted_std(experiment, number) / channel.shown_factor, "order": noise.order,
         "correlation": noise.correlation, "probability_independent": noise.independent}
         for number, noise in noises.items()}
 
 
 def channel_noise_notes(experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> list[str]:
     """Notes for the result."""
-    return [f"The noise of channel {experiment.channels[number].column} is correlated from frame to frame "
-            f"({noise.correlation:.2f} between consecutive ones, standard deviation {noise.std:.3g}): it averages out "
-            "less over the frames. The error bars count this."
+    return [f"The noise of channel {(channel := experiment.channels[number]).column} is correlated from frame to frame "
+            f"({noise.correlation:.2f} between consecutive ones, standard deviation "
+            f"{noise.std / channel.shown_factor:.3g} {channel.shown_unit}): it averages out less over the frames. The "
+            "error bars count this."
             for number, noise in noises.items() if noise.is_correlated]
 
 

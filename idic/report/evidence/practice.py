@@ -28,7 +28,7 @@ def practice_of(experiment: Experiment, reference, result: Mapping, floor: Noise
     values = image[seen & np.isfinite(image)].astype(float)
     sides, cell = _elements(experiment, reference)
     options, stds = experiment.options, result["residual"].get("channel_noise_std", {})
-    units = {channel.column: channel.unit for channel in experiment.channels}
+    units = {channel.column: channel.shown_unit for channel in experiment.channels}
     whole = image.dtype.kind == "u"
     sigma = (experiment.noise.std_gv or 0.0) if experiment.noise.stabiliser is None else 0.0
     return Practice(

@@ -101,8 +101,10 @@ def _curves(diagnosis: Diagnosis) -> tuple[Curve, ...]:
     before = _shown_channels(diagnosis.residual_before)
     after = None if diagnosis.residual_after is None else _shown_channels(diagnosis.residual_after)
     noise = diagnosis.residual_before.context.weights.channel_noise
-    return tuple(Curve(channel.column, channel.unit, np.asarray(channel.values, float), before[:, i],
-                       None if after is None else after[:, i], float(noise[i]))
+    size = [channel.shown_factor for channel in found.channels]
+    return tuple(Curve(channel.column, channel.shown_unit, np.asarray(channel.values, float) / size[i],
+                       before[:, i] / size[i], None if after is None else after[:, i] / size[i],
+                       float(noise[i]) / size[i])
                  for i, channel in enumerate(found.channels))
 
 

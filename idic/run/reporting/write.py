@@ -265,8 +265,9 @@ def _words(treatment: Mapping) -> str:
 def _notes(context: RunContext, result: Mapping) -> tuple[str, ...]:
     notes = [*result["notes"], *_estimators(result), *_spreads(result)]
     sources = context.settings.get("channel_noise_source", ())
+    units = {channel.column: channel.shown_unit for channel in context.experiment.channels}
     for (name, std), source in zip(result["residual"].get("channel_noise_std", {}).items(), sources, strict=False):
-        notes.append(f"Noise of {name}: {std:.3g}, {CHANNEL_NOISE.get(source, 'from its ' + source)}.")
+        notes.append(f"Noise of {name}: {std:.3g} {units[name]}, {CHANNEL_NOISE.get(source, 'from its ' + source)}.")
     if result.get("sensitivity") in METHODS:
         notes.append(f"Sensitivities by {METHODS[result['sensitivity']]}.")
     for entry in result.get("history", ()):
@@ -301,11 +302,11 @@ def _channels(context: RunContext, result: Mapping) -> tuple[ChannelRecord, ...]
     return tuple(
         ChannelRecord(
             c.column,
-            c.unit,
-            measured[:, i],
-            simulated[:, i],
+            c.shown_unit,
+            measured[:, i] / c.shown_factor,
+            simulated[:, i] / c.shown_factor,
             stds.get(c.column),
-            None if started is None else started[:, i],
+            None if started is None else started[:, i] / c.shown_factor,
         )
         for i, c in enumerate(context.experiment.channels)
     )
