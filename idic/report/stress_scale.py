@@ -17,16 +17,20 @@ def in_ratios(result: Mapping) -> Mapping:
     if not held:
         return result
     renamed: dict[str, str] = {}
-    changed = dict(result)
+    changed, bounds = dict(result), dict(result.get("at_bound", {}))
     for kind in ("parameters", "derived"):
         shown = {}
         for name, entry in result.get(kind, {}).items():
             base = _base(name, entry, held)
             if base is not None:
                 renamed[name] = f"{name}/{_short(base, name)}"
+                if name in bounds:
+                    bounds[renamed[name]] = bounds.pop(name) * _ratio(entry, result["parameters"][base])
                 entry = _scaled(entry, result["parameters"][base])
             shown[renamed.get(name, name)] = entry
         changed[kind] = shown
+    if bounds:
+        changed["at_bound"] = bounds
     if table := result.get("correlation"):
         changed["correlation"] = dict(table) | {"names": [renamed.get(name, name) for name in table.get("names", ())]}
     return changed
@@ -78,8 +82,13 @@ def _short(base: str, name: str) -> str:
     return base.rpartition(".")[2] if base.rpartition(".")[0] == name.rpartition(".")[0] else base
 
 
+def _ratio(entry: Mapping, base: Mapping) -> float:
+    """Shown ratio per unit of a stress."""
+    return STRESS_FACTORS[entry["unit"]] / (STRESS_FACTORS[base["unit"]] * base["value"])
+
+
 def _scaled(entry: Mapping, base: Mapping) -> dict:
-    factor = STRESS_FACTORS[entry["unit"]] / (STRESS_FACTORS[base["unit"]] * base["value"])
+    factor = _ratio(entry, base)
     changed = {key: entry[key] * factor for key in SCALED if entry.get(key) is not None}
     interval = {"ci95": [bound * factor for bound in entry["ci95"]]} if entry.get("ci95") else {}
     return dict(entry) | changed | interval | {"unit": ""}

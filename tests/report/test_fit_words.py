@@ -127,6 +127,17 @@ def test_without_a_force_a_stress_is_a_ratio_to_the_held_one():
     assert stress_unit(result, "sheet") == ("E", 70e3)
 
 
+def test_without_a_force_a_bound_is_a_ratio_too():
+    result = held_modulus() | {"status": "at_bound", "at_bound": {"sheet.yield_stress": 210.0, "sheet.nu": 0.49}}
+    result["parameters"]["sheet.nu"] = {"value": 0.49, "std": 0.01, "unit": "", "start": 0.3, "free": True,
+                                        "ci95": [0.47, 0.51]}
+    assert in_ratios(result)["at_bound"] == pytest.approx({"sheet.yield_stress/E": 0.003, "sheet.nu": 0.49})
+    sentence = words.convergence(in_ratios(result))
+    assert "yield_stress/E (0.003)" in sentence and "nu (0.49)" in sentence
+    assert sentence in words.headline(result)
+    assert 'class="verdict' in render_page(make_record(result=result), ())
+
+
 def test_with_a_force_or_in_earlier_files_stresses_stay_as_they_are():
     for told in ({}, {"has_force": True}):
         result = make_result() | told
