@@ -92,6 +92,22 @@ def test_a_free_yield_surface_starts_as_misess_and_comes_back_from_its_law_file(
         assert error.value.key == f"material.SPECIMEN.yield_surface.{key}"
 
 
+def test_comments_of_a_law_file_have_the_unit_and_the_state_of_its_values():
+    """The result is in GPa, the file in MPa; what only ratios determine is no starting value."""
+    from idic.run.reporting.law_files import law_table
+
+    result = {"parameters": {
+        "p.E1": {"value": 69.748, "std": 0.16, "unit": "GPa", "free": True},
+        "p.nu12": {"value": 0.3, "std": 0.01, "unit": "", "free": True},
+        "p.E2": {"value": 50.0, "std": None, "unit": "GPa", "free": True, "value_relative": 80.0},
+        "p.G12": {"value": 26e3, "std": None, "unit": "MPa", "free": True}, "p.angle": {"free": False}}}
+    text = law_table("p", "orthotropic", "small", {"E1": 69748.0, "nu12": 0.3, "E2": 80e3, "G12": 26e3, "angle": 0.0},
+                     result)
+    assert "#   E1 = 69748 ± 1.6e+02 MPa\n" in text and "#   nu12 = 0.3 ± 0.01\n" in text
+    assert "#   E2: not determined by the test, its value is valid in ratio" in text
+    assert "#   G12: not determined by the test, its starting value\n" in text and "angle:" not in text
+
+
 def test_no_terms_are_perfect_plasticity():
     record, found = read(**dict.fromkeys(("yield_surface", "hardening", "backstress", "rate", "damage")))
     assert record.law == "elastoplastic" and list(found) == ["E", "nu", "yield_stress"]

@@ -21,6 +21,7 @@ from idic.materials.core.law import EXPANSION, get_law
 from idic.materials.plasticity.free_locus import RINGS
 from idic.model.experiment import Experiment
 from idic.model.temperature import nodal_temperature
+from idic.readers.units import factor_between
 from idic.run.context import open_run
 from idic.run.reporting.write import accepted_parameters
 from idic.store.result_file import read_result
@@ -105,14 +106,28 @@ def law_table(element_set: str, law: str, kinematics: str, values: Mapping[str, 
     if curves:
         table["smoothness"] = {curve.key: {"strength": curve.smoothness.strength, "over": curve.smoothness.over,
                                            "size": float(f"{curve.size:.10g}")} for curve in curves}
-    stds = [f"#   {name} = {values[name]:.6g} ± {entries[key]['std']:.2g} {entries[key].get('unit', '')}".rstrip()
-            for name in values if (entries.get(key := f"{element_set}.{name}") or {}).get("std")]
-    open_ones = [f"#   {name}: not determined by the test, its starting value" for name in values
-                 if (entries.get(key := f"{element_set}.{name}") or {}).get("free") and entries[key].get("std") is None]
+    own = {name: entry for name in values if (entry := entries.get(f"{element_set}.{name}"))}
+    stds = [f"#   {name} = {values[name]:.6g} ± {_std(entry, units[name]):.2g} {units[name]}".rstrip(" -")
+            for name, entry in own.items() if entry.get("std")]
+    open_ones = [f"#   {name}: not determined by the test, {_undetermined(entry)}" for name, entry in own.items()
+                 if entry.get("free") and entry.get("std") is None]
     head = [f"# The law of {element_set} as it was identified. In experiment.toml:  [material.{element_set}]  "
             f'from = "{element_set}.toml"', "# Identified, with standard deviations (other values were given):",
             *stds, *open_ones]
     return "\n".join(head) + "\n" + to_toml(table)
+
+
+def _std(entry: Mapping, unit: str) -> float:
+    """Standard deviation in the unit of the law, which the values of the file have."""
+    given = entry.get("unit", unit)
+    return entry["std"] * (1.0 if given in (unit, "") else factor_between(given, unit))
+
+
+def _undetermined(entry: Mapping) -> str:
+    """Which value of it the file has."""
+    if entry.get("value_relative") is not None:
+        return "its value is valid in ratio to the other undetermined ones only"
+    return "its starting value"
 
 
 def _term_table(written: WrittenTerm, units: Mapping[str, str]) -> dict:
