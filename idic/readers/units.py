@@ -89,6 +89,16 @@ def factor_between(given: str, internal: str, *, file=None, key=None) -> float:
     return unit.factor / (1.0 if expected is None else expected.factor)
 
 
+def factor_to(wanted: str, given: str) -> float | None:
+    """Factor from the unit `given` to `wanted`; None where they have other dimensions or are not known."""
+    if given == wanted:
+        return 1.0
+    unit, other = parse_unit(given), parse_unit(wanted)
+    if unit is None or other is None or unit.powers != other.powers:
+        return None
+    return unit.factor / other.factor
+
+
 def suffix_unit(column: str) -> str | None:
     """The unit after the last underscore of a column name (``force_N``: ``N``); None without a unit."""
     name, _, suffix = column.rpartition("_")

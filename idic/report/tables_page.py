@@ -54,7 +54,7 @@ def comparison_tables(content: Mapping) -> list[Table]:
     header = ("parameter", *(run["name"] for run in runs), *(f"{run['name']} − {runs[0]['name']}" for run in runs[1:]))
     rows = []
     for entry in content["parameters"]:
-        values = [Cell(NONE if own is None else _value(own, entry["unit"])) for own in entry["values"]]
+        values = [Cell(NONE if own is None else _value(own, own["unit"])) for own in entry["values"]]
         steps = [Cell(NONE) if d is None else Cell(f"{d:+.1f} std", far=abs(d) > MIN_BOLD_DIFFERENCE_STD)
                  for d in entry["differences"][1:]]
         rows.append((Cell(entry["name"]), *values, *steps))
@@ -65,10 +65,11 @@ def comparison_tables(content: Mapping) -> list[Table]:
 
 
 def comparison_picture(content: Mapping) -> Picture | None:
-    """Value and standard deviation of every parameter in every run."""
+    """Value and standard deviation of every parameter in every run, in one unit."""
     rows = [run | {"experiment": run["name"],
-                   "parameters": {n: p for n, p in run["parameters"].items() if p.get("free")}}
-            for run in content["runs"]]
+                   "parameters": {entry["name"]: own for entry in content["parameters"]
+                                  if (own := entry["values"][k]) and own["free"] and own["unit"] == entry["unit"]}}
+            for k, run in enumerate(content["runs"])]
     return draw_batch({"runs": rows})
 
 

@@ -15,6 +15,7 @@ from idic.experiment_file.load import load_experiment
 from idic.identify.design import design_test, join
 from idic.identify.in_memory import identify
 from idic.identify.plan.planned_test import load_plan
+from idic.report.design.summary import compare
 
 
 def designed(folder, overrides=TRUE, **more):
@@ -232,3 +233,15 @@ def test_a_reduced_domain_with_virtual_edges_costs_conditioning(tmp_path):
     for name in full.names:
         assert reduced.full.std(name) > full.full.std(name)
         assert reduced.full.std(name) > reduced.materials.std(name)
+
+
+def test_plans_in_other_units_are_compared_in_one():
+    def plan(name, std, unit):
+        return {"name": name, "condition": 1.0, "parameters": {"s.E": {"std": std, "unit": unit}}}
+
+    joint = {"parameters": {"s.E": {"unit": "GPa", "value": 70.0, "std": 0.09}}, "condition": 1.0}
+    found = compare({"plans": [plan("a", 0.5, "GPa"), plan("b", 100.0, "MPa"), plan("c", 0.01, "px")], "joint": joint})
+    assert found["parameters"]["s.E"]["std"] == {"a": 0.5, "b": pytest.approx(0.1)}
+    assert found["parameters"]["s.E"]["best"] == "b"
+    found = compare({"plans": [plan("a", 0.5, "GPa"), plan("c", 0.01, "px")], "joint": joint})
+    assert found["parameters"]["s.E"]["best"] is None

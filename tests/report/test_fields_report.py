@@ -14,7 +14,7 @@ from idic.report.fit_words import in_words_of
 from idic.report.page import render_page
 from idic.report.record import PointMaps
 from idic.report.tables_page import comparison_tables
-from idic.run.reporting.compare import headlines
+from idic.run.reporting.compare import _parameter, headlines
 
 
 @pytest.fixture
@@ -83,3 +83,19 @@ def test_a_comparison_says_what_was_measured():
     measured = comparison_tables(both)[1].rows[0]
     assert [cell.text for cell in measured] == ["measured", "images", "fields"]
     assert "χ² per pixel, of fields per component" in names(both)
+
+
+def test_values_of_two_units_are_compared_in_the_first_and_those_of_two_dimensions_not():
+    def given(value, std, unit):
+        return {"value": value, "std": std, "systematic_std": None, "unit": unit, "start": value, "free": True}
+
+    entries = (_parameter("s.E", [None, given(69.748, 0.16, "GPa"), given(69748.0, 160.0, "MPa")]),
+               _parameter("s.E", [given(69.748, 0.16, "GPa"), given(70e3, 120.0, "MPa"), given(3.0, 1.0, "px")]))
+    assert entries[0]["differences"] == [None, None, None]  # nothing in the first run
+    assert entries[1]["differences"] == [0.0, pytest.approx(0.252 / 0.2), None]
+    assert [own["unit"] for own in entries[1]["values"]] == ["GPa", "GPa", "px"]
+    assert entries[1]["values"][1] == given(pytest.approx(70.0), pytest.approx(0.12), "GPa")
+    content = compared("grey", "grey", "grey") | {"parameters": entries[1:]}
+    first, *_ = comparison_tables(content)[0].rows
+    assert [cell.text for cell in first[1:4]] == ["69.75 ± 0.16 GPa", "70.00 ± 0.12 GPa", "3.0 ± 1.0 px"]
+    assert first[4].text == "+1.3 std" and first[5].text == "–"

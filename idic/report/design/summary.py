@@ -11,6 +11,7 @@ import numpy as np
 from idic.identify.design import Design, Joint
 from idic.identify.plan.planned_test import image_unit
 from idic.identify.result import Analysis
+from idic.readers.units import factor_to
 from idic.report.design.words import direction, fixed_product, grade
 
 MIN_CONFUSABLE_CORRELATION = 0.95  # |correlation| above which a test does not separate two parameters
@@ -100,11 +101,14 @@ def joint_summary(joint: Joint, confusable: float) -> dict:
 
 
 def compare(content: Mapping) -> dict:
-    """Standard deviation of every material parameter per plan and jointly, the best plan named."""
+    """Standard deviation of every material parameter per plan and jointly, in one unit, the best plan named."""
     plans = {plan["name"]: plan["parameters"] for plan in content["plans"]}
     joint, rows = content["joint"]["parameters"], {}
     for name, entry in joint.items():
-        stds = {plan: own[name]["std"] for plan, own in plans.items() if name in own}
+        given = {plan: own[name] | {"to": factor_to(entry["unit"], own[name]["unit"])} for plan, own in plans.items()
+                 if name in own}
+        stds = {plan: None if own["std"] is None else own["to"] * own["std"] for plan, own in given.items()
+                if own["to"] is not None}  # another dimension is no other size
         if not stds:
             continue
         known = {plan: std for plan, std in stds.items() if std is not None}

@@ -2,8 +2,8 @@
 
 Keys of ``compare.json`` (schema ``idic.compare/1``): ``runs`` (name, folder, quantity that was measured, status,
 models, n_free, fit, parameters)
-and ``parameters``: per name the unit, the value of every run and the difference to that of the first run in standard
-deviations of the difference.
+and ``parameters``: per name the unit, the value of every run in it and the difference to that of the first run in
+standard deviations of the difference; a value whose unit has another dimension keeps its own and has no difference.
 """
 
 from __future__ import annotations
@@ -18,10 +18,12 @@ from idic.errors import InputError
 from idic.model.mode_names import is_mode
 from idic.report.tables_page import comparison_picture, comparison_tables, of_fields, render_tables
 from idic.run.joint_run import folders_of, is_joint
+from idic.readers.units import factor_to
 from idic.run.context import open_run
 from idic.store.result_file import read_result, write_json
 
 SCHEMA = "idic.compare/1"
+IN_UNIT = ("value", "std", "systematic_std", "start")  # of a parameter
 JSON_FILE, CSV_FILE, PAGE_FILE = "compare.json", "compare.csv", "compare.html"
 
 
@@ -122,19 +124,28 @@ def _models_and_data(run: Path) -> tuple[dict[str, str], list | None]:
 def _parameter(name: str, entries: Sequence[Mapping | None]) -> dict:
     """One row: the value in every run, and by how many standard deviations it differs from that of the first."""
     unit = next((entry["unit"] for entry in entries if entry is not None), "")
-    first, differences = entries[0], []
-    for entry in entries:
+    values = [None if entry is None else _in_unit(entry, unit) for entry in entries]
+    first, differences = values[0], []
+    for entry in values:
         sizes = [other["std"] or 0.0 for other in (first, entry) if other is not None]
         std = sum(size**2 for size in sizes) ** 0.5
         known = first is not None and entry is not None and std > 0.0 and all(
-            other["std"] is not None or not other["free"] for other in (first, entry))
+            other["unit"] == unit and (other["std"] is not None or not other["free"]) for other in (first, entry))
         differences.append((entry["value"] - first["value"]) / std if known else None)
-    return {"name": name, "unit": unit, "values": list(entries), "differences": differences}
+    return {"name": name, "unit": unit, "values": values, "differences": differences}
+
+
+def _in_unit(entry: Mapping, unit: str) -> dict:
+    """A parameter of a run in the unit of another one, as it is where the unit has another dimension."""
+    factor = factor_to(unit, entry["unit"])
+    if factor is None:
+        return dict(entry)
+    return dict(entry) | {key: factor * entry[key] for key in IN_UNIT if entry.get(key) is not None} | {"unit": unit}
 
 
 def _worth_showing(entries: Sequence[Mapping | None]) -> bool:
     """Identified somewhere, or given differently."""
-    given = {None if entry is None else entry["value"] for entry in entries}
+    given = {None if entry is None else (f"{entry['value']:.12g}", entry["unit"]) for entry in entries}
     return any(entry is not None and entry["free"] for entry in entries) or len(given - {None}) > 1
 
 
@@ -146,6 +157,6 @@ def _csv(content: Mapping) -> str:
     for entry in content["parameters"]:
         row = [entry["name"], entry["unit"]]
         for own, step in zip(entry["values"], entry["differences"], strict=True):
-            row += ["", "", ""] if own is None else [own["value"], own["std"], step]
+            row += ["", "", ""] if own is None or own["unit"] != entry["unit"] else [own["value"], own["std"], step]
         writer.writerow(["" if cell is None else cell for cell in row])
     return text.getvalue()
