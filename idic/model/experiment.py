@@ -522,6 +522,14 @@ class Experiment:
         """(ny, nx) of the images, or of the grid of a measured field."""
         return self.stack.shape if self.points is None else self.points.shape  # type: ignore[union-attr]
 
+    @property
+    def recorded(self) -> str:
+        """The frames in words: ``4 images of 80 x 60 px``, ``4 stages of 300 points``."""
+        if self.points is not None:
+            return f"{self.n_frames} stages of {len(self.points.positions_px)} points"
+        rows, columns = (0, 0) if self.stack is None else self.image_shape
+        return f"{self.n_frames} images of {columns} x {rows} px"
+
     def picture(self, frame: int) -> np.ndarray:
         """A frame to look at: its image, or of a measured field without images the points that it holds, bright on
         black  # (ny, nx)"""

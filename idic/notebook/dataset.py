@@ -43,7 +43,8 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
         variables |= _measured(fields, shown)
     if residual:
         variables["residual"] = (("frame", "row", "column"), _residuals(fields, shown),
-                                 {"long_name": "f(x) - g(x + u) in the reference image",
+                                 {"long_name": "f(x) - g(x + u) in the reference image" if experiment.points is None
+                                  else "displacement measured minus simulated, rms of the components of a point",
                                   "units": experiment.value_unit})
     coordinates: dict[str, Any] = {
         "frame": shown, "label": ("frame", [experiment.labels[frame] for frame in shown]),
@@ -57,9 +58,9 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
     for axis in range(experiment.n_dim):
         coordinates["xyz"[axis]] = ("node", experiment.mesh.nodes[:, axis], {"units": experiment.length_unit})
     if residual:
-        rows, columns = experiment.stack.shape
-        coordinates |= {"row": ("row", np.arange(rows), {"units": "px"}),
-                        "column": ("column", np.arange(columns), {"units": "px"})}
+        unit = "px" if experiment.points is None else "1"  # rows of images, or of the grid of points
+        for name, size in zip(("row", "column"), experiment.image_shape, strict=True):
+            coordinates[name] = (name, np.arange(size), {"units": unit})
     return xarray.Dataset(variables, coordinates, {"title": experiment.title, "status": content["status"],
                                                    "kind": experiment.kind, "reference_frame": experiment.reference})
 
@@ -107,7 +108,7 @@ def _measured(fields: Fields, frames: Sequence[int]) -> dict[str, Any]:
 
 def _residuals(fields: Fields, frames: Sequence[int]) -> np.ndarray:
     """NaN in the reference frame, which is compared with nothing  # (n, ny, nx) float32"""
-    maps = np.full((len(frames), *fields.experiment.stack.shape), np.nan, np.float32)
+    maps = np.full((len(frames), *fields.experiment.image_shape), np.nan, np.float32)
     for k, frame in enumerate(frames):
         if frame != fields.experiment.reference:
             maps[k] = fields.residual(frame)

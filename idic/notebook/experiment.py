@@ -179,10 +179,9 @@ class Experiment:
 
     def __repr__(self) -> str:
         record = self.record
-        rows, columns = record.stack.shape if record.stack is not None else (0, 0)
         free = ", ".join(record.parameters.free) or "nothing"
-        return (f"Experiment({record.title!r}, {record.n_frames} images of {columns} x {rows} px, "
-                f"{record.mesh.n_elements} elements, identifies {free})")
+        return (f"Experiment({record.title!r}, {record.recorded}, {record.mesh.n_elements} elements, "
+                f"identifies {free})")
 
     def _repr_html_(self) -> str:
         from idic.notebook.html import experiment_html

@@ -16,8 +16,7 @@ PICTURE_PX = 480  # width
 
 def experiment_html(experiment: Experiment) -> str:
     """What was recorded, what is identified, the mesh on the reference image, notes."""
-    rows, columns = experiment.stack.shape if experiment.stack is not None else (0, 0)
-    facts = [f"{experiment.n_frames} images of {columns} × {rows} px",
+    facts = [experiment.recorded.replace(" x ", " × "),
              f"{experiment.mesh.n_elements} elements, {experiment.mesh.n_nodes} nodes",
              experiment.kind.replace("_", " ")]
     if experiment.thickness is not None:

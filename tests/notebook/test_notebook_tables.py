@@ -5,6 +5,7 @@ import sys
 import arrays
 import numpy as np
 import pytest
+from virtual_tests.point_strip import N_POINTS, N_STAGES, write_point_strip
 
 import idic
 from idic.errors import InputError
@@ -56,6 +57,22 @@ def test_the_dataset_has_the_fields_with_coordinates_and_units(result, tmp_path)
     pytest.importorskip("h5netcdf")
     data.to_netcdf(tmp_path / "fields.nc", engine="h5netcdf")
     xarray.testing.assert_identical(xarray.load_dataset(tmp_path / "fields.nc", engine="h5netcdf"), data)
+
+
+def test_measured_fields_are_told_by_their_stages_and_points_and_have_a_dataset(tmp_path):
+    pytest.importorskip("xarray")
+    experiment = idic.Experiment.read(write_point_strip(tmp_path / "strip"))
+    assert f"{N_STAGES} stages of {N_POINTS} points, " in repr(experiment)
+    assert f"{N_STAGES} stages of {N_POINTS} points, " in experiment._repr_html_()
+    found = idic.identify(experiment)
+    data = found.to_xarray()
+    rows, columns = found.fields.experiment.image_shape
+    assert data.residual.shape == (N_STAGES, rows, columns) and data.residual.units == "µm"
+    assert np.isfinite(data.residual.values[1:]).sum() == N_POINTS * (N_STAGES - 1)
+    assert "displacement" in data.residual.long_name
+    # two stages of 0.5 µm each, less what the ends are fitted to
+    assert float(np.sqrt(np.nanmean(data.residual.values**2))) == pytest.approx(0.5 * 2**0.5, rel=0.1)
+    assert data.row.units == data.column.units == "1"
 
 
 def test_strain_of_any_measure_simulated_and_measured(result):
