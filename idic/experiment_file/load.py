@@ -107,7 +107,8 @@ class ExperimentFolder(RecordedFolder):
         curves = free_curves(materials, self.config.material, parameters)
         known_times = self.frame_times(frames) if log is None else log.times
         check_times(materials, known_times, self.file)
-        context = boundary_tables.Context(log, frames.reference, frames.stack.n_frames, scale.unit, self.file)
+        context = boundary_tables.Context(log, known_times, frames.reference, frames.stack.n_frames, scale.unit,
+                                          self.file)
         motion = boundary_tables.motion(self.config, mesh, context)
         mesh = motion.mesh
         if table.surface is not None:
@@ -155,7 +156,7 @@ class ExperimentFolder(RecordedFolder):
             reference=frames.reference, excluded=frames.excluded, mask=frames.mask, surface=table.surface,
             symmetry=table.symmetry, quantity=table.quantity,
             height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0,
-            noise=noise, stages=self.stages(parameters), options=self.options(), length_unit=scale.unit,
+            noise=noise, stages=self.stages(parameters, known_times), options=self.options(), length_unit=scale.unit,
             identity=identity, earlier_identity=earlier,
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
             heterogeneities=varied, morphs=geometry.morphs, temperatures=warmth, solver=solver,
@@ -319,9 +320,14 @@ class ExperimentFolder(RecordedFolder):
         """See `check_supported`."""
         check_supported(mesh, prescribed, self.file)
 
-    def stages(self, parameters: list[Parameter]) -> tuple[Stage, ...]:
+    def stages(self, parameters: list[Parameter], times: np.ndarray | None) -> tuple[Stage, ...]:
         names, free = {p.name for p in parameters}, [p.name for p in parameters if p.free]
         for number, stage in enumerate(self.config.stage):
+            if stage.until_s is not None and times is None:
+                raise InputError("a stage in seconds on a test without times", file=self.file,
+                                 key=f"stage[{number}].until_s", found=f"{stage.until_s:g} s",
+                                 expected="frame_interval_s or image_times in [experiment], or a column time_s in the "
+                                 "log", remedy="give the times, or leave until_s out")
             for name in stage.free if isinstance(stage.free, list) else ():
                 if name not in free:
                     what = "a locked parameter in a stage" if name in names else "an unknown parameter in a stage"

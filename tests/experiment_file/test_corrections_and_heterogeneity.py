@@ -73,6 +73,47 @@ def test_a_rotation_may_begin_at_a_time_and_grips_may_settle_under_the_first_loa
     assert moved[:, settle] == pytest.approx(-0.02 * (1.0 - np.exp(-force / 0.1)), abs=1e-12)
 
 
+def without_log(text, times):
+    """The small experiment with a fixed side that slips, no log, and perhaps times of the images."""
+    toml = TOML.replace("ux = 0.0\nuy = 0.0", f"ux = 0.0\nuy = {{ value = 0.0, corrections = [{text}] }}")
+    toml = toml.replace(GRIP, 'uy = "measured"').replace('loads = "loads.csv"\n', times)
+    return toml.partition("[[channel]]")[0]
+
+
+def test_without_a_log_corrections_begin_at_the_times_of_the_images(tmp_path):
+    slip, knots = '{ kind = "slip", start_s = 6.0 }', '{ kind = "slip", course = "free", knots = 2 }'
+    (tmp_path / "times.csv").write_text("time_s\n0\n5\n15\n25\n")
+    for number, (times, seconds) in enumerate([("frame_interval_s = 5.0\n", [0.0, 5.0, 10.0, 15.0]),
+                                               ('image_times = "times.csv"\n', [0.0, 5.0, 15.0, 25.0])]):
+        folder = write_experiment(tmp_path / f"test{number}", without_log(slip, times))
+        (folder / "times.csv").write_bytes((tmp_path / "times.csv").read_bytes())
+        experiment = load_experiment(folder)
+        (course,) = (own.course for entry in experiment.prescribed for own in getattr(entry.drive, "corrections", ()))
+        expected = np.maximum(np.array(seconds) - 6.0, 0.0)
+        np.testing.assert_allclose(np.abs(course) / np.abs(course).max(), expected / expected.max(), atol=1e-12)
+        assert not any("counts frames" in note for note in experiment.notes)
+    folder = write_experiment(tmp_path / "knots", without_log(knots, 'image_times = "times.csv"\n'))
+    (folder / "times.csv").write_bytes((tmp_path / "times.csv").read_bytes())
+    courses = [own.course for entry in load_experiment(folder).prescribed
+               for own in getattr(entry.drive, "corrections", ())]
+    assert [course.tolist() for course in courses] == [[0.0, 1 / 3, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]  # frames 2, 3
+
+
+def test_seconds_on_a_test_without_times_are_refused_or_said_to_count_frames(tmp_path):
+    frames = load_experiment(write_experiment(tmp_path / "frames", without_log('{ kind = "slip", start_s = 1.0 }', "")))
+    assert any("corrections: start_s counts frames" in note for note in frames.notes)
+    plain, alpha = without_log('{ kind = "slip" }', ""), 'nu = 0.3\nalpha = { value = 1e-5, unit = "1/K" }'
+    for number, (toml, said) in enumerate([
+            (without_log('{ kind = "slip", start_s = 6.0 }', ""), "the numbers of the frames: the test has no times"),
+            (plain + "[[stage]]\nuntil_s = 2.0\n", "stage[0].until_s"),
+            (plain.replace("nu = 0.3", alpha)
+             + "[[boundary]]\ntemperature = { course = [[0.0, 20.0], [600.0, 80.0]] }\n",
+             "a course in seconds on a test without times")]):
+        with pytest.raises(InputError) as told:
+            load_experiment(write_experiment(tmp_path / str(number), toml))
+        assert said in str(told.value) and "frame_interval_s" in str(told.value)
+
+
 @pytest.mark.parametrize("start, said", [(1.0, None), (9.0, "the drift begins outside the test")])
 def test_a_drift_of_a_channel_may_begin_at_a_time_of_the_test(tmp_path, start, said):
     toml = TOML.replace('column = "force_kN"', f'column = "force_kN"\ndrift_from_s = {start}', 1)

@@ -10,7 +10,9 @@ from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_boundary import (BoundaryTable, ChannelTable, ControlTable, DriveTable,
                                                   LoadTable)
-from idic.experiment_file.tables.corrections import Place, corrections, free_course
+from idic.experiment_file.tables.corrections import (
+    Place, corrections, counted_in_frames, free_course, of_what, times_or_frames,
+)
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_node_set
 from idic.fe.mesh.mesh import Mesh
 from idic.model.corrections import corrections_of
@@ -36,9 +38,11 @@ class Motion:
 
 @dataclass(frozen=True)
 class Context:
-    """Log, reference frame and units for the conversion of the tables."""
+    """Log, times, reference frame and units for the conversion of the tables; times : of the frames, by the log or
+    [experiment], None where neither has them  # (n_frames,) s"""
 
     log: MatchedLog | None
+    times: np.ndarray | None
     reference: int
     n_frames: int
     length_unit: str
@@ -89,6 +93,8 @@ def _channel(made: Motion, table: ChannelTable, key: str, context: Context) -> C
         values = _from_rest(made, values, table.column, factor, noise or 0.0, key, context)
     free = [((), None) if number is None else free_course(number, context)
             for number in (table.drift_knots, table.friction_knots)]
+    if table.drift_from_s is not None:
+        made.notes += counted_in_frames(f"{key}.drift_from_s", context)
     return Channel(table.column, values, noise, name, simulated.component, simulated.factor, rates, unit, kind,
                    simulated.minus, drift_from=_drift_from(table, key, context), drift_knots=free[0][0],
                    drift_hats=free[0][1], friction_knots=free[1][0], friction_hats=free[1][1],
@@ -97,12 +103,12 @@ def _channel(made: Motion, table: ChannelTable, key: str, context: Context) -> C
 
 def _drift_from(table: ChannelTable, key: str, context: Context) -> float | None:
     """Time at which the drift of a channel begins, within the test."""
-    times = None if context.log is None else context.log.times
-    if table.drift_from_s is None or times is None:
-        return table.drift_from_s
+    times = times_or_frames(context)
+    if table.drift_from_s is None:
+        return None
     if not times[0] <= table.drift_from_s < times[-1]:
         raise InputError("the drift begins outside the test", file=context.file, key=f"{key}.drift_from_s",
-                         expected=f"{times[0]:g} <= drift_from_s < {times[-1]:g}, the times of the log",
+                         expected=f"{times[0]:g} <= drift_from_s < {times[-1]:g}, {of_what(context)}",
                          found=f"{table.drift_from_s:g}", remedy="correct drift_from_s")
     return table.drift_from_s
 
@@ -133,6 +139,8 @@ def _boundary(made: Motion, table: BoundaryTable, key: str, context: Context) ->
         if drive.corrections:
             place = Place(made.mesh, table.nodes, component)
             record = replace(record, corrections=corrections(drive.corrections, record, place, name, context))
+            if any(table.start_s is not None for table in drive.corrections):
+                made.notes += counted_in_frames(f"{name}.corrections: start_s", context)
         made.prescribed.append(Prescribed(table.nodes, component, record))
     for kind, load in (("pressure", table.pressure), ("traction", table.traction), ("force", table.force)):
         if load is not None:
@@ -240,7 +248,7 @@ def logged(column: str, internal: str, unit: str | None, context: Context,
                          remedy="name the log, or give the values without a column")
     raw = context.log.column(column, file=context.file, key=key)
     factor = column_factor(column, internal, _unit_of(column, unit, context), file=context.file, key=key)
-    times = context.log.times
+    times = context.times
     values = raw * factor
     rates = np.gradient(values, times) if times is not None and len(times) > 1 else None
     return values, factor, rates

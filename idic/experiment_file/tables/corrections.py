@@ -86,13 +86,23 @@ def _sign_and_unit(table: CorrectionTable, drive: Column | Constant, context) ->
 def free_course(knots: int, context) -> tuple[tuple[int, ...], np.ndarray]:
     """Frames of the knots of a course that the data give, and the course of each  # (n_knots, n_frames)"""
     frames = knot_frames(context.n_frames, context.reference, knots)
-    return frames, hats(_times(context), context.reference, frames)
+    return frames, hats(times_or_frames(context), context.reference, frames)
 
 
-def _times(context) -> np.ndarray:
+def times_or_frames(context) -> np.ndarray:
     """Times of all frames, their numbers where none are known  # (n_frames,) s"""
-    times = None if context.log is None else context.log.times
-    return np.arange(context.n_frames, dtype=float) if times is None else times
+    return np.arange(context.n_frames, dtype=float) if context.times is None else context.times
+
+
+def of_what(context) -> str:
+    """What `times_or_frames` are, for messages."""
+    return "the times of the test" if context.times is not None else "the numbers of the frames: the test has no times"
+
+
+def counted_in_frames(key: str, context) -> list[str]:
+    """A note that a time in seconds is read as the number of a frame; [] where times are known."""
+    return [] if context.times is not None else [
+        f"{key} counts frames, as the test has no times (frame_interval_s, image_times or a column time_s)"]
 
 
 def _slip(table: CorrectionTable, drive: Column | Constant, key: str, context) -> np.ndarray:
@@ -105,12 +115,13 @@ def _slip(table: CorrectionTable, drive: Column | Constant, key: str, context) -
 
 def _start(table: CorrectionTable, key: str, context) -> tuple[float, np.ndarray]:
     """When a course begins, and the times of all frames  # s, (n_frames,) s"""
-    times = _times(context)
+    times = times_or_frames(context)
     start = float(times[context.reference]) if table.start_s is None else table.start_s
     if not times[0] <= start < times[-1]:
         raise InputError(f"the {table.kind} begins outside the test", file=context.file, key=f"{key}.start_s",
-                         expected=f"{times[0]:g} <= start_s < {times[-1]:g}, the times of the log",
-                         found=f"{start:g}", remedy="correct start_s")
+                         expected=f"{times[0]:g} <= start_s < {times[-1]:g}, {of_what(context)}",
+                         found=f"{start:g}", remedy="correct start_s" if context.times is not None
+                         else "give the times: frame_interval_s, image_times or a column time_s in the log")
     return start, times
 
 

@@ -174,11 +174,17 @@ def _course(table: TemperatureTable, body: Body, context: Context, folder: Path,
                 "its course is identified, alike in the whole body")
     factor = factor_between(table.unit, "K", file=context.file, key=f"{key}.unit") if table.unit else 1.0
     times, given = np.array(table.course).T
+    if context.times is None and not 0.0 <= times[0] < times[-1] <= context.n_frames - 1:
+        raise InputError("a course in seconds on a test without times", file=context.file, key=f"{key}.course",
+                         expected="frame_interval_s or image_times in [experiment], or a column time_s in the log",
+                         found=f"a course from {times[0]:g} to {times[-1]:g} s; {context.n_frames} frames",
+                         remedy="give the times of the frames")
     values = factor * np.interp(body.times, times, given)
     change = values - values[context.reference]
     field = np.broadcast_to(values[:, None], (len(values), body.mesh.n_nodes))
     return (TemperatureField(field, f"{key}.course"),
-            f"a course of {len(times)} points, change since the reference {change.min():+.3g} to {change.max():+.3g} K")
+            f"a course of {len(times)} points{'' if context.times is not None else ' over the numbers of the frames'}, "
+            f"change since the reference {change.min():+.3g} to {change.max():+.3g} K")
 
 
 def _paths(table: TemperatureTable, folder: Path, file, key: str) -> list[Path]:
