@@ -34,6 +34,7 @@ DEFAULT_NOISE_GV = 2.0  # of 8 bit, where the experiment does not state its nois
 SECTION_LENGTH_PX = 6.0  # correlation length of the roughness on a cross-section
 HEIGHT_NOISE_SHARE = 0.01  # of the roughness
 MIN_NOISE = 1e-4  # of the roughness: error of float32 and a spline on noise-free heights
+SOLVER = "solver"  # folder of the template and files of an external solver
 BACKGROUND_SHARE = 0.1  # of the grey levels
 RECORDING_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times", "decimal")  # of the real files
 
@@ -69,7 +70,8 @@ def simulate(
     Raises
     ------
     InputError
-        If the motion of an edge is "measured" or made of measured modes (there is nothing to measure it from).
+        If the motion of an edge is "measured" or made of measured modes (there is nothing to measure it from), or the
+        experiment has measured fields in place of images.
     NotConverged
         If the simulation does not reach the end.
     """
@@ -138,6 +140,14 @@ def _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camer
 
 
 def _check(experiment: Experiment) -> None:
+    if experiment.points is not None:
+        raise InputError(
+            "the fields of another DIC system cannot be simulated",
+            key="experiment.fields",
+            expected="an experiment with images",
+            found=experiment.recorded,
+            remedy="describe camera and mesh of the test with images; idic design predicts the error bars of fields",
+        )
     measured = [p for p in experiment.prescribed
                 if isinstance(p.drive, Measured) or (isinstance(p.drive, Parametrised) and p.drive.kind == "dic")]
     if measured:
@@ -234,8 +244,19 @@ def _write_toml(source: Path, overrides, experiment: Experiment, sensors: Sequen
     raw["experiment"] = table
     raw["boundary"] = with_copied_images(raw.get("boundary", []), source.parent, folder, source)
     raw["camera"] = _camera_tables(raw, experiment, sensors, source, folder)
+    if "solver" in raw:
+        raw["solver"] = _with_solver_files(raw["solver"], source.parent, folder)
     head = f"# Virtual experiment, simulated by idic from {experiment.title}. Its parameter values are the truth.\n\n"
     (folder / "experiment.toml").write_text(head + to_toml(raw), encoding="utf-8")
+
+
+def _with_solver_files(table: Mapping, source: Path, folder: Path) -> dict:
+    """[solver] with its template and files in a folder of their own; their names differ, as they meet in a run."""
+    (folder / SOLVER).mkdir()
+    for name in (table["template"], *table.get("files", ())):
+        shutil.copy(source / name, folder / SOLVER)
+    files = {"files": [f"{SOLVER}/{Path(name).name}" for name in table["files"]]} if "files" in table else {}
+    return dict(table) | files | {"template": f"{SOLVER}/{Path(table['template']).name}"}
 
 
 def _camera_tables(raw: Mapping, experiment: Experiment, sensors: Sequence[Sensor], source: Path,

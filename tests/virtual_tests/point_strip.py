@@ -20,10 +20,10 @@ E = { value = 50, unit = "GPa", identify = true }
 nu = 0.3
 [[boundary]]
 nodes = "BOTTOM"
-u = BOTTOM_MOTION
+BOTTOM_MOTION
 [[boundary]]
 nodes = "TOP"
-u = TOP_MOTION
+TOP_MOTION
 [[channel]]
 column = "force"
 simulated = { reaction = "TOP", component = "y" }
@@ -31,7 +31,7 @@ noise_std = 3.0
 """
 
 
-def write_point_strip(folder: Path, bottom: str = '"measured"', top: str = '"measured"') -> Path:
+def write_point_strip(folder: Path, bottom: str = 'u = "measured"', top: str = 'u = "measured"') -> Path:
     """The experiment folder; bottom, top : motions of the ends as experiment.toml writes them."""
     (folder / "stages").mkdir(parents=True)
     rng = np.random.default_rng(7)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import tifffile
 from experiment_file.small_experiment import write_experiment
+from virtual_tests.point_strip import write_point_strip
 from virtual_tests.small_strip import SMALL
 
 from idic.errors import InputError
@@ -152,3 +153,11 @@ def test_times_come_back_from_the_written_log(tmp_path):
     times = 1000.0 + 0.002 * np.arange(5)
     write_loads(tmp_path, times, {"force_N": np.arange(5.0)})
     np.testing.assert_allclose(read_log(tmp_path / "loads.csv").times(), times, rtol=1e-14)  # 15 digits
+
+
+def test_measured_fields_are_refused_before_anything_is_written(tmp_path):
+    """Their ends are held and pulled, so that nothing else is to be measured."""
+    folder = write_point_strip(tmp_path / "fields", "ux = 0.0\nuy = 0.0", "ux = 0.0\nuy = 0.02")
+    with pytest.raises(InputError, match="fields of another DIC") as told:
+        simulate(folder, tmp_path / "out")
+    assert told.value.found == "4 stages of 300 points" and not (tmp_path / "out").exists()
