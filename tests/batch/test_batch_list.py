@@ -81,7 +81,8 @@ def test_a_name_that_would_leave_the_folder_is_refused(top, name):
 
 @pytest.mark.parametrize("text, words", [("", "no usable header"), ("name,sheet.E\na,1\n", "no usable header"),
                                          ("experiment,a,a\n", "no usable header"),
-                                         ("experiment\nstrip,1,2\n", "more cells")])
+                                         ("experiment\nstrip,1,2\n", "more cells"),
+                                         ("name,experiment\nsoft\n", "row 2: a run without an experiment")])
 def test_a_table_that_is_none_is_refused(top, text, words):
     with pytest.raises(InputError, match=words):
         read_batch([write(top, "bad.csv", text)])

@@ -109,7 +109,7 @@ def _csv_list(file: Path) -> list[BatchRun]:
                              found=str(len(row)), remedy="put text that holds a comma in quotes")
         cells = {name: cell.strip() for name, cell in zip(header, row, strict=False)}
         own = {name: text for name, text in cells.items() if name not in _FIXED and text}
-        runs.append(_entry(file, f"row {number}", cells["experiment"], cells.get("name", ""), own))
+        runs.append(_entry(file, f"row {number}", cells.get("experiment", ""), cells.get("name", ""), own))
     return runs
 
 
