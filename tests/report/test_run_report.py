@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
@@ -12,9 +13,26 @@ from idic.errors import InputError
 from idic.fe.mesh.mesh import boundary_edges, check_elements
 from idic.readers.abaqus import read_inp
 from idic.readers.raw_mesh import to_mesh
-from idic.run.reporting.paraview import write_collection
+from idic.run.reporting.paraview import _frames, write_collection
 from idic.run.reporting.write import load_record
 from idic.virtual_tests.meshes import strip_with_hole, write_inp
+
+
+class Stored:
+    """Displacements of two frames, as `FrameArrays` gives them."""
+
+    n_frames = 2
+
+    def read(self, first, last):
+        return np.zeros((last - first, 4, 2))
+
+
+@pytest.mark.parametrize("unit", ["mm", "px"])
+def test_the_displacement_of_a_paraview_file_has_the_unit_of_the_mesh_in_its_name(unit):
+    mesh = SimpleNamespace(nodes=np.zeros((4, 2)))
+    experiment = SimpleNamespace(length_unit=unit, reference=0, times=np.arange(2.0), mesh=mesh)
+    record = SimpleNamespace(sensitivities=None, series=None)
+    assert [list(fields) for _, fields in _frames(experiment, Stored(), record)] == [[f"displacement_{unit}"]] * 2
 
 
 @pytest.mark.parametrize("cell, name", [("quad4", "quad"), ("quad8", "quad8")])

@@ -24,7 +24,7 @@ N_DIGITS = 17  # binary ones of a strain or stress in a file to look at
 
 
 def write_paraview(context: RunContext, experiment: Experiment, record: RunRecord, folder: Path) -> None:
-    """Write ``fields.pvd`` and its frames on the simulated mesh (mm); nothing where no point was accepted.
+    """Write ``fields.pvd`` and its frames on the simulated mesh (mm or px); nothing where no point was accepted.
 
     experiment : at the geometry that was identified
     """
@@ -87,7 +87,7 @@ def _frames(experiment: Experiment, u: FrameArrays,
             record: RunRecord) -> Iterator[tuple[float, Mapping[str, np.ndarray]]]:
     data, start = record.sensitivities, experiment.reference
     for k in range(u.n_frames):
-        fields = {"displacement_mm": u.read(k, k + 1)[0].astype(np.float32)}
+        fields = {f"displacement_{experiment.length_unit}": u.read(k, k + 1)[0].astype(np.float32)}
         if data is not None and data.frame == start + k:
             fields |= {f"sensitivity_px_per_{step.replace(' ', '')}_{name}": _shortened(data.phi_px[i])
                        for i, (name, step) in enumerate(zip(data.names, data.steps, strict=True))}
