@@ -54,11 +54,19 @@ def read_toml(path: Path) -> dict:
         raise InputError("not valid TOML", file=path, expected="TOML, https://toml.io", found=str(error),
                          remedy="correct that line: text stands in quotes, numbers have a decimal point") from None
     check_values(tables, path)
-    return _with_law_files(tables, path)
+    return with_law_files(tables, path.parent, path)
 
 
-def _with_law_files(tables: dict, path: Path) -> dict:
-    """The tables with the laws that ``from = "law.toml"`` takes from other files; keys beside it win."""
+def with_law_files(tables: dict, folder: Path, path: Path) -> dict:
+    """The tables with the laws that ``from = "law.toml"`` takes from other files in `folder`; keys beside it win.
+
+    path : the file of the tables, for messages
+
+    Raises
+    ------
+    InputError
+        There is no such file, or it is no law.
+    """
     materials = tables.get("material")
     if not isinstance(materials, dict):
         return tables
@@ -67,7 +75,7 @@ def _with_law_files(tables: dict, path: Path) -> dict:
         made[name] = table
         if not isinstance(table, dict) or "from" not in table:
             continue
-        key, source = f"material.{name}.from", path.parent / str(table["from"])
+        key, source = f"material.{name}.from", folder / str(table["from"])
         if not source.is_file():
             raise InputError("no such law file", file=path, key=key,
                              expected="a file that  idic laws --export RUN  wrote",

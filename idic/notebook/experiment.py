@@ -15,7 +15,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.objects import ORIGIN, Objects, from_objects, further_files
-from idic.experiment_file.toml_file import NAME, locate, read_toml, to_toml, with_overrides
+from idic.experiment_file.toml_file import NAME, locate, read_toml, to_toml, with_law_files, with_overrides
 from idic.fe.external.inp_writer import inp_text
 from idic.model.experiment import Experiment as Record
 from idic.notebook.saved_folder import saved_in_run
@@ -55,7 +55,9 @@ class Experiment:
     mask : array (ny, nx) or path, optional
         Above zero where a pixel may be correlated.
     sets, dofs, stages, heterogeneities, options, solver, setup : the further tables, optional
-    folder : where paths inside the tables begin (further cameras, a solver's template); default: the working folder
+    probes, extensometers, lines, circles : lists of tables ``[[probe]]``, …: gauges on the specimen, optional
+    folder : where paths inside the tables begin (further cameras, a law, a solver's template); default: the working
+        folder
     **settings : the other keys of ``[experiment]``: ``thickness_mm``, ``title``, ``reference``, ``frame_interval_s``, …
 
     Raises
@@ -86,6 +88,8 @@ class Experiment:
                  units: Mapping[str, str] | None = None, mask: Any = None, sets: Mapping[str, Mapping] | None = None,
                  dofs: Sequence[Mapping] = (), stages: Sequence[Mapping] = (), heterogeneities: Sequence[Mapping] = (),
                  options: Mapping | None = None, solver: Mapping | None = None, setup: Mapping | None = None,
+                 probes: Sequence[Mapping] = (), extensometers: Sequence[Mapping] = (),
+                 lines: Sequence[Mapping] = (), circles: Sequence[Mapping] = (),
                  folder: str | os.PathLike = ".", **settings: Any):
         settings = {"title": "Experiment"} | settings
         given = {"images": images, "mesh": mesh, "loads": loads, "mask": mask}
@@ -96,8 +100,10 @@ class Experiment:
             named["mesh"] = Path(mesh).name
         tables = {"experiment": {"kind": kind} | settings | named, "material": materials, "camera": camera,
                   "sets": sets, "boundary": boundaries, "channel": channels, "dof": dofs, "stage": stages,
-                  "heterogeneity": heterogeneities, "options": options, "solver": solver, "setup": setup}
+                  "heterogeneity": heterogeneities, "options": options, "solver": solver, "setup": setup,
+                  "probe": probes, "extensometer": extensometers, "line": lines, "circle": circles}
         tables = {name: _plain(table) for name, table in tables.items() if table}
+        tables = with_law_files(tables, Path(folder), ORIGIN)
         objects = Objects(frames_of(images, settings.get("quantity") == "height"),
                           None if mesh is None or isinstance(mesh, Mapping) else mesh_of(mesh),
                           None if loads is None else log_of(loads, units, settings.get("decimal")),

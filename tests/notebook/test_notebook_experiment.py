@@ -124,6 +124,27 @@ def test_images_with_pixels_without_a_value_are_refused_where_they_are_read():
         made(images=images).record.stack.frame(2)
 
 
+def test_laws_of_files_and_gauges_are_those_of_the_file(tmp_path):
+    """Keys beside `from` win; the saved folder holds the whole law and the gauges."""
+    (tmp_path / "laws").mkdir()
+    (tmp_path / "laws" / "sheet.toml").write_text('law = "elastic"\nE = { value = 71, unit = "GPa" }\nnu = 0.33\n')
+    gauges = {"probes": [{"name": "hole", "at_mm": [0.0, 3.0]}],
+              "extensometers": [{"name": "clip", "from_mm": [-4.0, 3.0], "to_mm": [4.0, 3.0]}],
+              "lines": [{"from_px": [20.0, 20.0], "to_px": [110.0, 20.0]}],
+              "circles": [{"centre_mm": [0.0, 0.0], "radius_mm": 2.0}]}
+    law = {"from": "laws/sheet.toml", "nu": {"value": 0.35, "identify": True}}
+    experiment = made(materials={"sheet": law}, folder=tmp_path, **gauges)
+    values = {name: p.value for name, p in experiment.parameters.items() if name.startswith("sheet.")}
+    assert values["sheet.E"] == 71e3 and values["sheet.nu"] == 0.35 and experiment.parameters.free == ("sheet.nu",)
+    assert [gauge.name for gauge in experiment.record.gauges] == ["hole", "clip", "line 1", "circle 1"]
+    again = load_experiment(experiment.save(tmp_path / "saved"))
+    assert without_words(again) == without_words(experiment.record)
+    assert again.gauges == experiment.record.gauges
+    with pytest.raises(InputError, match="no such law file") as told:
+        made(materials={"sheet": law}, folder=tmp_path / "laws")
+    assert told.value.key == "material.sheet.from"
+
+
 def test_a_changed_experiment_is_another_one_and_the_first_stays():
     experiment = made()
     other = experiment.changed({"sheet.E": 50e3, "options.max_iterations": 3})
