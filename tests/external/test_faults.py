@@ -12,7 +12,6 @@ from idic.errors import InputError, NotConverged
 from idic.experiment_file.load import load_experiment
 from idic.fe.external.solver import MAX_KEPT_FOLDERS, _keep
 from idic.model.forward import build_forward, solve
-from idic.virtual_tests.simulate import simulate
 
 BETWEEN = (1600.0, 1790.0)  # MPa: the first step from 1200 goes to 1703
 
@@ -134,17 +133,3 @@ def test_cleaning_up_after_failed_runs_fails_none_where_others_do_it_at_the_same
     kept = _keep(folder, tmp_path / "last", "crashed", ("a",), {"E": 1.0}, 1)
     assert kept == tmp_path / "last" and "crashed" in (kept / "reason.txt").read_text()
     assert len([path for path in tmp_path.iterdir() if path.name[0] != "."]) <= MAX_KEPT_FOLDERS
-
-
-def test_a_simulated_experiment_brings_its_solver_along(tmp_path):
-    """Template and files lie in a folder of the new experiment, which the solver simulates again."""
-    folder = write_strip(tmp_path / "strip")
-    toml = simulate(folder, tmp_path / "virtual", {"BODY.E": 2.0, "BODY.nu": 0.35})
-    names = ["nodes.txt", "strange_solver.py", "strip.deck.template"]
-    assert sorted(path.name for path in (toml.parent / "solver").iterdir()) == names
-    for name in names:
-        assert (toml.parent / "solver" / name).read_bytes() == (folder / name).read_bytes()
-    again = build_forward(load_experiment(toml))
-    solution = solve(again, again.experiment.parameters)
-    # the logged force has noise of 0.5 N
-    assert solution.channels[:, 0] == pytest.approx(again.experiment.channels[0].values, abs=2.5)
