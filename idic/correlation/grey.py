@@ -30,6 +30,7 @@ from idic.model.experiment import Experiment, Noise
 MIN_CONTRAST_RATIO = 0.1  # of a frame to the reference: less is a closed shutter, or a specimen that left the view
 
 _couplings: WeakKeyDictionary = WeakKeyDictionary()
+_blurred: WeakKeyDictionary = WeakKeyDictionary()  # splines of reference images less the column of their blur
 
 
 class GreyReference(NodalBasis, ReferenceImage):
@@ -184,7 +185,9 @@ def _sums_of_blur(reference: ReferenceImage, brightness: str,
 
     lost : numbers of pixels that a frame does not show: what it shows must be summed in every product
     """
-    pm = reference.pixel_map
-    image = np.nan_to_num(pm.to_image(reference.f - reference.blur_column)).astype(np.float32)
-    still = nodal_equations(reference, prefilter(image, reference.degree), np.zeros((pm.n_nodes, 2)), brightness, lost)
+    pm, known = reference.pixel_map, _blurred.get(reference)
+    if known is None:
+        image = np.nan_to_num(pm.to_image(reference.f - reference.blur_column)).astype(np.float32)
+        known = _blurred[reference] = prefilter(image, reference.degree)
+    still = nodal_equations(reference, known, np.zeros((pm.n_nodes, 2)), brightness, lost)
     return still.q, still.rb

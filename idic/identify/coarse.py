@@ -35,7 +35,7 @@ from idic.fe.equilibrium import Control
 from idic.fe.mesh.coarsen import Coarse, coarsen
 from idic.identify.driver import MemoryPoints, run_loop
 from idic.identify.loop import start
-from idic.identify.measured_start import measured_start, needs_motion_in_space
+from idic.identify.measured_start import measured_start
 from idic.identify.step.schedule import first_free
 from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Experiment, Parametrised, Stage, TemperatureField
@@ -133,8 +133,10 @@ def _prepare(experiment: Experiment, u_px: np.ndarray | None, simplified: bool) 
     forward = replace(build_forward(experiment), control=FAST_FAILURE)
     moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
     local = np.zeros((experiment.n_frames, forward.drives.n_local))
-    if np.isfinite(u_px).any() and not needs_motion_in_space(experiment):
-        local = measured_start(experiment, u_px, experiment.excluded)
+    if np.isfinite(u_px).any():
+        at_rest = u_px.copy()
+        at_rest[experiment.reference] = 0.0
+        local = measured_start(experiment, at_rest, experiment.excluded)
     noises = np.array([CHANNEL_STD_SHARE * max(np.abs(channel.values).max(), 1e-300)
                        for channel in experiment.channels])
     weights = Weights(MOTION_STD_PX**-2, MOTION_STD_PX, noises**-2.0, noises)

@@ -41,15 +41,16 @@ def motion_in_space(experiment: Experiment) -> np.ndarray:
     return u_mm
 
 
-def without_edges(experiment: Experiment, u_px: np.ndarray) -> list[int]:
+def without_edges(experiment: Experiment, lost: np.ndarray, u_mm: np.ndarray | None = None) -> list[int]:
     """Frames that hold nothing of a motion that edges take from them: between its neighbours it is interpolated, and
     no step may change it.
 
-    u_px : (n_frames, n, 2) px, NaN where a frame was lost
+    lost : (n_frames,) bool, frames that a free FE-DIC does not recognise; u_mm : the motion in space, NaN in lost
+    frames, where edges take it
     """
     if not any(isinstance(entry.drive, Measured) for entry in experiment.prescribed):
         return []
-    lost = np.isnan(u_px).all(axis=(1, 2))
+    lost = lost if u_mm is None else np.isnan(u_mm).all(axis=(1, 2))
     return [int(k) for k in np.flatnonzero(lost) if k > experiment.reference and k not in experiment.excluded]
 
 

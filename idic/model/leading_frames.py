@@ -9,6 +9,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.images.stack_views import LeadingFrames
+from idic.model.drives import rates_since_reference
 from idic.model.experiment import Channel, Column, Constant, Controlled, Experiment, Parametrised, Temperature
 
 
@@ -45,10 +46,17 @@ def selected_frames(experiment: Experiment, frames: Sequence[int]) -> Experiment
         experiment, times=experiment.times[pick], labels=tuple(experiment.labels[k] for k in pick), stack=None,
         reference=place[experiment.reference], averaged=tuple(place[k] for k in experiment.averaged if k in place),
         excluded=tuple(place[k] for k in experiment.excluded if k in place),
-        prescribed=tuple(replace(p, drive=_drive(p.drive, pick)) for p in experiment.prescribed),
+        prescribed=tuple(replace(p, drive=_drive(_from_zero(experiment, p.drive), pick))
+                         for p in experiment.prescribed),
         loads=tuple(replace(load, drive=_drive(load.drive, pick)) for load in experiment.loads),
         channels=tuple(_channel(channel, pick) for channel in experiment.channels),
         temperatures=tuple(_temperature(entry, pick) for entry in experiment.temperatures), cameras=())
+
+
+def _from_zero(experiment: Experiment, drive):
+    """A logged motion whose rates count from those of the reference frame, whatever its number will be."""
+    rates = drive.rates if isinstance(drive, (Column, Controlled)) else None
+    return drive if rates is None else replace(drive, rates=rates_since_reference(experiment, rates))
 
 
 def _drive(drive, pick: np.ndarray):

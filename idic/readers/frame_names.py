@@ -10,6 +10,8 @@ from typing import NoReturn
 from idic.errors import InputError
 from idic.readers.paths import called_the_reference
 
+MIN_EVEN_SHARE = 0.6  # of the steps between numbers: with fewer equal ones they are no count of images
+
 
 def frame_numbers(labels: tuple[str, ...]) -> tuple[int, ...] | None:
     """The number in each file name that differs from file to file; None if it is not unique.
@@ -23,8 +25,9 @@ def frame_numbers(labels: tuple[str, ...]) -> tuple[int, ...] | None:
 def check_complete(labels: tuple[str, ...], *, file, key) -> None:
     """InputError where a number is missing in evenly numbered file names: times by an interval count the files.
 
-    Equal steps are a series that was thinned, and steps without a common measure no count of images. Times of the day
-    (HHMMSS), pages of a file and names without numbers are not judged.
+    Numbers count images where most of their steps are equal and the others are multiples. What follows an image at rest
+    may begin anywhere. Equal steps are a series that was thinned; times of the day (HHMMSS), load steps, pages of a
+    file and names without numbers are not judged.
     """
     numbers = _Numbers(labels).of_frames
     if numbers is None or any("[" in label for label in labels):
@@ -33,10 +36,15 @@ def check_complete(labels: tuple[str, ...], *, file, key) -> None:
     if len(counted) > 2 and counted[0][0] > counted[1][0]:  # the reference, which comes first
         del counted[0]
     values = [number for number, _ in counted]
+    if len(values) > 3 and values[1] - values[0] > values[2] - values[1] > 0:  # an image at rest, long before
+        del counted[0], values[0]
     steps = _steps(values)
-    if len(steps) < 2 or min(steps) <= 0 or max(steps) == min(steps) or any(step % min(steps) for step in steps):
+    if len(steps) < 2 or min(steps) <= 0 or any(step % min(steps) for step in steps):
         return
-    if values[0] >= 10_000 and len(set(_steps([_seconds(value) for value in values]))) == 1:
+    if max(steps) == min(steps) or steps.count(min(steps)) < MIN_EVEN_SHARE * len(steps):
+        return
+    of_day = _steps([_seconds(value) for value in values])
+    if values[0] >= 10_000 and max(of_day) - min(of_day) <= 1:  # whole seconds of an even series
         return
     k = next(k for k, wide in enumerate(steps) if wide > min(steps))
     n_missing = sum(step // min(steps) - 1 for step in steps)

@@ -51,6 +51,10 @@ def _check_decimals(paths: list[Path], folder: Path) -> None:
     if any(len(found) != 1 for found in numbers) or len({_DECIMAL.sub("#", stem) for stem in stems}) != 1:
         return
     values = [float(found[0]) for found in numbers]
+    whole, behind = ([found[0].split(".")[place] for found in numbers] for place in (0, 1))
+    if len(set(whole)) == 1 and [int(digits) for digits in behind] == list(range(int(behind[0]), int(behind[0])
+                                                                                 + len(behind))):
+        return  # specimen_1.9, specimen_1.10: a counter behind a point
     k = next((k for k in range(1, len(values)) if values[k] < values[k - 1]), None)
     if k is not None:
         raise InputError("the order of the files is not certain", file=folder,

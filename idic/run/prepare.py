@@ -155,8 +155,8 @@ def prepare(run: str, path: str, overrides: dict, runner: TaskRunner) -> None:
             nodes = None if virtual_boundaries(experiment) else measured_nodes(experiment)
             u_px = read_free_motion(store, nodes=nodes)
             excluded += [int(k) for k in np.flatnonzero(found["unexplained"]) if int(k) not in excluded]
-            excluded += without_edges(experiment, u_px)
             in_space = read_array(store.group("motion"), "u_mm") if needs_motion_in_space(experiment) else None
+            excluded += [k for k in without_edges(experiment, found["lost"], in_space) if k not in excluded]
             local = measured_start(experiment, u_px, excluded, in_space, nodes if in_space is None else None)
             begin = boundary_start(experiment, u_px, excluded, in_space)
             if std is None:
@@ -228,7 +228,8 @@ def run_free_dic(job: tuple[str, str, dict, int]) -> None:
             found = dic_stack(view, regularisation_of(experiment), keep=writer.append)
         write_array(folder, "rms_gv", found.rms_gv)
         write_array(folder, "chi2_dof", found.chi2_dof)
-        write_array(folder, "unexplained", np.array([status == "unexplained" for status in found.status]))
+        for name in ("unexplained", "lost"):
+            write_array(folder, name, np.array([status == name for status in found.status]))
         write_array(folder, "noise_gv", np.array([found.noise_gv]))
 
 
@@ -248,7 +249,8 @@ def read_free_dic(store: RunStore, name: str = "dic") -> dict[str, Any]:
     """What `run_free_dic` stored of the frames but their motion; noise_gv as a number."""
     folder = store.group(name)
     found = {name: read_array(folder, name) for name in ("rms_gv", "chi2_dof", "unexplained", "noise_gv")}
-    return found | {"noise_gv": float(found["noise_gv"][0])}
+    lost = read_array(folder, "lost") if (folder / "lost").exists() else np.zeros_like(found["unexplained"])
+    return found | {"noise_gv": float(found["noise_gv"][0]), "lost": lost}
 
 
 def read_free_motion(store: RunStore, name: str = "dic", nodes: np.ndarray | None = None) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from idic.identify.coarse import CoarseFit, coarse_fit
 from idic.identify.search import Found, Trial, search
 from idic.identify.step.schedule import first_free, wants_search
-from idic.model.experiment import Experiment
+from idic.model.experiment import Experiment, Measured
 from idic.run.context import open_run
 from idic.run.prepare import read_free_motion, run_free_dic
 from idic.run.session import Session
@@ -63,7 +63,8 @@ def fit_trial(job: TrialJob) -> CoarseFit:
     names = list(experiment.parameters)
     name = f"search/{job.number:02d}"
     ident = {"values": {key: to_hex(value) for key, value in sorted(trial.values.items())},
-             "evaluations": trial.evaluations, "simplified": trial.simplified, "free": list(first_free(experiment))}
+             "evaluations": trial.evaluations, "simplified": trial.simplified, "free": list(first_free(experiment)),
+             "edges": "measured" if any(isinstance(p.drive, Measured) for p in experiment.prescribed) else "given"}
     kept = _kept(context.store.finished(name, ident), names)
     if kept is not None:
         return kept

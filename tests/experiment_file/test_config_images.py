@@ -51,7 +51,9 @@ def test_a_missing_image_does_not_shift_the_times_of_all_later_ones(folder):
     assert "exclude_frames" in caught.value.remedy and "image_times" in caught.value.remedy
 
 
-@pytest.mark.parametrize("numbers", [(5, 10, 15, 20), (0, 7, 10, 23), (120558, 120559, 120600, 120601)])
+@pytest.mark.parametrize("numbers", [
+    (5, 10, 15, 20), (0, 7, 10, 23), (120558, 120559, 120600, 120601), (101001, 101003, 101004, 101006),
+    (0, 100, 101, 102), (0, 100, 300, 800)])
 def test_a_thinned_series_odd_steps_and_times_of_the_day_are_no_gap(folder, numbers):
     renumbered(folder, numbers)
     np.testing.assert_allclose(load(folder).times, [0.0, 0.5, 1.0, 1.5])

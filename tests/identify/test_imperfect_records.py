@@ -13,6 +13,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, judged, 
 from idic.experiment_file.load import load_experiment
 from idic.identify.frame_fit import FrameFit, frame_entries
 from idic.identify.in_memory import identify
+from idic.identify.measured_start import without_edges
 from idic.images.camera import Camera
 from idic.model.drives import build_drives
 from idic.model.experiment import Column
@@ -206,6 +207,7 @@ def test_a_black_image_leaves_measured_edges_between_their_neighbours(clean, tmp
     right = [i for i, drive in enumerate(drives.local) if ".RIGHT.x" in drives.names[drive]]
     motion = found.local[:, right].mean(axis=1)
     assert prepared.experiment.excluded == (3,)
+    assert without_edges(prepared.experiment, np.array([False, True, False, True, False, False])) == [1]
     assert motion[3] == pytest.approx(0.5 * (motion[2] + motion[4]), rel=0.1)
     entries = frame_entries(prepared.experiment, {3: FrameFit(3, 0, float("nan"), float("nan"))}, ())
     assert entries[3]["status"] == "lost"

@@ -140,6 +140,8 @@ def test_decimal_numbers_in_file_names_are_sorted_by_value_or_refused(tmp_path):
     assert "t_1.5s.tif and t_1.25s.tif" in caught.value.found
     assert order("t_1.50s.tif", "t_1.25s.tif", "t_1.00s.tif") == ["t_1.00s.tif", "t_1.25s.tif", "t_1.50s.tif"]
     assert order("t_10.5s.tif", "t_9.5s.tif")[0] == "t_9.5s.tif"
+    counted = [f"specimen_1.{k}.tif" for k in range(8, 12)]  # a counter behind a point
+    assert order(*reversed(counted)) == counted
     assert order("a_1.5_2.tif", "b_1.25_3.tif", "2024.10.1.tif", "2024.9.1.tif")[0] == "2024.9.1.tif"  # not alike
 
 

@@ -19,7 +19,8 @@ from dataclasses import replace
 import numpy as np
 
 from idic.identify.covariance import Scaled, Spectrum
-from idic.model.experiment import Experiment, Stage
+from idic.model.drives import is_stereo
+from idic.model.experiment import Experiment, Measured, Stage
 
 MAX_SETTLED_STEP = 0.1  # scaled: a direction with a shorter step no longer holds up weaker ones
 WAITING_STD_RATIO = 10.0  # standard deviation of a waiting direction over that of the one it waits for
@@ -31,9 +32,14 @@ BLURRED_STAGE = Stage("all", max_iterations=5, lowpass_px=3.0)  # after a search
 
 
 def wants_search(experiment: Experiment) -> bool:
-    """Whether a start is searched before the first step: a free parameter has start values of its law."""
+    """Whether a start is searched before the first step: a free parameter has start values of its law.
+
+    Not where edges take a motion in space from the images: the search knows that of one camera.
+    """
     options = experiment.options
-    asked = options.search != "never" and options.method == "integrated" and experiment.solver is None
+    in_space = is_stereo(experiment) and any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    asked = (options.search != "never" and options.method == "integrated" and experiment.solver is None
+             and not in_space)
     return asked and any(experiment.parameters[name].start_values for name in first_free(experiment))
 
 

@@ -71,8 +71,9 @@ def prepare(experiment: Experiment, say: Callable[[str], None] = lambda text: No
     excluded, seen = list(experiment.excluded), experiment
     if found is not None:
         excluded += [k for k, status in enumerate(found.status) if status == "unexplained" and k not in excluded]
-        excluded += without_edges(experiment, found.u_px)
         in_space = motion_in_space(experiment) if needs_motion_in_space(experiment) else None
+        lost = np.array([status == "lost" for status in found.status])
+        excluded += [k for k in without_edges(experiment, lost, in_space) if k not in excluded]
         local = measured_start(experiment, found.u_px, excluded, in_space)
         seen = with_boundary_start(seen, boundary_start(experiment, found.u_px, excluded, in_space))
     noises = [_noise(view, free, tuple(excluded)) for view in views]
@@ -95,7 +96,7 @@ def _searched(prepared: Prepared, say: Callable[[str], None]) -> Prepared:
     if not wants_search(experiment):
         return prepared
     name, free, u_px = experiment.views[0].camera_name, dict(prepared.free), None
-    if experiment.quantity == "grey":
+    if experiment.quantity != "height":
         if name not in free:
             free[name] = dic_stack(experiment, regularisation_of(experiment))
         u_px = free[name].u_px
