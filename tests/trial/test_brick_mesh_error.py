@@ -8,7 +8,7 @@ import pytest
 
 from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.known_error import MAX_FURTHER_SHARE, error_beside, further_share
-from idic.diagnose.discretisation.mesh_error import (REACTION_LEFT, brick_mesh_error, compared_frames,
+from idic.diagnose.discretisation.mesh_error import (REACTION_LEFT, as_elastic, brick_mesh_error, compared_frames,
                                                        motion_error, without_reactions)
 from idic.diagnose.refit import identification_at
 from idic.diagnose.residual.residual_evidence import residual_evidence
@@ -64,6 +64,24 @@ def test_the_error_of_bricks_is_that_against_finer_ones(tmp_path):
     assert np.abs(error.channels - (force - coarse_force)).max() < 0.6 * np.abs(force - coarse_force).max()
     # and is larger than that of the sheet, which has no grip that keeps its thickness
     assert np.abs(error.channels).max() > 1.5 * np.abs(motion_error(found).channels).max()
+
+
+@pytest.mark.parametrize(("null", "share"), [("elastic", 0.1), pytest.param("plastic", 0.65, marks=pytest.mark.slow)])
+def test_of_too_many_bricks_the_error_is_that_of_an_elastic_body(null, share, tmp_path, monkeypatch):
+    """In proportion to the motion and to the readings: of a beam that yields, about half of it."""
+    found = known(tmp_path, null, finite=True)
+    whole = brick_mesh_error(found)
+    reading = found.experiment.channels[0]
+    (given,) = bricks(found.experiment, found.parameters)[1].T
+    measured = replace(found.experiment, channels=(replace(reading, values=given),))
+    monkeypatch.setattr("idic.diagnose.discretisation.mesh_error.MAX_NODES_OF_FINER_BRICKS", 0)
+    elastic = brick_mesh_error(replace(found, experiment=measured))
+    assert np.linalg.norm(elastic.u - whole.u) < share * np.linalg.norm(whole.u)
+    assert np.abs(elastic.channels - whole.channels).max() < share * np.abs(whole.channels).max()
+
+
+def test_bodies_without_a_modulus_have_no_elastic_bricks(tmp_path):
+    assert as_elastic(known(tmp_path, "rubber").experiment) is None
 
 
 @pytest.mark.slow
