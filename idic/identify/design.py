@@ -21,6 +21,7 @@ from idic.correlation.shared_noise import closed_system
 from idic.correlation.system import CorrelationSystem, reduce_systems
 from idic.correlation.view import View, view_of
 from idic.errors import InputError
+from idic.identify.joint import joint_names, of_material
 from idic.identify.result import Analysis
 from idic.identify.step.estimator import with_final_weights
 from idic.identify.step.state import Evaluation
@@ -31,6 +32,7 @@ from idic.parameters import Parameter, ParameterSet
 
 GROWTH_POINTS = 24  # frame counts at which the standard deviations are evaluated
 MIN_MOTION_PX = 1e-3  # below this nothing is seen to move at all
+PLAN_SEPARATOR = "/"  # behind the name of a plan, before that of a parameter of its own
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Joint:
-    """All plans identified together: parameters of materials of one name are shared."""
+    """All plans identified together: what `idic.identify.joint` shares has one name."""
 
     full: Analysis
     notes: tuple[str, ...]
@@ -142,12 +144,18 @@ def design_test(name: str, experiment: Experiment, local: np.ndarray | None = No
 
 
 def join(designs: Sequence[Design]) -> Joint:
-    """The plans as one identification: M and its noise add for the parameters of materials of one name.
+    """The plans as one identification: M and its noise add for the parameters that experiments share.
 
-    What belongs to one test only (boundary, camera, channel, geometry, time) keeps its own unknown, named
-    ``PLAN/boundary...``.
+    Directions that differ, what says ``shared = false`` and what belongs to one test only (boundary, camera, channel,
+    geometry, time) keep their own unknown, named ``PLAN/boundary...``. The names of the plans differ.
+
+    Raises
+    ------
+    InputError
+        As `idic.identify.joint.join`, but for options.
     """
-    renamed = [tuple(_joint_name(design, name) for name in design.names) for design in designs]
+    own_names = joint_names({design.name: design.experiment for design in designs}, PLAN_SEPARATOR)
+    renamed = [tuple(own_names[design.name][name] for name in design.names) for design in designs]
     names = tuple(dict.fromkeys(name for group in renamed for name in group))
     M, noise, b = np.zeros((len(names),) * 2), np.zeros((len(names),) * 2), np.zeros(len(names))
     known: dict[str, Parameter] = {}
@@ -169,15 +177,6 @@ def join(designs: Sequence[Design]) -> Joint:
     nothing_more = np.zeros_like(M)  # the reference images' noise is in `noise` already: every plan has its own
     analysis = Analysis(with_force, ParameterSet(known.values(), joint), Evaluation(0, system, nothing_more), 0.0)
     return Joint(analysis, tuple(dict.fromkeys(notes)))
-
-
-def of_material(experiment: Experiment, name: str) -> bool:
-    """Whether a degree of freedom belongs to a material rather than to the test."""
-    return name.rpartition(".")[0] in {material.element_set for material in experiment.materials}
-
-
-def _joint_name(design: Design, name: str) -> str:
-    return name if of_material(design.experiment, name) else f"{design.name}/{name}"
 
 
 class _Walk:
@@ -261,7 +260,7 @@ class _Walk:
         image = materials = None
         if self.image_only is not None:
             image = self._analysis(self._evaluation(self.image_only), replace(experiment, channels=()))
-        kept = [i for i, own in enumerate(context.names) if of_material(experiment, own)]
+        kept = [i for i, own in enumerate(context.names) if of_material(own, experiment)]
         if 0 < len(kept) < len(context.names):
             part = Evaluation(0, evaluation.system.restrict([context.names[i] for i in kept]),
                               evaluation.reference_gram[np.ix_(kept, kept)])

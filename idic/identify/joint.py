@@ -99,18 +99,15 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
     InputError
         If materials of one name differ in law, in what is identified, or in values that are not.
     """
-    own_directions = _own_directions(experiments)
-    names = {name: {own: _joint_name(name, own, experiment, own_directions) for own in experiment.parameters}
-             for name, experiment in experiments.items()}
+    names = joint_names(experiments)
     parameters: dict[str, Parameter] = {}
     notes = []
     for name, experiment in experiments.items():
-        _check_laws(experiments, name)
         for own, parameter in experiment.parameters.items():
             joint = names[name][own]
             if joint not in parameters:
                 parameters[joint] = replace(parameter, name=joint)
-            elif _check_alike(parameters[joint], parameter, experiment):
+            elif parameters[joint].value != parameter.value:
                 notes.append(f"{joint} starts from {parameters[joint].shown:g} {parameter.unit}, as in the first "
                              f"experiment; {name} says {parameter.shown:g}")
     joint_priors = list(dict.fromkeys(prior.renamed(names[name]) for name, experiment in experiments.items()
@@ -129,6 +126,37 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
         notes=tuple(dict.fromkeys([*(f"{name}: {note}" for name, e in experiments.items() for note in e.notes),
                                    *notes])))
     return Joint(experiments, names, whole)
+
+
+def joint_names(experiments: Mapping[str, Experiment], separator: str = ".") -> dict[str, dict[str, str]]:
+    """{experiment: {its parameter: parameter of the whole}}; `separator` stands behind the name of an experiment.
+
+    Raises
+    ------
+    InputError
+        If materials of one name differ in law, in what is identified, or in values that are not.
+    """
+    own_directions = _own_directions(experiments)
+
+    def shared(parameter: Parameter, experiment: Experiment) -> bool:
+        return of_material(parameter.name, experiment) and parameter.shared and parameter.name not in own_directions
+
+    names = {name: {own: own if shared(parameter, experiment) else f"{name}{separator}{own}"
+                    for own, parameter in experiment.parameters.items()} for name, experiment in experiments.items()}
+    stated: dict[str, Parameter] = {}
+    for name, experiment in experiments.items():
+        _check_laws(experiments, name)
+        for own, parameter in experiment.parameters.items():
+            first = stated.setdefault(names[name][own], parameter)
+            if first is not parameter:
+                _check_alike(first, parameter, experiment)
+    return names
+
+
+def of_material(name: str, experiment: Experiment) -> bool:
+    """Whether a degree of freedom belongs to a material rather than to the test."""
+    element_set, _, parameter = name.partition(".")
+    return any(element_set == material.element_set for material in experiment.materials) and "." not in parameter
 
 
 def _check_options(experiments: Mapping[str, Experiment]) -> None:
@@ -150,23 +178,13 @@ def _stated(option: object) -> str:
     return "none given" if option is None else repr(option)
 
 
-def _joint_name(experiment: str, name: str, record: Experiment, own_directions: frozenset[str]) -> str:
-    shared = _of_material(name, record) and record.parameters[name].shared and name not in own_directions
-    return name if shared else f"{experiment}.{name}"
-
-
-def _of_material(name: str, record: Experiment) -> bool:
-    element_set, _, parameter = name.partition(".")
-    return any(element_set == material.element_set for material in record.materials) and "." not in parameter
-
-
 def _own_directions(experiments: Mapping[str, Experiment]) -> frozenset[str]:
     """Directions of a material, in degrees, that the experiments state differently: specimens cut along several
     axes."""
     stated: dict[str, set[tuple[float, bool]]] = {}
     for experiment in experiments.values():
         for name, p in experiment.parameters.items():
-            if p.unit == "deg" and _of_material(name, experiment):
+            if p.unit == "deg" and of_material(name, experiment):
                 stated.setdefault(name, set()).add((p.value, p.free))
     return frozenset(name for name, ways in stated.items() if len(ways) > 1)
 
@@ -184,9 +202,8 @@ def _check_laws(experiments: Mapping[str, Experiment], name: str) -> None:
                                      remedy="give both the same law, or the sets different names")
 
 
-def _check_alike(first: Parameter, other: Parameter, experiment: Experiment) -> bool:
-    """Whether two statements of a shared parameter differ in their start; InputError where they differ in anything
-    else."""
+def _check_alike(first: Parameter, other: Parameter, experiment: Experiment) -> None:
+    """Refuse two statements of a shared parameter that differ in more than its start."""
     same = (first.free, first.unit, first.bounds, first.prior_mean, first.prior_std, first.transform) == (
         other.free, other.unit, other.bounds, other.prior_mean, other.prior_std, other.transform)
     if not same or (first.value != other.value and not first.free):
@@ -194,7 +211,6 @@ def _check_alike(first: Parameter, other: Parameter, experiment: Experiment) -> 
                          expected=f"as in the first experiment: {_statement(first)}", found=_statement(other),
                          remedy="make value (if it is not identified), unit, identify, bounds and prior the same, or "
                                 "give the element sets different names, or write shared = false")
-    return first.value != other.value
 
 
 def _statement(p: Parameter) -> str:

@@ -34,6 +34,7 @@ from idic.correlation.view import view_of
 from idic.errors import InputError
 from idic.fe.mesh.mesh import surface_cells
 from idic.identify.design import Design, design_test, join
+from idic.identify.joint import joint_names
 from idic.identify.plan.planned_test import VIRTUAL_SPECKLE, Plan, load_plan
 from idic.report.design.page import PlanPictures, design_table, draw_design, render_design
 from idic.report.design.summary import MIN_CONFUSABLE_CORRELATION, compare, joint_summary, summary
@@ -97,7 +98,8 @@ def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | N
     Raises
     ------
     InputError
-        Anything in an experiment that is not as expected.
+        Anything in an experiment that is not as expected; materials of one name in several experiments that an
+        identification would refuse.
     NotConverged
         If a simulation does not reach its end.
     """
@@ -106,6 +108,7 @@ def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | N
                          found=f"{confusable:g}", remedy="give for instance 0.95")
     jobs = [DesignJob(name, load_plan(path, overrides, noise_std_gv))
             for path, name in zip(paths, plan_names(paths), strict=True)]
+    joint_names({job.name: job.plan.experiment for job in jobs})  # contradictions are refused before the simulations
     wanted = min(len(jobs), default_workers() if workers is None else workers)
     with open_cluster(wanted if len(jobs) > 1 and wanted > 1 else 0) as runner:
         designs = runner.map(run_design, jobs, [f"design-{job.name}" for job in jobs], progress=progress)

@@ -1,6 +1,7 @@
 """What a design promises: the standard deviations of an identification, the laws of scaling, what cannot be known."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from idic.identify.design import design_test, join
 from idic.identify.in_memory import identify
 from idic.identify.plan.planned_test import load_plan
 from idic.report.design.summary import compare
+from idic.run.design import evaluate_plans
 
 
 def designed(folder, overrides=TRUE, **more):
@@ -89,7 +91,7 @@ def test_twice_the_motion_halves_the_standard_deviations_of_small_strain_elastic
 def test_two_equal_tests_together_are_better_by_the_square_root_of_two(planned):
     """Every test has its own reference image: nothing is shared but the material."""
     one = designed(planned)
-    both = join([one, one]).full
+    both = join([one, replace(one, name="again")]).full
     for name in one.names:
         assert both.std(name) == pytest.approx(one.full.std(name) / np.sqrt(2.0), rel=1e-9)
 
@@ -99,6 +101,51 @@ def test_a_parameter_of_one_test_only_is_not_shared(tmp_path):
     plans = [designed(plan_folder(tmp_path / name, toml)) for name in ("a", "b")]
     names = join(plans).full.names
     assert names == ("BODY.E", "BODY.nu", "a/camera.shift_col", "b/camera.shift_col")
+
+
+PLY = """
+[material.BODY]
+law = "orthotropic"
+E1 = { value = 4000, unit = "MPa", identify = true }
+E2 = { value = 2000, unit = "MPa" }
+nu12 = 0.3
+G12 = { value = 900, unit = "MPa" }
+angle = { value = ANGLE, unit = "deg", identify = true }
+"""
+
+
+@pytest.fixture(scope="module")
+def off_axis(tmp_path_factory):
+    """Plans of a ply by the statement of its angle."""
+    def planned_with(angle):
+        folder = tmp_path_factory.mktemp("ply") / angle.partition(",")[0]
+        ply = PLY.replace("value = ANGLE", f"value = {angle}")
+        return designed(plan_folder(folder, ply + GRIPS + FORCE + PLAN + PROGRAM), {})
+    return {angle: planned_with(angle) for angle in ("15", "45", "45.0, shared = false")}
+
+
+def test_plans_share_what_an_identification_of_them_shares(off_axis):
+    """As idic identify: directions that differ, and what says shared = false, are each specimen's own."""
+    both = join([off_axis["15"], off_axis["45"]])
+    assert both.full.names == ("BODY.E1", "15/BODY.angle", "45/BODY.angle") and not both.notes
+    said = join([off_axis["45"], off_axis["45.0, shared = false"]]).full.names
+    assert said == ("BODY.E1", "BODY.angle", "45.0/BODY.angle")
+
+
+def test_an_own_direction_gains_from_another_specimen_no_more_than_the_shared_modulus_can_tell(off_axis):
+    """At best E1 becomes known: the standard deviation of one parameter given all others is (Cov^-1)_ii^-1/2."""
+    plans = [off_axis["15"], off_axis["45"]]
+    both = join(plans).full
+    for plan in plans:
+        i, full = plan.names.index("BODY.angle"), plan.full
+        given_the_rest = np.linalg.inv(full.covariance)[i, i] ** -0.5 * abs(full.scaled.slopes[i])
+        assert given_the_rest * (1 - 1e-6) <= both.std(f"{plan.name}/BODY.angle") <= full.std("BODY.angle") * (1 + 1e-6)
+
+
+def test_plans_that_contradict_each_other_are_refused_before_they_are_simulated(planned, tmp_path):
+    other = plan_folder(tmp_path / "other", ELASTIC.replace("MPa", "GPa") + GRIPS + FORCE + PLAN + PROGRAM)
+    with pytest.raises(InputError, match="stated in two ways"):
+        evaluate_plans([planned, other], workers=0)
 
 
 def test_without_force_the_modulus_is_open_and_poissons_ratio_is_not(tmp_path):
