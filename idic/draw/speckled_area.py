@@ -52,9 +52,10 @@ def speckled_area(image: np.ndarray, texture: Texture) -> tuple[list, list]:
     loops, tree = cv2.findContours((fine > 127).astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     outer = max((k for k in range(len(loops)) if tree[0][k][3] < 0), key=lambda k: cv2.contourArea(loops[k]))
     least = MIN_HOLE_SHARE * cv2.contourArea(loops[outer])
-    holes = [_hole(loop, image, texture) for k, loop in enumerate(loops)
+    coarse = wide / SMOOTHED
+    holes = [_hole(loop, image, texture, coarse) for k, loop in enumerate(loops)
              if tree[0][k][3] == outer and cv2.contourArea(loop) > least]
-    return _outline(loops[outer], image, texture, wide / SMOOTHED), holes
+    return _outline(loops[outer], image, texture, coarse), holes
 
 
 def _smoothed_pattern(image: np.ndarray, texture: Texture) -> tuple[int, np.ndarray]:
@@ -148,11 +149,12 @@ def _energy(part: np.ndarray) -> np.ndarray:
     return fx * fx + fy * fy
 
 
-def _hole(loop: np.ndarray, image: np.ndarray, texture: Texture) -> list:
-    px = _to_px(loop, texture)
+def _hole(loop: np.ndarray, image: np.ndarray, texture: Texture, coarse: float) -> list:
+    """A round hole, else lines and arcs: a short slot or an ellipse is rounder than a square, but not a circle."""
+    px, tolerance = _to_px(loop, texture), TOLERANCE * coarse * texture.block
     area, length = cv2.contourArea(px), cv2.arcLength(cv2.approxPolyDP(px, 0.5 * texture.block, True), True)
-    if 4 * np.pi * area < MIN_ROUNDNESS * length**2:
-        return lines_and_arcs(px, TOLERANCE * texture.block, image, outwards=-1.0)
+    if 4 * np.pi * area < MIN_ROUNDNESS * length**2 or circle_of(px, tolerance) is None:
+        return lines_and_arcs(px, tolerance, image, outwards=-1.0)
     x, y = px.mean(axis=0).tolist()
     return [round(x, 1), round(y, 1), round(_radius(image, x, y, float(np.sqrt(area / np.pi)), texture.block), 1)]
 

@@ -52,6 +52,22 @@ def test_a_strip_with_a_hole_is_found_to_two_pixels(dtype):
     np.testing.assert_allclose(hole, [300, 200, 60], atol=2.0)
 
 
+@pytest.mark.parametrize("shape_of_it", ["slot", "ellipse"])
+def test_a_short_slot_and_an_ellipse_are_no_circles(shape_of_it):
+    """Both have a rounder outline than a square; a circle of their area would be 10 px off at their ends."""
+    shape = (420, 600)
+    y, x = grid(shape)
+    around = {"slot": np.maximum(np.abs(x - 300) - 20, 0) ** 2 + (y - 200) ** 2 - 40**2,
+              "ellipse": ((x - 300) / 70) ** 2 + ((y - 200) / 50) ** 2 - 1.0}[shape_of_it]
+    inside = (x >= 80) & (x < 520) & (y >= 60) & (y < 340) & (around > 0)
+    image = dots(shape, inside)
+    _, (hole,) = speckled_area(image, texture_of(image))
+    outline = segments_of(hole)
+    half = {"slot": (60, 40), "ellipse": (70, 50)}[shape_of_it]
+    np.testing.assert_allclose(outline.box(), np.array([[300, 200]]) + np.array([[-1], [1]]) * half, atol=3.0)
+    assert outline.area() == pytest.approx((around <= 0).sum(), rel=0.03)
+
+
 def test_a_pattern_that_fills_the_image_in_uneven_light_is_one_rectangle():
     shape = (300, 500)
     _, x = grid(shape)

@@ -114,9 +114,10 @@ def test_init_takes_a_mesh_of_any_format_that_is_read(folder):
 def test_init_puts_the_roi_on_the_speckled_area_with_its_holes(tmp_path):
     for k in range(3):
         tifffile.imwrite(tmp_path / f"shot{k}.tif", np.full((80, 120), 10 * k, np.uint8))
-    write_initial_experiment(tmp_path, lambda image: ([[20, 10], [99, 10], [99, 69], [20, 69]],
-                                                      [[60.0, 40.0, 12.0], [[1, 2], [3, 4]]]))
-    text = (tmp_path / "experiment.toml").read_text()
+    path, lines = initial_experiment(tmp_path, lambda image: ([[20, 10], [99, 10], [99, 69], [20, 69]],
+                                                              [[60.0, 40.0, 12.0], [[1, 2], [3, 4]]]))
+    text = path.read_text()
+    assert "# 1 hole is not round and left out" in text and any("not round" in line for line in lines)
     assert "roi_px = [20, 10, 99, 69]" in text and "holes_px = [[60.0, 40.0, 12.0]]" in text
     assert load_experiment(tmp_path).mesh.n_elements > 100
 

@@ -77,11 +77,15 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     found = Found(folder, patterns[0] if len(patterns) == 1 else patterns, stack.n_frames, stack.shape,
                   stack.labels[0])
     _find_mask(masks, found)
+    holes: list = []
     if area is not None:
         found.outline, holes = area(np.asarray(stack.frame(0)))
         found.holes = [hole for hole in holes if is_circle(hole)]
     formats = set(mesh_suffixes()) - set(_NO_MESHES)
     _find_mesh([path for path in files if path.suffix.lower() in formats], found)
+    if found.mesh is None and (left := len(holes) - len(found.holes)):
+        found.notes.append(f"{left} {'hole is' if left == 1 else 'holes are'} not round and left out: the mesh covers "
+                           "them, although they have no pattern; idic draw draws holes of any shape")
     _find_log([path for path in files if path.suffix.lower() == ".csv"], found)
     return found
 
