@@ -13,6 +13,7 @@ from idic.correlation.channels import channel_values
 from idic.correlation.experiment_reference import camera_at
 from idic.correlation.view import is_section, view_of
 from idic.errors import InputError
+from idic.experiment_file.schema_options import DesignTable
 from idic.experiment_file.tables.temperatures import with_copied_images
 from idic.experiment_file.toml_file import locate, read_toml, to_toml, with_overrides
 from idic.fe.mesh.mesh import surface_cells
@@ -20,14 +21,14 @@ from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.model.experiment import Column, Controlled, Experiment, Measured, Parametrised
 from idic.model.forward import ForwardModel, build_forward, solve
 from idic.readers.units import parse_unit, unit_in_name
-from idic.identify.plan.planned_test import recorded_or_planned
+from idic.identify.plan.planned_test import planned_speckle, recorded_or_planned
 from idic.identify.step.increments import chooses_increments
 from idic.virtual_tests.experiment_files import IMAGES, LOADS, empty_folder, write_images, write_loads, write_truth
 from idic.virtual_tests.render import Sensor, noisy_channel, record, render
 from idic.virtual_tests.stereo.images import common_speckle, traced_images
 from idic.virtual_tests.stereo.solid_speckle import SolidSpeckle
 from idic.virtual_tests.section_images import height_image, roughness, seen_section
-from idic.virtual_tests.virtual_test import medium_speckle, rough_surface
+from idic.virtual_tests.virtual_test import medium_speckle, rough_surface, stated_speckle
 
 INCREMENTS = 8  # per frame, extrapolated from these and half as many, where the experiment leaves the choice
 DEFAULT_NOISE_GV = 2.0  # of 8 bit, where the experiment does not state its noise
@@ -52,7 +53,8 @@ def simulate(
     Parameters
     ----------
     path : path
-        The experiment (folder or TOML file) to imitate: its mesh, drives, camera, image size and times are used.
+        The experiment (folder or TOML file) to imitate: its mesh, drives, camera, image size and times are used, and
+        the speckle of [design] where there is no image.
     out : path
         New folder.
     overrides : mapping, optional
@@ -86,14 +88,16 @@ def simulate(
     speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
     camera = camera_at(experiment, experiment.parameters)
     still = [np.zeros_like(solution.u[0])] * experiment.reference
-    speckle = common_speckle([view.camera for view in experiment.views], speckle_rng, 2.0**bits)
+    planned = planned_speckle(path, overrides)
+    speckle = common_speckle([view.camera for view in experiment.views], speckle_rng, 2.0**bits, planned)
     write_images(folder, _images(experiment, camera, [*still, *solution.u], sensor, bits, speckle_rng, camera_rng,
-                                 speckle))
+                                 speckle, planned))
     for view in experiment.views[1:]:
         (folder / view.camera_name).mkdir()
         motion = [view.turned(u) for u in (*still, *solution.u)]
         write_images(folder, _images(view, camera_at(view, experiment.parameters), motion,
-                                     _sensor(view, bits, noise_std_gv), bits, speckle_rng, camera_rng, speckle),
+                                     _sensor(view, bits, noise_std_gv), bits, speckle_rng, camera_rng, speckle,
+                                     planned),
                      view.camera_name)
     columns = _columns(experiment, forward, solution.channels, channel_rng)
     in_log = experiment.extras.get("units", {})
@@ -109,8 +113,8 @@ def simulate(
 
 def _images(experiment: Experiment, camera: AnyCamera, motion: Sequence[np.ndarray], sensor: Sensor, bits: int,
             speckle_rng: np.random.Generator, camera_rng: np.random.Generator,
-            speckle: SolidSpeckle | None = None) -> Iterator[np.ndarray]:
-    """The images of the nodal displacements `motion` (n_nodes, dim) mm, one at a time."""
+            speckle: SolidSpeckle | None = None, planned: DesignTable | None = None) -> Iterator[np.ndarray]:
+    """The images of the nodal displacements `motion` (n_nodes, dim) mm, one at a time; the speckle as it is planned."""
     rise, mesh = None, experiment.mesh
     if isinstance(camera, PlacedCamera):
         yield from traced_images(mesh, experiment.surface, camera, motion, sensor, speckle, camera_rng)
@@ -121,6 +125,8 @@ def _images(experiment: Experiment, camera: AnyCamera, motion: Sequence[np.ndarr
             yield from _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng)
             return
         texture = rough_surface(camera, sensor.shape, _roughness(experiment))(speckle_rng)
+    elif planned is not None:
+        texture = stated_speckle(camera, sensor.shape, planned.speckle_px, planned.contrast_gv)(speckle_rng, 2.0**bits)
     else:
         texture = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits)
     cells = surface_cells(mesh, experiment.surface)

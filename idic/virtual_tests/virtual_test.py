@@ -6,19 +6,24 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from idic.fe.mesh.mesh import Block, Mesh
 from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
+from idic.identify.plan.planned_test import DOT_SIGMA_PER_SPECKLE
+from idic.images.pattern import Pattern, dense_speckle
 from idic.virtual_tests.experiment_files import write_loads, write_truth
 from idic.virtual_tests.meshes import write_inp
 from idic.virtual_tests.render import Sensor, Texture, clean_image, painted
+from idic.virtual_tests.stereo.solid_speckle import SolidSpeckle
 
 GREY_LEVELS = 256.0  # grey values of 8 bits; other sensors are steps of another size on the same scale
+CONTRAST_SAMPLES = 20_000  # pixels: a standard deviation to 1 %
 DEFAULT_NOISE_SHARE = 0.04  # of the standard deviation of f: about 2 grey values of 8 bit, a decent camera
+
+PatternLike = TypeVar("PatternLike", Pattern, SolidSpeckle)
 
 
 @dataclass(frozen=True)
@@ -96,6 +101,31 @@ def medium_speckle(camera: Camera, shape: tuple[int, int]) -> Callable[[np.rando
         return painted(pattern, camera)
 
     return make
+
+
+def stated_speckle(camera: Camera, shape: tuple[int, int], size_px: float,
+                   contrast_gv: float) -> Callable[[np.random.Generator, float], Texture]:
+    """Dense speckle as `idic design` assumes it: of this size, and of this standard deviation in 8 bit."""
+
+    def make(rng: np.random.Generator, levels: float) -> Texture:
+        pattern = dense_speckle(rng, DOT_SIGMA_PER_SPECKLE * size_px, extent_px=1.2 * max(shape))
+        return painted(with_contrast(pattern, contrast_gv * levels / GREY_LEVELS, 0.5 * levels, 1.0,
+                                     np.full(2, pattern.period_px)), camera)
+
+    return make
+
+
+def with_contrast(pattern: PatternLike, std: float, mean: float, pixel: float, period: np.ndarray) -> PatternLike:
+    """The pattern with this mean and standard deviation of its pixels; period : (2,) or (3,) in the unit of `pixel`"""
+    places = np.random.default_rng(0).uniform(0.0, period, (CONTRAST_SAMPLES, 1, len(period)))
+    inside = np.zeros((9, len(period)))
+    inside[:, :2] = pixel / 3 * np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2)
+    points = places + inside
+    grey = replace(pattern, low=-0.5, high=0.5).value(points.reshape(-1, len(period)))
+    grey = grey.reshape(CONTRAST_SAMPLES, -1).mean(axis=1)  # of the area of a pixel
+    width = std / float(grey.std())
+    low = mean - width * (0.5 + float(grey.mean()))
+    return replace(pattern, low=low, high=low + width)
 
 
 def rough_surface(camera: Camera, shape: tuple[int, int], rms: float) -> Callable[[np.random.Generator], Texture]:

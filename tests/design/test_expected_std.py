@@ -17,7 +17,9 @@ from idic.identify.design import design_test, join
 from idic.identify.in_memory import identify
 from idic.identify.plan.planned_test import load_plan
 from idic.report.design.summary import compare
+from idic.identify.plan.planned_test import load_plan, virtual_speckle
 from idic.run.design import evaluate_plans
+from idic.virtual_tests.simulate import simulate
 
 
 def designed(folder, overrides=TRUE, **more):
@@ -258,14 +260,35 @@ def test_a_plan_in_which_nothing_moves_is_refused(tmp_path):
 
 
 def test_the_virtual_speckle_has_the_size_and_the_contrast_that_were_asked_for():
-    from idic.identify.plan.planned_test import virtual_speckle
-
     image = virtual_speckle((160, 200), 4.0, 40.0).astype(float)
     assert image.shape == (160, 200) and image.std() == pytest.approx(40.0, rel=0.01)
     centred = image - image.mean()
     along = [np.mean(centred[:, d:] * centred[:, :200 - d]) / centred.var() for d in (0, 2, 4, 8)]
     # dots of sigma 1.6 px: exp(-d²/(4 sigma²)) = 0.68, 0.21, 0.00; pixel area and non-linearity change that slightly
     assert along == pytest.approx([1.0, 0.68, 0.21, 0.0], abs=0.08)
+
+
+@pytest.mark.parametrize("size_px, contrast_gv, bits", [(None, None, 8), (12.0, 15.0, 12)])
+def test_a_planned_test_is_simulated_with_the_speckle_that_its_design_assumes(tmp_path, size_px, contrast_gv, bits):
+    """Contrast, and correlation of pixels 4 px apart. 4320 pixels with some 300 dots (as large ones: 40) know a
+    standard deviation to 4 % (10 %); three of them."""
+    given = {} if size_px is None else {"design.speckle_px": size_px, "design.contrast_gv": contrast_gv}
+    simulate(plan_folder(tmp_path / "plan"), tmp_path / "made", given | {"design.n_frames": 2}, bits, noise_std_gv=0.0)
+    experiment = load_experiment(tmp_path / "made")
+    image = experiment.stack.frame(0).astype(float) / 2**(bits - 8)
+    pixels = build_reference(experiment, experiment.camera).pixel_map
+    assumed = virtual_speckle((400, 400), size_px or 4.0, contrast_gv or 50.0).astype(float)
+    seen = np.full(image.shape, np.nan)
+    seen[pixels.iy, pixels.ix] = image[pixels.iy, pixels.ix]
+    assert np.nanstd(seen) == pytest.approx(assumed.std(), rel=0.12 if size_px is None else 0.3)
+    assert np.nanmean(seen) == pytest.approx(assumed.mean(), abs=0.4 * assumed.std())
+    assert correlation(seen) == pytest.approx(correlation(assumed), abs=0.12)
+
+
+def correlation(image, distance=4):
+    """Of pixels that are so far apart along a row."""
+    centred = image - np.nanmean(image)
+    return float(np.nanmean(centred[:, distance:] * centred[:, :-distance]) / np.nanvar(centred))
 
 
 @pytest.mark.slow

@@ -106,6 +106,12 @@ def recorded_or_planned(path: str | Path, overrides: Mapping[str, Any] | None = 
     return load_plan(path, overrides).experiment
 
 
+def planned_speckle(path: str | Path, overrides: Mapping[str, Any] | None = None) -> DesignTable | None:
+    """The plan of `recorded_or_planned` whose speckle is made up; None where there is an image of the real one."""
+    folder = _folder(path, overrides)
+    return folder.config.design if folder.pattern == VIRTUAL_SPECKLE else None
+
+
 def _folder(path: str | Path, overrides: Mapping[str, Any] | None) -> PlannedFolder:
     file = locate(path)
     raw = with_overrides(read_toml(file), overrides)

@@ -6,11 +6,14 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from idic.experiment_file.schema_options import DesignTable
 from idic.fe.mesh.mesh import Mesh, boundary_faces, face_cells, surface_cells
+from idic.identify.plan.planned_test import DOT_SIGMA_PER_SPECKLE
 from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.virtual_tests.render import Sensor, record
 from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
-from idic.virtual_tests.stereo.solid_speckle import SolidSpeckle, solid_speckle
+from idic.virtual_tests.stereo.solid_speckle import PERIOD_CELLS, SolidSpeckle, solid_speckle
+from idic.virtual_tests.virtual_test import GREY_LEVELS, with_contrast
 
 SPECKLE_PX = 1.6       # sigma of the dots in the middle of the image
 LOW, HIGH = 0.08, 0.92  # grey values of the speckle as a part of the levels
@@ -28,10 +31,21 @@ def scene_of(mesh: Mesh, surface: str | None) -> Scene:
     return Scene(mesh.nodes, surface_cells(mesh, surface), bare)
 
 
-def common_speckle(cameras: Sequence[AnyCamera], rng: np.random.Generator, levels: float) -> SolidSpeckle | None:
-    """The speckle that all cameras with a lens see, of a size for the coarsest of them; None where there is none."""
+def common_speckle(cameras: Sequence[AnyCamera], rng: np.random.Generator, levels: float,
+                   planned: DesignTable | None = None) -> SolidSpeckle | None:
+    """The speckle that all cameras with a lens see, of a size for the coarsest of them; None where there is none.
+
+    planned : with its size and contrast
+    """
     sizes = [camera.pixel_size for camera in cameras if isinstance(camera, PlacedCamera)]
-    return solid_speckle(rng, SPECKLE_PX * max(sizes), LOW * levels, HIGH * levels) if sizes else None
+    if not sizes:
+        return None
+    pixel = max(sizes)
+    if planned is None:
+        return solid_speckle(rng, SPECKLE_PX * pixel, LOW * levels, HIGH * levels)
+    speckle = solid_speckle(rng, DOT_SIGMA_PER_SPECKLE * planned.speckle_px * pixel)
+    return with_contrast(speckle, planned.contrast_gv * levels / GREY_LEVELS, 0.5 * levels, pixel,
+                         np.full(3, PERIOD_CELLS * speckle.cell_mm))
 
 
 def traced_images(mesh: Mesh, surface: str | None, camera: PlacedCamera, motion: Sequence[np.ndarray], sensor: Sensor,
