@@ -61,3 +61,9 @@ def test_the_laws_of_the_page_exist():
     rows = re.findall(r"^\| .*? \| (`.*)\|$", (FOLDER / "choose-a-law.md").read_text(encoding="utf-8"), re.MULTILINE)
     named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
     assert len(named) > 10 and named <= set(all_laws())
+
+
+@every_page
+def test_schedulers_on_other_machines_have_addresses_that_are_accepted(page):
+    for address in re.findall(r"--scheduler (\S+)", page.read_text(encoding="utf-8")):
+        assert address.startswith("tls://"), address
