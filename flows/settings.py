@@ -6,10 +6,12 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
+from idic.errors import InputError
 from idic.store.run_lock import process_lives, this_process
-from idic.workers.prefect_server import PrefectServer, start_server
+from idic.workers.prefect_server import PASSWORD, PrefectServer, start_server
 
 TAG = "idic-process:"
+REFUSED = (401, 403)  # status of a request without the right password, or without the right
 KILLED = "the process was killed; --resume continues"
 
 
@@ -74,6 +76,10 @@ def connected(server: PrefectServer | None) -> Iterator[None]:
     with temporary_settings(updates), _named_process():
         try:
             yield
+        except Exception as problem:
+            if not server.owned:
+                _check_admitted(problem, url, bool(PREFECT_API_AUTH_STRING.value()))
+            raise
         finally:
             _hand_over()
 
@@ -96,6 +102,22 @@ def _hand_over() -> None:
 
     for worker in (APILogWorker, EventsWorker):
         worker.drain_all(timeout=5)  # s: a healthy server on this machine needs a tenth of one
+
+
+def _check_admitted(problem: BaseException | None, url: str, with_password: bool) -> None:
+    """Say what to do where an exception comes from a configured server that does not let this user in."""
+    from httpx import HTTPStatusError  # Prefect's client
+
+    while problem is not None:
+        if isinstance(problem, HTTPStatusError) and problem.response.status_code in REFUSED \
+                and str(problem.request.url).startswith(url):
+            raise InputError("the configured Prefect server refuses this command", key=PASSWORD,
+                             expected=f"the user and password of the server at {url}, as user:password",
+                             found=f"{'another one' if with_password else 'none'} (status "
+                                   f"{problem.response.status_code})",
+                             remedy=f"export {PASSWORD} with them (on Prefect Cloud: PREFECT_API_KEY), or leave the "
+                                    "server out with --no-prefect") from problem
+        problem = problem.__cause__ or problem.__context__
 
 
 def server_is_gone(problem: BaseException | None) -> bool:

@@ -177,3 +177,11 @@ def test_the_image_is_pinned_runs_without_root_and_says_whether_it_is_healthy():
     copied = [word for words in copies for word in words[1:-1]]
     assert all((DEPLOY.parent / name).exists() for name in copied)
     assert "." not in copied and "deploy" not in copied, "no secret of the working folder gets into the image"
+
+
+def test_commands_of_the_page_that_need_prefect_know_its_password():
+    """`run` and `exec` replace the command of the service, which exports it."""
+    page = (DEPLOY / "compose.md").read_text()
+    commands = re.findall(r"^    docker compose .* (?:run|exec) (?:.*\\\n)*.*$", page, re.MULTILINE)
+    assert len(commands) == 2
+    assert all("PREFECT_API_AUTH_STRING=$(cat /run/secrets/prefect_auth)" in command for command in commands)

@@ -2,6 +2,7 @@
 
 import base64
 import http.client
+import http.server
 import json
 import os
 import signal
@@ -9,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from contextlib import closing
 from pathlib import Path
@@ -97,6 +99,36 @@ def test_every_server_has_a_password_of_its_own(unconfigured):
         with start_server() as server:
             passwords.append(server.password)
     assert len(set(passwords)) == 2
+
+
+@pytest.mark.parametrize("password, found", [(None, "none"), ("idic:guess", "another one")])
+def test_a_configured_server_that_refuses_the_password_is_bad_input_and_no_bug(unconfigured, monkeypatch, password,
+                                                                              found):
+    class Closed(http.server.BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200 if self.path.endswith("/health") else 401)
+            self.send_header("content-length", "2")
+            self.end_headers()
+            self.wfile.write(b"{}")
+
+        do_POST = do_GET
+
+        def log_message(self, *_):
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Closed) as closed:
+        threading.Thread(target=closed.serve_forever, daemon=True).start()
+        monkeypatch.setenv("PREFECT_API_URL", f"http://127.0.0.1:{closed.server_port}/api")
+        if password:
+            monkeypatch.setenv(PASSWORD, password)
+        with start_server() as server:
+            from idic_flows.settings import connected
+            from prefect.client.orchestration import get_client
+
+            with (pytest.raises(InputError, match=f"(?s){PASSWORD}.*found: {found}"), connected(server),
+                  get_client(sync_client=True) as client):
+                client.read_flow_runs()
+        closed.shutdown()
 
 
 def test_an_error_inside_a_flow_is_said_once_and_by_us(shared_server):
