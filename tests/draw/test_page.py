@@ -72,6 +72,10 @@ def test_pointer_and_lists_make_the_experiment(tmp_path):
         assert page.value('document.getElementById("log-text").textContent') == "3 rows for 3 frames."
         assert page.value('document.getElementById("force").value') == "force_N"
         said = page.value('document.getElementById("mesh-text").textContent')
+        along = page.value('document.getElementById("force-component").value')
+        chosen = "xy".replace(along, "")
+        page.choose("#force-component", chosen)
+        page.value("""document.querySelector('[aria-label="identify nu"]').click()""")
         page.click('[data-tool="circle"]')
         page.click_image(150, 80)
         page.click_image(162, 80)
@@ -93,6 +97,10 @@ def test_pointer_and_lists_make_the_experiment(tmp_path):
         page.choose("#elements", "triangles")
         page.choose('select[aria-label="load of HOLE1"]', "pressure:p_bar")
         tables = written(page, folder)
+        # drawing and a load of an edge leave alone what was chosen
+        assert tables["channel"][0]["simulated"]["component"] == chosen
+        law = tables["material"]["SPECIMEN"]
+        assert law["E"]["identify"] and not law["nu"].get("identify", False)
         assert tables["boundary"][-1] == {"pressure": {"column": "p_bar", "edges": "HOLE1", "follower": True}}
         mesh = tables["experiment"]["mesh"]
         assert mesh["elements"] == "triangles" and len(mesh["holes_px"]) == 1 and len(mesh["outline_px"]) == 6

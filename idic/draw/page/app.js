@@ -12,7 +12,7 @@ const $ = (id) => document.getElementById(id);
 const number = (id) => { const v = Number.parseFloat($(id).value.replace(",", ".")); return Number.isFinite(v) ? v : null; };
 const context = $("canvas").getContext("2d");
 const sketch = new Sketch();
-const page = { files: null, images: "", log: null, mesh: null, scale: null, axes: null, motions: {}, noise: null, drawn: 0 };
+const page = { files: null, images: "", log: null, mesh: null, scale: null, axes: null, motions: {}, componentChosen: false, noise: null, drawn: 0 };
 let queued = false;
 const paint = () => { if (!queued) { queued = true; requestAnimationFrame(() => { queued = false; draw(); }); } };
 const view = new View($("canvas"), paint);
@@ -150,8 +150,13 @@ function edgeTable() {
   const before = $("force-edge").value;
   $("force-edge").replaceChildren(...names.map((name) => new Option(name)));
   $("force-edge").value = names.includes(before) ? before : names.find((n) => n === "TOP" || n === "RIGHT") || names[0] || "";
-  if ($("force-edge").value) $("force-component").value = componentOf($("force-edge").value);
+  forceAlong($("force-edge").value !== before);
   axesText();
+}
+
+function forceAlong(otherEdge) { // a component that the user has chosen stays as long as its edge
+  if (otherEdge) page.componentChosen = false;
+  if ($("force-edge").value && !page.componentChosen) $("force-component").value = componentOf($("force-edge").value);
 }
 
 async function readLog() {
@@ -178,7 +183,7 @@ function showLaw() {
   $("parameters").tBodies[0].replaceChildren(...law.parameters.map((p) => {
     const value = document.createElement("input"), tick = document.createElement("input");
     value.value = String(p.typical); value.inputMode = "decimal"; value.autocomplete = "off"; value.setAttribute("aria-label", `start of ${p.name}`);
-    tick.type = "checkbox"; tick.setAttribute("aria-label", `identify ${p.name}`);
+    tick.type = "checkbox"; tick.addEventListener("change", () => { row.dataset.chosen = "yes"; }); tick.setAttribute("aria-label", `identify ${p.name}`);
     const row = element("tr", [element("td", [p.name]), element("td", [value]), element("td", [p.unit === "-" ? "" : p.unit]), element("td", [tick])]);
     row.title = p.what;
     Object.assign(row.dataset, { name: p.name, stress: /Pa/.test(p.unit) ? "yes" : "" });
@@ -186,9 +191,9 @@ function showLaw() {
   }));
   identifyDefaults();
 }
-function identifyDefaults() { // without a force or a pressure no stress can be identified
-  const loaded = Boolean($("force").value) || underPressure();
-  for (const row of $("parameters").tBodies[0].rows) row.querySelector("[type=checkbox]").checked = row.dataset.name !== "angle" && (loaded || !row.dataset.stress);
+function identifyDefaults() { // without a force or a pressure no stress can be identified; what the user has chosen stays
+  const loaded = Boolean($("force").value) || underPressure(), rows = [...$("parameters").tBodies[0].rows];
+  for (const row of rows.filter((r) => !r.dataset.chosen)) row.querySelector("[type=checkbox]").checked = row.dataset.name !== "angle" && (loaded || !row.dataset.stress);
 }
 
 // writing and running -------------------------------------------------------------------------------------
@@ -303,7 +308,8 @@ listen("show-floor", "change", () => { legend(); paint(); });
 listen("edge-name", "change", nameLine);
 listen("log", "change", readLog);
 listen("force", "change", () => { identifyDefaults(); wanted(); });
-listen("force-edge", "change", () => { $("force-component").value = componentOf($("force-edge").value); });
+listen("force-edge", "change", () => forceAlong(true));
+listen("force-component", "change", () => { page.componentChosen = true; });
 listen("law", "change", showLaw);
 listen("write", "click", write);
 listen("go", "click", go);
