@@ -154,7 +154,7 @@ def join(designs: Sequence[Design]) -> Joint:
     InputError
         As `idic.identify.joint.join`, but for options.
     """
-    own_names = joint_names({design.name: design.experiment for design in designs}, PLAN_SEPARATOR)
+    own_names = joint_names({design.name: design.experiment for design in designs}, PLAN_SEPARATOR, any_unit=True)
     renamed = [tuple(own_names[design.name][name] for name in design.names) for design in designs]
     names = tuple(dict.fromkeys(name for group in renamed for name in group))
     M, noise, b = np.zeros((len(names),) * 2), np.zeros((len(names),) * 2), np.zeros(len(names))
@@ -167,7 +167,7 @@ def join(designs: Sequence[Design]) -> Joint:
         noise[place] += system.spread + design.image_noise**2 * design.evaluation.reference_gram
         for own, name in zip(design.names, group, strict=True):
             parameter = replace(design.parameters[own], name=name)
-            if known.setdefault(name, parameter).value != parameter.value:
+            if not np.isclose(known.setdefault(name, parameter).value, parameter.value, rtol=1e-12, atol=0.0):
                 notes.append(f"{name}: the plans assume {known[name].shown:g} and {parameter.shown:g} {parameter.unit}")
     joint = list(dict.fromkeys(prior.renamed(dict(zip(design.names, group, strict=True)))
                                for design, group in zip(designs, renamed, strict=True)

@@ -29,6 +29,7 @@ from idic.identify.step.stages import check_images
 from idic.identify.step.state import Evaluation, LoopState
 from idic.model.experiment import Experiment, Stage
 from idic.parameters import Parameter, ParameterSet
+from idic.readers.units import parse_unit
 
 LOOP_OPTIONS = ("estimator", "weighting", "interpolation", "schedule", "max_iterations", "tolerance", "step_limit",
                 "trial_steps", "substeps")
@@ -128,8 +129,12 @@ def join(experiments: Mapping[str, Experiment]) -> Joint:
     return Joint(experiments, names, whole)
 
 
-def joint_names(experiments: Mapping[str, Experiment], separator: str = ".") -> dict[str, dict[str, str]]:
-    """{experiment: {its parameter: parameter of the whole}}; `separator` stands behind the name of an experiment.
+def joint_names(experiments: Mapping[str, Experiment], separator: str = ".",
+                any_unit: bool = False) -> dict[str, dict[str, str]]:
+    """{experiment: {its parameter: parameter of the whole}}.
+
+    separator : behind the name of an experiment
+    any_unit : experiments may state a shared parameter in several units of one dimension
 
     Raises
     ------
@@ -149,7 +154,7 @@ def joint_names(experiments: Mapping[str, Experiment], separator: str = ".") -> 
         for own, parameter in experiment.parameters.items():
             first = stated.setdefault(names[name][own], parameter)
             if first is not parameter:
-                _check_alike(first, parameter, experiment)
+                _check_alike(first, parameter, experiment, any_unit)
     return names
 
 
@@ -202,15 +207,26 @@ def _check_laws(experiments: Mapping[str, Experiment], name: str) -> None:
                                      remedy="give both the same law, or the sets different names")
 
 
-def _check_alike(first: Parameter, other: Parameter, experiment: Experiment) -> None:
+def _check_alike(first: Parameter, other: Parameter, experiment: Experiment, any_unit: bool) -> None:
     """Refuse two statements of a shared parameter that differ in more than its start."""
-    same = (first.free, first.unit, first.bounds, first.prior_mean, first.prior_std, first.transform) == (
-        other.free, other.unit, other.bounds, other.prior_mean, other.prior_std, other.transform)
-    if not same or (first.value != other.value and not first.free):
+    one, two = ((p.free, p.transform, _dimension(p.unit) if any_unit else p.unit,
+                 *map(_without_rounding, (*p.bounds, p.prior_mean, p.prior_std, 0.0 if p.free else p.value)))
+                for p in (first, other))
+    if one != two:
         raise InputError(f"{first.name} is shared, but stated in two ways", file=experiment.folder, key=first.name,
                          expected=f"as in the first experiment: {_statement(first)}", found=_statement(other),
                          remedy="make value (if it is not identified), unit, identify, bounds and prior the same, or "
                                 "give the element sets different names, or write shared = false")
+
+
+def _without_rounding(value: float | None) -> float | None:
+    """Of a conversion from another unit."""
+    return value and float(f"{value:.12g}")
+
+
+def _dimension(unit: str) -> object:
+    known = parse_unit(unit)
+    return unit if known is None else known.powers
 
 
 def _statement(p: Parameter) -> str:

@@ -108,7 +108,7 @@ def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | N
                          found=f"{confusable:g}", remedy="give for instance 0.95")
     jobs = [DesignJob(name, load_plan(path, overrides, noise_std_gv))
             for path, name in zip(paths, plan_names(paths), strict=True)]
-    joint_names({job.name: job.plan.experiment for job in jobs})  # contradictions are refused before the simulations
+    joint_names({job.name: job.plan.experiment for job in jobs}, any_unit=True)  # refuses before it is simulated
     wanted = min(len(jobs), default_workers() if workers is None else workers)
     with open_cluster(wanted if len(jobs) > 1 and wanted > 1 else 0) as runner:
         designs = runner.map(run_design, jobs, [f"design-{job.name}" for job in jobs], progress=progress)

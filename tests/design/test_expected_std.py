@@ -145,9 +145,19 @@ def test_an_own_direction_gains_from_another_specimen_no_more_than_the_shared_mo
 
 
 def test_plans_that_contradict_each_other_are_refused_before_they_are_simulated(planned, tmp_path):
-    other = plan_folder(tmp_path / "other", ELASTIC.replace("MPa", "GPa") + GRIPS + FORCE + PLAN + PROGRAM)
+    known = ELASTIC.replace("nu = { value = 0.25, identify = true }", "nu = 0.25")
+    other = plan_folder(tmp_path / "other", known + GRIPS + FORCE + PLAN + PROGRAM)
     with pytest.raises(InputError, match="stated in two ways"):
         evaluate_plans([planned, other], workers=0)
+
+
+def test_plans_may_state_a_modulus_in_several_units(planned, tmp_path):
+    other = plan_folder(tmp_path / "other", ELASTIC.replace('1200, unit = "MPa"', '1.2, unit = "GPa"')
+                        + GRIPS + FORCE + PLAN + PROGRAM)
+    plans = [designed(planned, {}), designed(other, {})]
+    both = join(plans)
+    assert both.full.names == ("BODY.E", "BODY.nu") and not both.notes
+    assert both.full.std("BODY.E") == pytest.approx(plans[0].full.std("BODY.E") / np.sqrt(2.0), rel=1e-9)
 
 
 def test_without_force_the_modulus_is_open_and_poissons_ratio_is_not(tmp_path):
