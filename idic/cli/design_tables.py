@@ -10,13 +10,14 @@ from rich.table import Table
 def plan_table(plan: Mapping) -> Table:
     """Expected standard deviations of one plan."""
     from idic.report.design.page import parameter_rows
+    from idic.report.design.words import motion_unit
 
     rows, has_channels = parameter_rows(plan), bool(plan["channels"])
     has_test = any(entry["std_test_known"] is not None for entry in plan["parameters"].values())
     columns = [("parameter", "full"), ("assumed", "value"), ("± std", "std"), ("unit", "unit"),
                ("relative", "relative"),
                *([("images only", "image")] if has_channels else []), *([("test known", "known")] if has_test else []),
-               ("motion px", "motion"), ("", "verdict")]
+               (f"motion {motion_unit(plan)[1]}", "motion"), ("", "verdict")]
     table = Table(box=None, header_style="bold")
     for title, key in columns:
         table.add_column(title, justify="left" if key in ("full", "unit", "verdict") else "right")
@@ -44,12 +45,12 @@ def comparison_table(comparison: Mapping) -> Table:
 def show_design(console, content: Mapping) -> None:
     """Print tables and sentences of all plans."""
     from idic.report.design.page import said
-    from idic.report.design.words import best_plan
+    from idic.report.design.words import best_plan, largest_motion, seen_area
 
     several = len(content["plans"]) > 1
     for plan in content["plans"]:
-        console.print(f"{plan['name']}: {plan['frames']} frames, {plan['image_px'][0]} x {plan['image_px'][1]} px, "
-                      f"largest motion {plan['motion_px']:.3g} px", style="bold", highlight=False)
+        console.print(f"{plan['name']}: {plan['frames']} frames, {seen_area(plan).replace('×', 'x')}, "
+                      f"largest motion {largest_motion(plan)}", style="bold", highlight=False)
         console.print(plan_table(plan))
         for text in said(plan):
             console.print(text, highlight=False)

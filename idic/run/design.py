@@ -21,6 +21,9 @@ together; ``comparison``, the standard deviation of every parameter in every pla
     standard deviations after the first frames: ``frames``, ``std``.
 ``pattern``, ``noise``, ``channels``, ``assumptions``
     what was taken for granted.
+``points``
+    of a plan with measured fields, else null: ``number`` on the specimen; ``pitch``, their distance, in ``unit`` (mm;
+    px without a scale): it is one px of ``motion_px``.
 """
 
 from __future__ import annotations

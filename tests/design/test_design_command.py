@@ -1,6 +1,7 @@
 """`idic design` as a user meets it: files out, sentences, comparison of plans, messages about bad input."""
 
 import csv
+import io
 import json
 import pickle
 import re
@@ -9,11 +10,14 @@ import numpy as np
 import pytest
 import tifffile
 from planned_tests import ELASTIC, FORCE, GRIPS, PLAN, PROGRAM, plan_folder, recorded_folder
+from rich.console import Console
 from typer.testing import CliRunner
 
 from idic.cli.app import app
+from idic.cli.design_tables import show_design
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
+from idic.report.design.page import _facts
 from idic.report.design.words import best_plan, direction, fixed_product, headline, open_parameters, weakest
 from idic.identify.plan.planned_test import load_plan
 from idic.run.design import DesignJob, evaluate_plans, plan_names, run_design, write_design
@@ -99,6 +103,44 @@ def test_the_sentences_name_open_parameters_and_fixed_combinations(tmp_path):
     assert "cannot be told apart from geometry.thickness" in said
     assert "the test determines BODY.E·geometry.thickness" in said
     assert {"names": ["BODY.E", "geometry.thickness"], "correlation": None} in plan["confusable"]
+
+
+FIELDS = """
+[experiment]
+fields = "stage_*.csv"
+mesh = { roi_mm = [1, 1, 19, 9], element_mm = 4 }
+kind = "plane_stress"
+[material.SPECIMEN]
+law = "elastic"
+E = 70e3
+nu = { value = 0.3, identify = true }
+[[boundary]]
+nodes = "OUTER"
+u = "measured"
+"""
+
+
+def test_the_design_of_measured_fields_tells_of_points_and_millimetres(tmp_path):
+    rng = np.random.default_rng(0)
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(0.0, 20.1, 0.5), np.arange(0.0, 10.1, 0.5)))
+    for k in range(3):
+        u = np.column_stack([0.002 * k * x, -0.0006 * k * y]) + rng.normal(0.0, 1e-4, (len(x), 2))
+        rows = [f"{a},{b},{c:.7f},{d:.7f}" for a, b, c, d in np.column_stack([x, y, u])]
+        (tmp_path / f"stage_{k}.csv").write_text("\n".join(["x_mm,y_mm,u_mm,v_mm", *rows]))
+    (tmp_path / "experiment.toml").write_text(FIELDS)
+    content, _ = evaluate_plans([tmp_path], workers=0)
+    (plan,) = content["plans"]
+    facts = dict(_facts(plan))
+    number, rest = facts["measured fields"].split(" ", 1)
+    # 37 x 17 points at 0.5 mm; those next to the edges of the mesh may be left out
+    assert 480 <= int(number) <= 37 * 17 and rest == "points, 0.5 mm apart"
+    assert facts["noise of a component σ"].endswith("µm") and not {"image", "camera noise σ"} & set(facts)
+    console = Console(width=140, file=io.StringIO())
+    show_design(console, content)
+    told = console.file.getvalue()
+    motion = float(re.search(r"largest motion (\S+) mm", told)[1])
+    assert motion == pytest.approx(0.004 * 19, rel=0.05)  # 1 mm from the end at x = 20 mm
+    assert facts["largest motion"] == f"{motion:.3g} mm" and "motion mm" in told and "px" not in told
 
 
 def test_parameters_that_need_the_force_are_reported(tmp_path):

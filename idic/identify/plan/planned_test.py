@@ -344,5 +344,6 @@ def _with_noise(experiment: Experiment, *given: float | None) -> tuple[Experimen
     told = {"given": "as given", "still_frames": "from still frames",
             "stage_differences": "from the differences of stages",
             "assumed": f"assumed: {100 * NOISE_SHARE:g} % of the contrast; give noise_std_gv or --noise-gv"}
+    what = "image noise" if experiment.points is None else "noise of a component"
     return (replace(experiment, noise=source),
-            f"image noise: {source.std_gv:.3g} {image_unit(experiment)} ({told.get(source.source, source.source)})")
+            f"{what}: {source.std_gv:.3g} {image_unit(experiment)} ({told.get(source.source, source.source)})")

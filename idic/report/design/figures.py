@@ -158,7 +158,11 @@ def _step(plan: Mapping, name: str, step: float) -> str:
 def _record(plan: Mapping) -> RunRecord:
     """The plan as the figures of a run know one."""
     result = {"parameters": plan["parameters"], "correlation": plan["correlation"]}
-    return RunRecord(plan["title"], result, names=tuple(plan["M"]["names"]), M=np.array(plan["M"]["matrix"]))
+    pitch = None
+    if plan["points"] is not None and plan["points"]["unit"] == "mm":
+        result["quantity"], pitch = "displacement", plan["points"]["pitch"]
+    return RunRecord(plan["title"], result, pixel_size_mm=pitch, names=tuple(plan["M"]["names"]),
+                     M=np.array(plan["M"]["matrix"]))
 
 
 def _file(name: str) -> str:

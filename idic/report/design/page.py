@@ -45,6 +45,7 @@ def _plan(plan: Mapping, section: Section) -> dict:
     return {"name": plan["name"], "section": section, "headline": say.headline(plan), "facts": _facts(plan),
             "sentences": said(plan),
             "rows": parameter_rows(plan), "directions": _direction_rows(plan),
+            "motion_unit": say.motion_unit(plan)[1],
             "has_channels": bool(plan["channels"]), "has_test": _has_test(plan),
             "assumptions": [*plan["assumptions"], *plan["notes"]]}
 
@@ -55,10 +56,14 @@ def said(plan: Mapping) -> list[str]:
 
 
 def _facts(plan: Mapping) -> list[tuple[str, str]]:
-    facts = [("frames", f"{plan['frames']} in {plan['duration_s']:g} s"),
-             ("image", f"{plan['image_px'][0]} × {plan['image_px'][1]} px, {plan['pixels']} on the specimen"),
-             ("pattern", plan["pattern"]), ("camera noise σ", f"{plan['noise']['std_gv']:.3g} {plan['noise']['unit']}"),
-             ("largest motion", f"{plan['motion_px']:.3g} px")]
+    noise = f"{plan['noise']['std_gv']:.3g} {plan['noise']['unit']}"
+    facts = [("frames", f"{plan['frames']} in {plan['duration_s']:g} s")]
+    if plan["points"] is None:
+        facts += [("image", f"{say.seen_area(plan)}, {plan['pixels']} on the specimen"),
+                  ("pattern", plan["pattern"]), ("camera noise σ", noise)]
+    else:
+        facts += [(plan["pattern"], say.seen_area(plan)), ("noise of a component σ", noise)]
+    facts.append(("largest motion", say.largest_motion(plan)))
     for name, channel in plan["channels"].items():
         facts.append((name, f"up to {channel['peak']:.4g} {channel['unit']}, σ {channel['noise_std']:.3g}"))
     if plan["condition"] is not None:
@@ -73,7 +78,7 @@ def _has_test(plan: Mapping) -> bool:
 def parameter_rows(plan: Mapping) -> list[dict]:
     """The table of one plan as text: – where something is not determined, no row for the modes of boundaries."""
     parameters = say.named(plan["parameters"])
-    shown, rows = words.short_names(parameters), []
+    shown, rows, scale = words.short_names(parameters), [], say.motion_unit(plan)[0]
     for name, entry in parameters.items():
         std = entry["std"]
         rows.append({
@@ -81,14 +86,14 @@ def parameter_rows(plan: Mapping) -> list[dict]:
             "value": words.number(entry["value"]), "std": short(std),
             "relative": "–" if entry["relative_std"] is None else say.percent(entry["relative_std"]),
             "image": short(entry["std_images_only"]), "known": short(entry["std_test_known"]),
-            "motion": "" if entry["motion_px"] is None else _px(entry["motion_px"]),
+            "motion": "" if entry["motion_px"] is None else _px(entry["motion_px"], scale),
             "frame": "" if entry["motion_frame"] is None else str(entry["motion_frame"]),
             "grade": entry["grade"], "verdict": say.GRADES[entry["grade"]]})
     return rows
 
 
-def _px(motion: float) -> str:
-    return f"{motion:.3g}" if motion > 1e-6 else "0"
+def _px(motion: float, scale: float) -> str:
+    return f"{scale * motion:.3g}" if motion > 1e-6 else "0"
 
 
 def short(std: float | None) -> str:

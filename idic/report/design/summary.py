@@ -24,7 +24,7 @@ def summary(design: Design, pattern: str, path: Path | str, confusable: float) -
         "name": design.name, "title": experiment.title, "experiment": str(Path(path).resolve()),
         "frames": experiment.n_frames, "duration_s": float(np.ptp(experiment.times)),
         "image_px": list(experiment.image_shape[::-1]), "pixels": design.n_pixels,
-        "motion_px": float(design.motion_px.max()), "pattern": pattern,
+        "points": points_of(design), "motion_px": float(design.motion_px.max()), "pattern": pattern,
         "noise": {"std_gv": experiment.noise.std_gv, "unit": image_unit(experiment),
                   "source": experiment.noise.source},
         "channels": {c.column: {"unit": c.unit, "noise_std": float(noise), "peak": float(peak)} for c, noise, peak in
@@ -50,6 +50,13 @@ def summary(design: Design, pattern: str, path: Path | str, confusable: float) -
     content["assumptions"] = list(design.notes)
     content["notes"] = list(experiment.notes)
     return content
+
+
+def points_of(design: Design) -> dict | None:
+    """Points of a measured field on the mesh; their distance is what its px is. None for images."""
+    points = design.experiment.points
+    return None if points is None else {"number": design.n_pixels // points.n_components, "pitch": points.pitch_mm,
+                                        "unit": design.experiment.length_unit}
 
 
 def parameters_of(analysis: Analysis) -> dict:

@@ -89,6 +89,25 @@ def headline(plan: Mapping) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
+def motion_unit(plan: Mapping) -> tuple[float, str]:
+    """What a motion in px is multiplied by to be shown, and its unit: mm of measured fields, whose px is their
+    pitch."""
+    return (1.0, "px") if plan["points"] is None else (plan["points"]["pitch"], plan["points"]["unit"])
+
+
+def largest_motion(plan: Mapping) -> str:
+    """With its unit."""
+    scale, unit = motion_unit(plan)
+    return f"{scale * plan['motion_px']:.3g} {unit}"
+
+
+def seen_area(plan: Mapping) -> str:
+    """The size of the images, or the points of the measured fields."""
+    if plan["points"] is None:
+        return f"{plan['image_px'][0]} × {plan['image_px'][1]} px"
+    return "{number} points, {pitch:.3g} {unit} apart".format(**plan["points"])
+
+
 def percent(relative: float) -> str:
     return f"{two_digits(100.0 * relative)} %"
 
