@@ -15,7 +15,6 @@ from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.identify.design import design_test, join
 from idic.identify.in_memory import identify
-from idic.identify.plan.planned_test import load_plan
 from idic.report.design.summary import compare
 from idic.identify.plan.planned_test import load_plan, virtual_speckle
 from idic.run.design import evaluate_plans
