@@ -193,6 +193,12 @@ def test_another_member_of_the_family_is_first_but_not_inside(tmp_path, truth):
     assert not record.family_first and record.inside
 
 
+def test_a_spot_that_was_left_out_is_no_material_cause(tmp_path, truth):
+    """Dust is named, and is no candidate: the table of 43 answers ended in a KeyError."""
+    record = evaluated(Folder(tmp_path), "0", replace(truth, world={}), _answer(named=["dust", "poisson_ratio"]))
+    assert record.inside and not record.false_physics
+
+
 def test_a_name_on_a_clean_recording_is_a_false_alarm_and_the_matrix_shows_it(tmp_path, truth):
     clean = replace(truth, key="clean/0", effects=(), amplitudes=())
     records = [evaluated(Folder(tmp_path), "0", clean, _answer()), evaluated(Folder(tmp_path), "1", clean, _answer(

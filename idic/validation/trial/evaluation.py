@@ -103,7 +103,7 @@ def evaluated(folder: Folder, number: str, truth: Truth, answer: Mapping) -> Tri
     first = named[0] if named else None
     as_cut = told_as_cut(scene_of(truth), answer)
     true = {effect.name for effect in effects} | _implied(truth) | ({"heterogeneity"} if as_cut else set())
-    bulk = [name for name in named if FAMILIES[families[name]].side == "bulk"] if families else []
+    bulk = [name for name in named if name in families and FAMILIES[families[name]].side == "bulk"]  # no spots
     told = answer["verdict"] not in NOT_NAMED
     return TrialRecord(
         truth.key, number, truth.names, truth.effects[0][1] if truth.effects else "", truth.solver, answer["verdict"],
