@@ -22,7 +22,9 @@ from idic.cli.outcomes import BAD_INPUT, DONE
 from idic.errors import InputError
 from idic.report.fields.viewer import viewer_data
 from idic.report.page import render_page
+from idic.run.context import open_run
 from idic.run.diagnosis.source import open_source
+from idic.run.judgement.accepted_point import channels_of
 from idic.run.reporting.write import load_record, write_numbers, write_report
 from idic.store.result_file import RESULT_FILE, read_result
 
@@ -151,8 +153,19 @@ def test_a_digit_that_somebody_changed_in_a_result_is_refused(reader):
 def test_a_report_of_a_damaged_description_says_nothing_but_the_refusal():
     """Found by the campaign: the name of a stage came first."""
     with copy_of(whole_run("grips")) as run:
-        flip(run / "run.zarr" / "channels" / "zarr.json", 654)
+        for described in sorted(run.glob("run.zarr/evaluations/*/base/zarr.json")):
+            flip(described, 654)
         assert_fair(idic("report", run), (BAD_INPUT,))
+
+
+def test_channels_of_a_damaged_description_are_computed_again():
+    """Of the simulation of the accepted point, which is sealed, too."""
+    with copy_of(whole_run("grips")) as run:
+        context, result = open_run(str(run)), json.loads((run / RESULT_FILE).read_text())
+        before = channels_of(context, result)
+        flip(run / "run.zarr" / "channels" / "zarr.json", 654)
+        assert context.store.finished("channels") is None
+        np.testing.assert_array_equal(channels_of(context, result), before)
 
 
 def test_a_damaged_frame_is_told_before_the_figures_are_drawn():
