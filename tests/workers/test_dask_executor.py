@@ -15,7 +15,6 @@ import numpy as np
 import psutil
 import pytest
 import tifffile
-from distributed import KilledWorker
 from cluster_jobs import (die_always, die_once, die_when_asked, fail_until, hold_memory, loaded, refuse, slow_first,
                           slow_once, square, thread_limits)
 from experiment_file.small_experiment import load_experiment, write_experiment
@@ -228,6 +227,8 @@ class Over:
         self.tell = tell
 
     def result(self):
+        from distributed import KilledWorker
+
         if self.kills:
             raise KilledWorker("simulate", None, 8)
         return self.number
