@@ -337,7 +337,7 @@ def test_workers_end_with_their_driver_however_it_ends(tmp_path, stop):
     driver = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                               text=True)
     try:
-        _wait_for(lambda: all((tmp_path / x).exists() and (tmp_path / x).read_text() for x in "ab"), 30)
+        _wait_for(lambda: all((tmp_path / x).exists() and (tmp_path / x).read_text() for x in "ab"), 90)
         children = psutil.Process(driver.pid).children(recursive=True)
         assert len(children) >= 2
         driver.send_signal(stop)
