@@ -1,4 +1,4 @@
-"""An experiment of Python objects in a RUN folder: the one that is saved there is the one that is identified."""
+"""The folder in a RUN that holds the files of an experiment of Python objects, from which it is identified."""
 
 from __future__ import annotations
 

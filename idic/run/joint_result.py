@@ -80,7 +80,7 @@ def result_of_part(folder: Path, own: dict, whole: Mapping, experiment: str, nam
 
 
 def derived_of_part(derived: Mapping[str, dict], experiment: str, experiments: Iterable[str]) -> dict[str, dict]:
-    """The derived quantities of one experiment under its own names: those of all, and of nobody else.
+    """The derived quantities of one experiment under its own names, without those of the other experiments.
 
     derived : of the whole, ``NAME.SET.K`` and ``NAME.SET.E1/E2`` those of an experiment
     """

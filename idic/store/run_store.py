@@ -320,7 +320,7 @@ def _sync(path: Path) -> None:
 
 
 def _remove_tree(path: Path) -> None:
-    """Delete a folder; it is renamed first, so that no reader finds it half deleted and nobody sets it back."""
+    """Delete a folder; it is renamed first, so that no reader finds it half deleted and no `claim` restores it."""
     doomed = path.parent / f".{path.name.lstrip('.')}.{uuid.uuid4().hex[:12]}{_REMOVED}"
     try:
         replace_file(path, doomed)

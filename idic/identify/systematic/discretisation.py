@@ -50,8 +50,8 @@ def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Ex
                     increments: int | None) -> DiscrepancySystem:
     """The normal equations of a discrepancy with the error of a coarse mesh; without it where the finer one fails.
 
-    The error m of b by the mesh is the one that moves the parameters by their bias (priors hold them as they hold them
-    against noise), and that leaves nothing beside it.
+    The error of b by the mesh is (M + priors) times the bias of the parameters: it moves them by that bias and leaves
+    no residual.
 
     Parameters
     ----------
@@ -68,15 +68,14 @@ def with_mesh_error(found: DiscrepancySystem, evaluate: Evaluate, experiment: Ex
 
 
 def beyond_data(system: CorrelationSystem, parameters: ParameterSet, bias: np.ndarray) -> np.ndarray:
-    """What the M of an answer asks of b for a change of the parameters beside that of the data: its priors, less the
-    noise of measured ends  # (n,)"""
-    priors = scaled_system(replace(system, M=np.zeros_like(system.M), end_noise=None), parameters,
-                           np.zeros_like(system.M), 0.0)
-    held = priors.M @ (bias / priors.slopes)
+    """The part of b that belongs to a bias of the parameters beside the M of the data: that of their priors, less that
+    of the noise of measured ends  # (n,)"""
+    held = parameters.prior_equations(system.names)[0] @ bias
     if system.end_noise is None:
-        return held / priors.slopes
-    weight = scaled_system(system, parameters, np.zeros_like(system.M), 0.0).weight
-    return np.linalg.lstsq(weight, held, rcond=None)[0] / priors.slopes - system.end_noise @ bias
+        return held
+    scaled = scaled_system(system, parameters, np.zeros_like(system.M), 0.0)
+    asked = np.linalg.lstsq(scaled.weight, scaled.slopes * held, rcond=None)[0] / scaled.slopes
+    return asked - system.end_noise @ bias
 
 
 def discretisation_bias(evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
