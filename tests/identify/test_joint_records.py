@@ -55,7 +55,7 @@ def test_the_noise_of_a_channel_is_that_of_its_own_experiment(experiment):
     found = [weighted_std(whole, number) for number in range(3)]
     assert found == [weighted_std(part, 0) for part in parts.values()]
     assert found[2] == 2.5 and max(found[:2]) < 2.0
-    assert [channel.noise_std for channel in whole.channels] == [None, None, 2.5]  # a noise that no file states is estimated
+    assert [channel.noise_std for channel in whole.channels] == [None, None, 2.5]  # no file states it: estimated
 
 
 def test_increments_are_halved_where_they_are_more_than_the_intervals_of_all_experiments(experiment):
