@@ -38,18 +38,21 @@ def yields(tmp_path_factory):
 @pytest.mark.parametrize("compared", [bricks.thickness_error, mesh_error.motion_error], ids=["bricks", "finer mesh"])
 def test_few_increments_compare_as_many_do(yields, compared, monkeypatch):
     few = compared(yields)
-    monkeypatch.setattr(increments, "MAX_INCREMENTS", 64)
+    monkeypatch.setattr(increments, "MAX_INCREMENTS_WITHOUT_TIME", 64)
     many = compared(yields)
     for one, other in ((few.u, many.u), (few.channels, many.channels)):
         assert np.abs(one - other).max() > 0.0
         assert np.abs(one - other).max() < 0.05 * np.abs(other).max()
 
 
-def test_a_model_is_compared_in_one_increment_per_frame_where_it_took_many(yields):
-    np.testing.assert_allclose(increments.compared_increments(yields), [1.0, 2.0, 3.0])
+@pytest.mark.parametrize("own", [2, 16])
+def test_a_model_is_compared_in_one_increment_per_frame_where_it_took_more(yields, own):
+    found = replace(yields, steps=with_increments(own))
+    np.testing.assert_allclose(increments.compared_increments(found), [1.0, 2.0, 3.0])
 
 
-@pytest.mark.parametrize("own", [None, np.arange(1.0, 4.0), with_increments(2)])
+@pytest.mark.parametrize("own", [None, np.arange(1.0, 4.0), np.array([1.0, 1.5, 2.0, 3.0])],
+                         ids=["none known", "one per frame", "one of them cut"])
 def test_a_model_with_few_increments_is_compared_in_its_own(yields, own):
     assert increments.compared_increments(replace(yields, steps=own)) is own
 
@@ -57,3 +60,5 @@ def test_a_model_with_few_increments_is_compared_in_its_own(yields, own):
 def test_a_law_with_time_keeps_two_simulations(yields, monkeypatch):
     monkeypatch.setattr(increments, "rate_dependent_laws", lambda experiment: ("of_time",))
     np.testing.assert_allclose(increments.compared_increments(yields), with_increments(2))
+    own = with_increments(2)
+    assert increments.compared_increments(replace(yields, steps=own)) is own
