@@ -10,6 +10,7 @@ from pathlib import Path
 from idic.run.context import experiments_of
 from idic.run.diagnosis.diagnose import diagnose, write_all
 from idic.run.diagnosis.source import open_source
+from idic.store.run_lock import run_lock
 from idic.workers.runner import TaskRunner
 from idic.workers.workplace import Workplace
 from idic_flows.settings import connected, flow_server  # before Prefect: it reads its settings from the environment
@@ -35,13 +36,13 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     Raises
     ------
     InputError
-        If the RUN holds no finished identification; nothing has been written then.
+        If the RUN holds no finished identification, or another process works on it; nothing has been written then.
     """
     began = time.perf_counter()
     open_source(run)
     place = Workplace(workers, scheduler, memory_limit, store)
     place.check(run, say=stage)
-    with (flow_server() as server,
+    with (run_lock(run), flow_server() as server,
           place.opened(run, experiments_of(run), ("idic.run.diagnosis.diagnose",)) as runner):
         with connected(server):
             return _diagnose_in_prefect(str(run), ShownRunner(runner), stage, began, resume, blocks, quick)

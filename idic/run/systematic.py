@@ -32,6 +32,7 @@ from idic.run.joint_run import is_joint
 from idic.store.arrays import read_array
 from idic.store.camera_groups import with_stored_images, with_stored_noise
 from idic.store.layout import group_name
+from idic.store.run_lock import run_lock
 from idic.store.result_file import RESULT_FILE, read_result, write_result
 from idic.store.state_file import load_state
 from idic.store.system_store import load_evaluation
@@ -65,9 +66,16 @@ def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: b
     Raises
     ------
     InputError
-        If the RUN holds no finished identification of one experiment, or of an external solver.
+        If the RUN holds no finished identification of one experiment, or of an external solver; another process works
+        on it.
     """
-    result = _finished(run)
+    _finished(run)  # before the lock, which makes a file
+    with run_lock(run):
+        return _assessed(run, runner, bias, spread, progress)
+
+
+def _assessed(run: str | Path, runner: TaskRunner, bias: bool, spread: bool, progress: Progress | None) -> dict:
+    result = _finished(run)  # as it is now: nobody else writes it until the end
     context = open_run(str(run))
     jobs = [AssessmentJob(str(run), None)] if bias else []
     if bias and path_dependent_laws(context.experiment):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from contextlib import ExitStack
 from pathlib import Path
 
 from idic.errors import InputError
@@ -42,9 +43,13 @@ def clean_run(run: Path | str, results_only: bool = False) -> int:
                          found="none",
                          remedy="name a folder that idic identify has written; an interrupted one continues with "
                                 "--resume")
-    with run_lock(run):
+    with ExitStack() as held:
+        held.enter_context(run_lock(run))
         parts = sorted((run / EXPERIMENTS).iterdir()) if _is_folder(run / EXPERIMENTS) else []
-        return sum(_clean(part, results_only) for part in (run, *parts) if _is_folder(part))
+        parts = [part for part in parts if _is_folder(part)]
+        for part in parts:  # one of them may be diagnosed just now
+            held.enter_context(run_lock(part))
+        return sum(_clean(part, results_only) for part in (run, *parts))
 
 
 def _clean(folder: Path, results_only: bool) -> int:

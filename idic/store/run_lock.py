@@ -134,5 +134,5 @@ def _refusal(path: Path) -> RunBusy:
         "another idic process works on this RUN folder",
         file=path.parent,
         found=who,
-        remedy=f"wait for it to end, or choose another --out; if no such process runs any more, delete {path}",
+        remedy=f"wait for it to end, or take another folder; if no such process runs any more, delete {path}",
     )

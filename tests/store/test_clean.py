@@ -1,6 +1,7 @@
 """`idic clean`: a RUN becomes smaller, and what is needed to go on stays."""
 
 import json
+import shutil
 
 import pytest
 from experiment_file.small_experiment import write_experiment
@@ -36,6 +37,28 @@ def test_a_run_at_work_is_left_alone(run):
     with run_lock(run), pytest.raises(RunBusy):
         clean_run(run)
     assert contents(run).keys() == before.keys()
+
+
+def test_a_part_of_a_joint_run_at_work_is_left_alone_with_the_others(run, tmp_path):
+    whole = shutil.copytree(run, tmp_path / "whole")
+    part = shutil.copytree(run, whole / "experiments" / "part")
+    with run_lock(part), pytest.raises(RunBusy):  # it is being diagnosed
+        clean_run(whole, results_only=True)
+    assert (part / "run.zarr").exists() and (whole / "run.zarr").exists()
+
+
+@pytest.mark.parametrize("command", ["diagnose --no-prefect", "diagnose", "systematic"])
+def test_no_two_commands_write_into_a_run_at_a_time(run, command, monkeypatch):
+    """A second diagnosis would delete the refits of the first, a second assessment write its result over the other."""
+    refit = run / "diagnosis" / "null-0123456789abcdef.npz"
+    refit.parent.mkdir(exist_ok=True)
+    refit.write_bytes(b"of the diagnosis that is at work")
+    before = (run / "result.json").read_bytes()
+    monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")  # no server is asked
+    with run_lock(run):
+        answer = CliRunner().invoke(app, [*command.split(), str(run), "--workers", "0"])
+    assert answer.exit_code == 2 and "another idic process works on this RUN" in answer.output, answer.output
+    assert refit.exists() and (run / "result.json").read_bytes() == before
 
 
 @pytest.mark.slow  # a report

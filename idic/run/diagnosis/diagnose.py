@@ -26,6 +26,7 @@ from idic.run.diagnosis.source import open_source
 from idic.run.diagnosis.spotless import without_spots
 from idic.run.diagnosis.where import where_pictures
 from idic.run.judgement.floor import PointJob, measured_floor
+from idic.store.run_lock import run_lock
 from idic.workers.dask_executor import open_cluster
 from idic.workers.runner import TaskRunner
 
@@ -84,10 +85,11 @@ def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,
     Raises
     ------
     InputError
-        If the RUN holds no finished identification; nothing has been written then.
+        If the RUN holds no finished identification, or another process works on it; nothing has been written then.
     """
     began = time.perf_counter()
-    with open_cluster(workers) as runner:
+    open_source(run)
+    with run_lock(run), open_cluster(workers) as runner:
         return write_all(run, diagnose(run, runner, stage, library=library, resume=resume, quick=quick), began, blocks)
 
 

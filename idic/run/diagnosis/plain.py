@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from idic.run.context import experiments_of
 from idic.run.diagnosis.diagnose import diagnose, write_all
 from idic.run.diagnosis.source import open_source
+from idic.store.run_lock import run_lock
 from idic.workers.workplace import Workplace
 
 
@@ -36,13 +37,13 @@ def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str
     Raises
     ------
     InputError
-        If the RUN holds no finished identification; nothing has been written then.
+        If the RUN holds no finished identification, or another process works on it; nothing has been written then.
     """
     began = time.perf_counter()
     open_source(run)
     place = Workplace(workers, scheduler, memory_limit, store)
     place.check(run, say=stage)
-    with (threadpool_limits(1, user_api="blas"),
+    with (run_lock(run), threadpool_limits(1, user_api="blas"),
           place.opened(run, experiments_of(run), ("idic.run.diagnosis.diagnose",)) as runner):
         diagnosis = diagnose(str(run), runner, stage, resume=resume, quick=quick)
         stage("writing figures and the enriched experiment")
