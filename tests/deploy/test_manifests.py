@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from idic.cli.outcomes import NOT_CONVERGED
 from idic.workers.dask_settings import KEEP_MEMORY
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
@@ -118,6 +119,13 @@ def test_the_network_policy_lets_no_pod_in_from_outside_the_namespace():
     assert [{port["port"] for port in rule["ports"]} for rule in out] == [{53}]
 
 
+def test_a_driver_that_found_no_scheduler_is_tried_again():
+    """A scheduler that is lost or not up yet is code 2, as bad input; what did not converge does not get better."""
+    for job in of_kind("Job"):
+        final = [code for rule in job["spec"]["podFailurePolicy"]["rules"] for code in rule["onExitCodes"]["values"]]
+        assert final == [NOT_CONVERGED] and job["spec"]["backoffLimit"] > 0
+
+
 # compose --------------------------------------------------------------------------------------------
 def test_the_compose_file_fits_its_schema():
     if find_spec("compose") is None:
@@ -147,6 +155,14 @@ def test_secrets_are_files_and_stand_nowhere_else():
     assert "BEGIN" not in text and not re.search(r"AUTH_STRING: ", text)
     ignored = (DEPLOY.parent / ".gitignore").read_text().split()
     assert "deploy/secrets/" in ignored, "nobody commits a key by mistake"
+
+
+def test_a_user_without_rights_can_write_into_every_named_volume():
+    """Docker makes a new volume with the rights of its folder in the image, and as root's where there is none."""
+    mounted = [volume.split(":") for service in COMPOSE["services"].values() for volume in service.get("volumes", ())]
+    places = [place for name, place, *_ in mounted if name in COMPOSE["volumes"]]
+    image = (DEPLOY / "Dockerfile").read_text().rpartition("\nFROM ")[2]
+    assert places and all(re.search(rf"install -d -m 1777 (.* )?{place}\b", image) for place in places)
 
 
 def test_dask_in_compose_speaks_tls_only():
