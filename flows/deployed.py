@@ -51,9 +51,12 @@ def batch(experiments: list[str], out: str, starts: int | None = None, spread: f
           overrides: dict[str, str] | None = None) -> State:
     """``idic batch FILE_OR_EXPERIMENT... --out DIR --resume`` on the worker; paths and states as of `identify`."""
     from idic.report.batch_page import headline
+    from idic.run.batch.entries import read_batch
     from idic_flows.batch import run_batch
 
     paths, folder = [data_path(path, "experiments") for path in experiments], data_path(out, "out")
+    for one in read_batch(paths, overrides):  # a list may name any place
+        data_path(one.experiment, "experiments")
     content = run_batch(paths, folder, starts=starts, spread=spread, seed=seed, resume=True, workers=workers,
                         scheduler=scheduler, sensitivity=sensitivity, overrides=overrides)
     message = f"{headline(content)} {folder / 'batch.html'}"

@@ -131,6 +131,20 @@ def test_a_deployment_takes_absolute_paths_below_its_root_only(tmp_path, monkeyp
         data_path("run", "out")
 
 
+def test_a_deployed_batch_refuses_a_list_that_leads_out_of_its_root(tmp_path, monkeypatch):
+    from idic_flows.deployed import batch
+
+    root, secret = tmp_path / "data", tmp_path / "secret"
+    for folder in (root, secret):
+        folder.mkdir()
+    (secret / "experiment.toml").touch()
+    (root / "list.csv").write_text("experiment\n../secret\n")
+    monkeypatch.setenv("IDIC_DATA_ROOT", str(root))
+    with pytest.raises(InputError, match="outside of the data"):
+        batch.fn([str(root / "list.csv")], str(root / "out"))
+    assert not (root / "out").exists()
+
+
 # slow -----------------------------------------------------------------------------------------------
 @pytest.mark.slow
 def test_a_batch_killed_in_the_middle_keeps_what_is_finished_and_ends_with_the_numbers_of_single_runs(strips, tmp_path):
