@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -27,7 +28,7 @@ from idic.remote_files import here
 from idic.store.arrays import read_array
 from idic.store.camera_groups import group_of, with_stored_images, with_stored_noise
 from idic.store.checkpoint import from_hex, load_checkpoint
-from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, EXPERIMENTS
+from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, EXPERIMENTS, FROM_PYTHON
 from idic.store.path_names import path_name
 from idic.store.run_store import RunStore
 from idic.workers.probe import ExperimentToSee
@@ -81,7 +82,7 @@ def open_run(run: str) -> RunContext:
 @lru_cache(maxsize=8)  # several experiments may be at work in turn
 def _open_run(run: str, content: bytes) -> RunContext:
     settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
-    settings = settings | {"experiment": here(settings["experiment"])}
+    settings = settings | {"experiment": _experiment_of(run, settings)}
     store = RunStore(run)
     experiment = load_experiment(settings["experiment"], settings["overrides"]).recognised(settings["identity"])
     if experiment.identity != settings["identity"]:
@@ -97,7 +98,18 @@ def _open_run(run: str, content: bytes) -> RunContext:
 def experiments_of(run: str | Path) -> tuple[ExperimentToSee, ...]:
     """The experiment of a prepared RUN, as its workers read it."""
     settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
-    return (ExperimentToSee(settings["experiment"], settings["overrides"], settings["identity"]),)
+    return (ExperimentToSee(_experiment_of(run, settings), settings["overrides"], settings["identity"]),)
+
+
+def _experiment_of(run: str | Path, settings: Mapping) -> str:
+    """Where the experiment of a RUN lies; one that was saved in the RUN moves with it."""
+    path, saved = here(settings["experiment"]), Path(run) / FROM_PYTHON
+    if os.path.exists(path):
+        return path
+    if saved.is_dir():
+        return str(saved.resolve())
+    raise InputError("the experiment of this run is no longer where it was", file=run, expected=path, found="nothing",
+                     remedy="tell the run where it is now:  idic identify EXPERIMENT --out RUN --resume")
 
 
 def stored_start(store: RunStore, settings: Mapping) -> BoundaryStart:

@@ -1,6 +1,7 @@
 """An identification from arrays: in memory the numbers of a RUN, and what a result gives."""
 
 import re
+import shutil
 import sys
 import tomllib
 from dataclasses import replace
@@ -83,6 +84,15 @@ def test_a_run_is_loaded_and_resumed_as_any_other(experiment, from_run, run):
     assert idic.identify(str(run / "experiment-from-python"), run, resume=True).content == from_run.content
     with pytest.raises(InputError, match="exists already"):
         idic.identify(experiment, run)
+
+
+def test_a_run_that_was_moved_takes_its_saved_experiment_along(from_run, run, tmp_path):
+    moved = shutil.copytree(run, tmp_path / "elsewhere", symlinks=True)
+    hidden = run.rename(run.with_name("hidden"))
+    try:
+        assert load_record(moved).result["parameters"] == from_run["parameters"]
+    finally:
+        hidden.rename(run)
 
 
 def test_a_channel_in_kN_is_told_in_kN(in_memory, tmp_path):

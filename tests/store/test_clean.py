@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 
 from idic.cli.app import app
 from idic.errors import InputError
+from idic.run.context import open_run
 from idic.run.plain import identify_experiment
 from idic.run.reporting.write import write_report
 from idic.store.clean import clean_run
@@ -59,6 +60,19 @@ def test_no_two_commands_write_into_a_run_at_a_time(run, command, monkeypatch):
         answer = CliRunner().invoke(app, [*command.split(), str(run), "--workers", "0"])
     assert answer.exit_code == 2 and "another idic process works on this RUN" in answer.output, answer.output
     assert refit.exists() and (run / "result.json").read_bytes() == before
+
+
+def test_a_run_whose_experiment_was_moved_says_how_to_tell_it_the_new_place(run, tmp_path):
+    own, folder = shutil.copytree(run, tmp_path / "run"), run.parent / "test"
+    moved = folder.rename(tmp_path / "moved")
+    try:
+        with pytest.raises(InputError, match="no longer where it was") as told:
+            open_run(str(own))
+        assert str(folder) in str(told.value) and "--resume" in told.value.remedy
+        identify_experiment(moved, own, resume=True, overrides={"options.max_iterations": 1})
+        assert open_run(str(own)).settings["experiment"] == str(moved)
+    finally:
+        moved.rename(folder)
 
 
 @pytest.mark.slow  # a report
