@@ -165,6 +165,8 @@ class JointPoints:
             for part in self.parts.values():
                 part.first_state()
             self._save(state)
+        elif any(load_state(part.session.run) != self.joint.state_of(name, state) for name, part in self.parts.items()):
+            self._save(state)  # a kill came between the state of all and those of the parts
         return state
 
     def simulate(self, trials: Sequence[LoopState]) -> list[str]:

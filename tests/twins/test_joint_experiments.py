@@ -19,8 +19,10 @@ from idic.errors import InputError  # noqa: E402
 from idic.experiment_file.load import load_experiment  # noqa: E402
 from idic.identify.in_memory import identify  # noqa: E402
 from idic.identify.joint import join  # noqa: E402
+from idic.run import joint_run  # noqa: E402
 from idic.run.reporting.compare import compare_runs, write_comparison  # noqa: E402
 from idic.run.reporting.write import write_report  # noqa: E402
+from idic.store.state_file import load_state, save_state  # noqa: E402
 
 TURNED = """
 [[dof]]
@@ -133,6 +135,26 @@ def test_an_interrupted_run_of_several_goes_on_to_the_same_bits(pair, together, 
     resumed = idic.identify_experiment(pair, tmp_path / "run", resume=True)
     assert resumed["parameters"] == together[1]["parameters"]
     assert idic.identify_experiment(pair, tmp_path / "run", resume=True)["parameters"] == resumed["parameters"]
+
+
+def test_a_kill_between_the_states_of_a_run_leaves_no_part_behind(pair, tmp_path, monkeypatch):
+    """A part that stays "running" is diagnosed at an older point than its result, and never counts as finished."""
+    class Kill(Exception):
+        pass
+
+    def killed(run, state):
+        if Path(run).parent.name == "experiments" and not state.running:
+            raise Kill
+        save_state(run, state)
+
+    monkeypatch.setattr(joint_run, "save_state", killed)
+    short = {"options.max_iterations": 1}
+    with pytest.raises(Kill):
+        idic.identify_experiment(pair, tmp_path / "run", overrides=short)
+    monkeypatch.undo()
+    result = idic.identify_experiment(pair, tmp_path / "run", overrides=short, resume=True)
+    parts = [load_state(folder) for folder in joint_run.folders_of(tmp_path / "run").values()]
+    assert {(part.status, part.evaluations) for part in parts} == {(result["status"], result["evaluations"])}
 
 
 @pytest.mark.slow  # three runs of six to eighteen evaluations, 16 s of CPU time
