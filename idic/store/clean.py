@@ -10,6 +10,7 @@ from idic.errors import InputError
 from idic.store.layout import EXPERIMENTS, SCRATCH
 from idic.store.result_file import RESULT_FILE
 from idic.store.run_lock import run_lock
+from idic.store.state_file import load_state
 
 DIAGNOSIS = "diagnosis.json"
 PICTURES = "figures"  # the pages hold copies of them
@@ -35,21 +36,36 @@ def clean_run(run: Path | str, results_only: bool = False) -> int:
     Raises
     ------
     InputError
-        The folder holds no finished identification, or a process works on it; nothing is removed.
+        The folder holds no finished identification, or a process works on it; nothing is removed. An interrupted
+        one is not made its results alone: it could no longer be resumed.
     """
     run = Path(run)
     if not (run / RESULT_FILE).is_file():
-        raise InputError("no finished identification", file=run, expected=f"a RUN folder with {RESULT_FILE}",
-                         found="none",
-                         remedy="name a folder that idic identify has written; an interrupted one continues with "
-                                "--resume")
+        raise _unfinished(run, "none")
     with ExitStack() as held:
         held.enter_context(run_lock(run))
+        if results_only and _is_interrupted(run):
+            raise _unfinished(run, "an interrupted one, which --resume needs whole")
         parts = sorted((run / EXPERIMENTS).iterdir()) if _is_folder(run / EXPERIMENTS) else []
         parts = [part for part in parts if _is_folder(part)]
         for part in parts:  # one of them may be diagnosed just now
             held.enter_context(run_lock(part))
         return sum(_clean(part, results_only) for part in (run, *parts))
+
+
+def _unfinished(run: Path, found: str) -> InputError:
+    return InputError("no finished identification", file=run, expected=f"a RUN folder with {RESULT_FILE}, finished",
+                      found=found,
+                      remedy="name a folder that idic identify has written; an interrupted one continues with --resume")
+
+
+def _is_interrupted(run: Path) -> bool:
+    """Whether steps remain to be done; a damaged state tells nothing."""
+    try:
+        state = load_state(run)
+    except InputError:
+        return False
+    return state is not None and state.running
 
 
 def _clean(folder: Path, results_only: bool) -> int:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 from experiment_file.small_experiment import write_experiment
@@ -14,6 +15,7 @@ from idic.run.plain import identify_experiment
 from idic.run.reporting.write import write_report
 from idic.store.clean import clean_run
 from idic.store.run_lock import RunBusy, run_lock
+from idic.store.state_file import load_state, save_state
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +75,15 @@ def test_a_run_whose_experiment_was_moved_says_how_to_tell_it_the_new_place(run,
         assert open_run(str(own)).settings["experiment"] == str(moved)
     finally:
         moved.rename(folder)
+
+
+def test_an_interrupted_run_keeps_what_resume_needs(run, tmp_path):
+    own = shutil.copytree(run, tmp_path / "run")
+    save_state(own, replace(load_state(own), status="running"))  # Ctrl-C: a result with the status "interrupted"
+    with pytest.raises(InputError, match="interrupted") as told:
+        clean_run(own, results_only=True)
+    assert "--resume" in told.value.remedy and (own / "run.zarr").exists()
+    clean_run(own)  # pictures may go
 
 
 @pytest.mark.slow  # a report
