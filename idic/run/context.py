@@ -30,6 +30,7 @@ from idic.store.camera_groups import group_of, with_stored_images, with_stored_n
 from idic.store.checkpoint import from_hex, load_checkpoint
 from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, EXPERIMENTS, FROM_PYTHON
 from idic.store.path_names import path_name
+from idic.store.result_file import RESULT_FILE
 from idic.store.run_store import RunStore
 from idic.workers.probe import ExperimentToSee
 
@@ -74,9 +75,17 @@ def open_run(run: str) -> RunContext:
     try:
         content = (Path(run) / DESCRIPTION).read_bytes()
     except (FileNotFoundError, NotADirectoryError):
-        raise InputError("there is no run", file=run, expected=f"a RUN folder with {DESCRIPTION}", found="none",
-                         remedy="name a folder that idic identify wrote") from None
+        raise _no_run(run) from None
     return _open_run(str(run), content)
+
+
+def _no_run(run: str) -> InputError:
+    if (Path(run) / RESULT_FILE).exists():
+        return InputError("this folder holds the results of a run alone", file=run, expected=f"its {DESCRIPTION} too",
+                          found="none: idic clean --results-only removes images, motions and state",
+                          remedy="identify the experiment again into a new RUN")
+    return InputError("there is no run", file=run, expected=f"a RUN folder with {DESCRIPTION}", found="none",
+                      remedy="name a folder that idic identify wrote")
 
 
 @lru_cache(maxsize=8)  # several experiments may be at work in turn

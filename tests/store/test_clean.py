@@ -109,6 +109,9 @@ def test_results_only_leaves_pages_tables_and_results(run):
     left = contents(run)
     assert {"result.json", "report.html", "tables/frames.csv"} <= left.keys()
     assert not any(name.startswith("run.zarr") for name in left)
+    for command in (["report"], ["diagnose", "--no-prefect"]):
+        said = CliRunner().invoke(app, [*command, str(run)])
+        assert said.exit_code == 2 and "--results-only removes" in said.output, said.output
 
 
 def test_what_a_link_leads_to_stays(tmp_path):

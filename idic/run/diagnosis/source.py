@@ -148,7 +148,7 @@ def open_source(run: str | Path) -> tuple[Source, Identification]:
         If there is no finished identification, or one that this diagnosis cannot start from.
     """
     run = Path(run)
-    if not (run / DESCRIPTION).exists():
+    if not (run / DESCRIPTION).exists() and not (run / RESULT_FILE).exists():
         raise InputError("there is no identification to diagnose", file=run, expected="a RUN folder of idic identify",
                          found="none", remedy="run  idic identify EXPERIMENT --out RUN  first")
     if (run / RESULT_FILE).exists():
