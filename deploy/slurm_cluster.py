@@ -139,10 +139,11 @@ def lost_jobs(cluster: SLURMCluster) -> list[str]:
 
 
 def seconds(walltime: str) -> float:
-    """Of ``[days-]hours:minutes:seconds``."""
-    days, _, clock = walltime.rpartition("-")
+    """Of a time as `sbatch --time` reads it: minutes, minutes:seconds, hours:minutes:seconds, days-hours[:...]."""
+    days, dash, clock = walltime.rpartition("-")
     parts = [float(part) for part in clock.split(":")]
-    return 86400.0 * float(days or 0) + sum(part * 60**power for power, part in enumerate(reversed(parts)))
+    units = (3600.0, 60.0, 1.0) if dash or len(parts) == 3 else (60.0, 1.0)
+    return 86400.0 * float(days or 0) + sum(part * unit for part, unit in zip(parts, units, strict=False))
 
 
 def _refuse(text: str) -> int:
