@@ -32,7 +32,8 @@ ok "nothing without the password"
 
 "$python" "$deploy/prefect_deploy.py" > "$scratch/deploy.log" 2>&1 || fail "the deployments"
 "$python" "$deploy/prefect_deploy.py" > "$scratch/deploy.log" 2>&1 || fail "the deployments for the second time"
-(cd "$scratch"; exec "$python" -m prefect worker start --pool idic --type process --limit 1) > "$scratch/worker.log" 2>&1 & children+=($!)
+prefect work-pool set-concurrency-limit idic 1 > /dev/null
+(cd "$scratch"; exec "$python" -m prefect worker start --pool idic --type process) > "$scratch/worker.log" 2>&1 & children+=($!)
 idic example demo --reduced --out "$scratch/data/test" > /dev/null
 start() { prefect deployment run "$@" --watch --watch-interval 2 --watch-timeout $((5 * patience)); }
 
