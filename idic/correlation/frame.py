@@ -10,7 +10,7 @@ eliminates it together with all other unknowns of the frame.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -50,6 +50,9 @@ class NodalEquations:
         sum of r^2 per element.
     kappa : float
         Mean of 1/det F over the valid pixels: deformed-image noise per reference pixel in the sandwich covariance.
+    squares : tuple of float, optional
+        Sums of squares of f and of g(x + u) about their means, patch by patch (GV²), of grey images, whatever of their
+        light is unknown.
     """
 
     q: np.ndarray
@@ -64,6 +67,7 @@ class NodalEquations:
     lost_pixels: np.ndarray
     element_rr: np.ndarray
     kappa: float
+    squares: tuple[float, float] | None = field(default=None, kw_only=True)
 
     @property
     def n_brightness(self) -> int:
@@ -178,13 +182,18 @@ def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
     matrix = sparse.csr_array((data, reference.pattern.indices, reference.pattern.indptr), shape=(n_dof, n_dof))
     grey = reference.blocks.grey.copy()
     grey[slot >= 0] = blocks.grey
-    hb, bb, rb = _brightness_blocks(layout, coupling, grey, _centre(reference, layout), sums, n_dof)
+    nb, rr = layout.n_columns, float(sums[:, 16].sum())
+    bb, rb = _brightness_blocks(layout, grey, _centre(reference, layout), sums)
+    squares = _squares_about_mean(bb, rb, rr)
+    hb = sparse.csr_array((n_dof, 0))
+    if nb:
+        hb = sparse.csr_array((coupling, layout.pattern.indices, layout.pattern.indptr), shape=(n_dof, nb))
     n_lost = int(lost.sum())
     n_valid = pm.n_pixels - n_lost
     kappa = float((grey[:, 0] / np.maximum(np.abs(det), 1e-3)).sum() / max(n_valid, 1))
     lost_pixels = np.flatnonzero(valid == 0) if n_lost else np.zeros(0, dtype=np.int64)
-    return NodalEquations(q, matrix, hb, bb, rb, float(sums[:, 16].sum()), n_valid, n_lost, lost, lost_pixels,
-                      sums[:, 16].copy(), kappa)
+    return NodalEquations(q, matrix, hb, bb[:nb, :nb], rb[:nb], rr, n_valid, n_lost, lost, lost_pixels,
+                          sums[:, 16].copy(), kappa, squares=squares)
 
 
 def solve_brightness(equations: NodalEquations) -> BrightnessFit:
@@ -279,22 +288,31 @@ def _blocks_of_valid(reference, lost, valid):
     return slot, element_blocks(reference.pixel_map, relative, reference.fx, reference.fy, concerned, valid)
 
 
-def _brightness_blocks(layout: Brightness, coupling, grey, centre, sums, n_dof):
-    nb = layout.n_columns
-    if nb == 0:
-        return sparse.csr_array((n_dof, 0)), np.zeros((0, 0)), np.zeros(0)
-    hb = sparse.csr_array((coupling, layout.pattern.indices, layout.pattern.indptr), shape=(n_dof, nb))
+def _brightness_blocks(layout: Brightness, grey: np.ndarray, centre: np.ndarray,
+                       sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Block and right-hand side of gain and offset of every patch  # (2 n_patches, 2 n_patches), (2 n_patches,)"""
     number, first, second = grey.T
     per_element = np.column_stack([
         second - 2.0 * centre * first + centre**2 * number, first - centre * number, number, -sums[:, 18], -sums[:, 17],
     ])  # (n_elements, 5): f f, f 1, 1 1 with f centred; gain and offset right-hand sides
     total = np.column_stack([np.bincount(layout.patch, column) for column in per_element.T])  # (n_patches, 5)
-    bb, rb = np.zeros((nb, nb)), np.empty(nb)
-    gain, offset = np.arange(0, nb, 2), np.arange(1, nb, 2)
+    size = 2 * len(total)
+    bb, rb = np.zeros((size, size)), np.empty(size)
+    gain, offset = np.arange(0, size, 2), np.arange(1, size, 2)
     bb[gain, gain], bb[offset, offset] = total[:, 0], total[:, 2]
     bb[gain, offset] = bb[offset, gain] = total[:, 1]
     rb[gain], rb[offset] = total[:, 3], total[:, 4]
-    return hb, bb, rb
+    return bb, rb
+
+
+def _squares_about_mean(bb: np.ndarray, rb: np.ndarray, rr: float) -> tuple[float, float]:
+    """Sums of squares of f and of g(x + u) = f - r about their means, patch by patch (GV²)."""
+    gain, offset = slice(0, None, 2), slice(1, None, 2)
+    seen = np.diagonal(bb)[offset] > 0
+    numbers, sums = np.diagonal(bb)[offset][seen], np.diagonal(bb[gain, offset])[seen]  # of f centred
+    squares = np.diagonal(bb)[gain][seen].sum()
+    still = squares - (sums**2 / numbers).sum()
+    return float(still), float(squares + 2.0 * rb[gain].sum() + rr - ((sums + rb[offset][seen]) ** 2 / numbers).sum())
 
 
 @njit(cache=True, nogil=True)

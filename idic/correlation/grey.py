@@ -98,25 +98,12 @@ def frame_spline(experiment: Experiment, frame: int) -> Spline:
 
 
 def contrast_ratio(equations: NodalEquations) -> float:
-    """Standard deviation of g(x + u) over that of f on the specimen, from the sums of a frame; 1 without brightness.
+    """Standard deviation of g(x + u) over that of f on the specimen, from the sums of a frame.
 
     Free of the match between the two: a far start scrambles the pattern, a black frame has none.
     """
-    if equations.n_brightness < 2:
-        return 1.0
-    still, moved = squares_about_mean(equations)
+    still, moved = equations.squares or (0.0, 0.0)
     return float(np.sqrt(max(moved, 0.0) / still)) if still > 0.0 else 1.0
-
-
-def squares_about_mean(equations: NodalEquations) -> tuple[float, float]:
-    """Sums of squares of f and of g(x + u) about their means, patch by patch, from the sums of a frame (GV²)."""
-    gain, offset = slice(0, equations.n_brightness - 1, 2), slice(1, None, 2)  # a blur may come after them
-    bb, rb = equations.bb, equations.rb
-    seen = np.diagonal(bb)[offset] > 0
-    numbers, sums = np.diagonal(bb)[offset][seen], np.diagonal(bb[gain, offset])[seen]  # of f_centred
-    squares = np.diagonal(bb)[gain][seen].sum()
-    still = squares - (sums**2 / numbers).sum()
-    return still, squares + 2.0 * rb[gain].sum() + equations.rr - ((sums + rb[offset][seen]) ** 2 / numbers).sum()
 
 
 def blur_of_noise(lowpass_px: float, correlation: np.ndarray | None = None) -> float:

@@ -99,8 +99,10 @@ def test_an_excluded_frame_plays_no_part_and_is_listed_as_excluded(clean, tmp_pa
         assert result["parameters"][name]["value"] == pytest.approx(entry["value"], rel=1e-12)
 
 
-def test_a_black_frame_is_lost_and_its_sums_do_not_count(clean, plain, tmp_path):
-    path = write_folder(tmp_path / "test", Twin(), WHOLE, clean)
+@pytest.mark.parametrize("light", ["frame", "none"])
+def test_a_black_frame_is_lost_and_its_sums_do_not_count(clean, plain, tmp_path, light):
+    """Whether gain and offset of a frame are unknown or not: with neither, a black one took the search with it."""
+    path = write_folder(tmp_path / "test", Twin(), WHOLE + f'[options]\nbrightness = "{light}"\n', clean)
     spoil(path, 2, lambda image: np.zeros_like(image))
     result = judged(path)
     assert result["status"] == "converged"

@@ -25,7 +25,7 @@ import numpy as np
 from idic.correlation.comparison import at_nodes
 from idic.correlation.context import CorrelationContext
 from idic.correlation.frame import nodal_equations, residual_map
-from idic.correlation.grey import GreyReference, squares_about_mean
+from idic.correlation.grey import GreyReference
 from idic.correlation.pinhole.agreement import seen_as_well
 from idic.correlation.pinhole.two_views import columns_between, moves_at_rest, pulled_back, way_between
 from idic.correlation.pinhole.view import in_space
@@ -194,7 +194,7 @@ class _Comparison:
         """The pair, and the sum of squares that counts: no more than at the least correlation that is used."""
         nodal, reference = self.nodal, self.reference
         brightness = solve_positive(nodal.bb, nodal.rb)
-        rr, (_, squares) = max(nodal.rr - float(brightness @ nodal.rb), 0.0), squares_about_mean(nodal)
+        rr, (_, squares) = max(nodal.rr - float(brightness @ nodal.rb), 0.0), nodal.squares or (0.0, 0.0)
         correlation = float(np.sqrt(max(1.0 - rr / squares, 0.0))) if squares > 0.0 else 0.0
         left = residual_map(reference, spline, motion, BRIGHTNESS, brightness, nodal.lost_pixels)
         starts, r = reference.pixel_map.start[:-1], np.where(left.valid, left.r, 0.0).astype(float)
