@@ -26,6 +26,7 @@ from idic.experiment_file.tables.further_cameras import further_cameras, with_su
 from idic.experiment_file.tables.gauges import gauges
 from idic.experiment_file.tables.geometry import geometry_of
 from idic.experiment_file.tables.heterogeneities import heterogeneities
+from idic.experiment_file.tables.images_at_rest import told_references
 from idic.experiment_file.tables.lengths import Lengths, lengths
 from idic.experiment_file.pinhole.pairing import pairing_notes
 from idic.experiment_file.pinhole.lenses import Lenses, camera_tables, check_image, joint_priors, lenses, middle_of
@@ -146,7 +147,7 @@ class ExperimentFolder(RecordedFolder):
         noise, points, noise_notes = self.noise(frames, mesh, scale)
         stack = frames.stack if points is None else frames.stack.with_components(points.n_components)
         identity, earlier = self.identities(frames)
-        return with_stabilised_images(Experiment(
+        return told_references(with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
             thickness=thickness, materials=materials,
             parameters=ParameterSet(parameters,
@@ -169,7 +170,7 @@ class ExperimentFolder(RecordedFolder):
                    *softening_notes(materials, parameters, mesh, scale.unit)),
             extras=self._extras(frames, scale, log, known_times) | {"free_curves": curves},
             averaged=frames.averaged, points=points,
-            gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file)))
+            gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file))), self.file)
 
     def _moving(self, camera: AnyCamera, cameras: tuple[FurtherCamera, ...], lens: Lenses, frames: Frames,
                 context: boundary_tables.Context,

@@ -17,6 +17,7 @@ from idic.experiment_file.measured_fields.stages import field_notes, kept_stages
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_materials import MaterialTable
 from idic.experiment_file.tables.further_cameras import camera_files, camera_images
+from idic.experiment_file.tables.images_at_rest import check_depth
 from idic.experiment_file.tables.solver import solver_files
 from idic.experiment_file.tables.temperatures import temperature_images
 from idic.materials.core.user_laws import source_of
@@ -177,6 +178,7 @@ class RecordedFolder:
                                      key="experiment.still_frames", with_gaps=table.quantity == "height")
             self._same_size(still_stack.shape, stack, "experiment.still_frames",
                             "record them with the image window of the test, and crop them alike")
+            check_depth(still_stack, stack, file, "experiment.still_frames")
         elif table.still_frames:
             still = indices(table.still_frames, "still_frames")
         n_still = len(still) if still_stack is None else still_stack.n_frames

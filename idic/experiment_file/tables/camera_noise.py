@@ -10,6 +10,7 @@ from idic.errors import InputError
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_cameras import NoiseModelTable
+from idic.experiment_file.tables.images_at_rest import check_exposures
 from idic.fe.mesh.mesh import Mesh
 from idic.images.camera import Camera
 from idic.images.quality.drift import drift_note
@@ -48,6 +49,8 @@ class StillFrames:
 
     def measured(self, measure):
         """The result of `measure(images, region)`; its errors name the key."""
+        if self.config.experiment.quantity == "grey":
+            check_exposures(self.images, self.labels, self.region, self.file, "experiment.still_frames")
         try:
             return measure(self.images, self.region)
         except InputError as error:

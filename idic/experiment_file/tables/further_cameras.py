@@ -13,6 +13,7 @@ from idic.experiment_file.model_checks import (check_surface, check_visible, cor
                                                visible_cells)
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_cameras import FurtherCameraTable
+from idic.experiment_file.tables.images_at_rest import check_depth, check_exposures
 from idic.experiment_file.tables.lengths import Lengths, further_camera
 from idic.experiment_file.tables.mesh_sets import with_edge_set
 from idic.experiment_file.pinhole.lenses import Lenses, calibration_files, check_image
@@ -133,7 +134,7 @@ class _Reader:
         """The noise: given, else from its own still images, else from the still frames of the test, else open."""
         if self.table.noise_std_gv is not None:
             return Noise(self.table.noise_std_gv, "given")
-        images = [stack.frame(k) for k in still]
+        images, labels = [stack.frame(k) for k in still], [stack.labels[k] for k in still]
         if self.table.still_frames is not None:
             own = self.stack([self.table.still_frames], "still_frames")
             if own.shape != stack.shape or own.n_frames < 2:
@@ -141,5 +142,11 @@ class _Reader:
                                  expected=f"two or more of {stack.shape[1]} x {stack.shape[0]} px, taken at rest",
                                  found=f"{own.n_frames} of {own.shape[1]} x {own.shape[0]} px",
                                  remedy="correct the pattern, or leave the key out")
-            images = [own.frame(k) for k in range(own.n_frames)]
-        return Noise(still_noise(images, region).std_gv, "still_frames") if images else Noise(None, "")
+            check_depth(own, stack, self.file, f"{self.key}.still_frames")
+            images, labels = [own.frame(k) for k in range(own.n_frames)], list(own.labels)
+        if not images:
+            return Noise(None, "")
+        if self.config.experiment.quantity == "grey":
+            own_key = "experiment" if self.table.still_frames is None else self.key
+            check_exposures(images, labels, region, self.file, f"{own_key}.still_frames")
+        return Noise(still_noise(images, region).std_gv, "still_frames")
