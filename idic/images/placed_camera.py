@@ -120,6 +120,11 @@ class PlacedCamera:
         depth = float((self.effective.rotation @ self.pivot_mm + self.effective.translation_mm)[2])
         return abs(depth) / float(np.sqrt(self.lens.fx * self.lens.fy))
 
+    @property
+    def side(self) -> int:
+        """+1 or -1: the side of the plane z = 0 of the mesh that it is on."""
+        return 1 if self.effective.centre_mm[2] > 0.0 else -1
+
     # degrees of freedom ---------------------------------------------------------------------------
     def values(self) -> dict[str, float]:
         """The present values of lens and turn (by name) and placement (``placement.t_z``)."""

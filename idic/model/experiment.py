@@ -452,6 +452,7 @@ class Experiment:
     camera_name: str = "camera"  # of the main camera, by which frames are named
     cameras: tuple[FurtherCamera, ...] = ()
     axis_order: tuple[int, ...] = ()  # of the view of a further camera: its mesh axes in terms of the simulation's
+    behind: bool = False  # of the view of a further camera: it sees the other side of a sheet than `surface_side` says
     heterogeneities: tuple[Heterogeneity, ...] = ()
     solver: ExternalSetup | None = None  # a program that simulates in place of the built-in one
     morphs: tuple[Morph, ...] = ()  # geometric degrees of freedom of the mesh: `at_geometry`
@@ -489,18 +490,28 @@ class Experiment:
         if further.axis_order:
             mesh = replace(mesh, nodes=mesh.nodes[:, list(further.axis_order)])
         extras = {key: value for key, value in self.extras.items() if key != "still_stack"}  # of the main camera
+        behind = isinstance(further.camera, PlacedCamera) and further.camera.side == -self.surface_side
         return replace(self, mesh=mesh, camera=further.camera, stack=further.stack, labels=further.labels,
                        noise=further.noise, mask=further.mask, surface=further.surface, camera_name=further.name,
-                       axis_order=further.axis_order, cameras=(), extras=extras)
+                       axis_order=further.axis_order, behind=behind, cameras=(), extras=extras)
 
     def turned(self, field: np.ndarray) -> np.ndarray:
-        """A nodal vector field of the simulation in the axes of this view  # (n_nodes, dim, ...)"""
-        return field[:, list(self.axis_order)] if self.axis_order else field
+        """A nodal vector field of the simulation in the axes of this view  # (n_nodes, dim, ...)
+
+        A sheet that becomes thinner recedes from the cameras on both of its sides.
+        """
+        if self.axis_order:
+            return field[:, list(self.axis_order)]
+        if not self.behind or field.shape[1] == self.n_dim:
+            return field
+        field = field.copy()
+        field[:, 2] *= -1.0
+        return field
 
     @property
     def surface_side(self) -> int:
         """+1 or -1: from which side of a sheet in plane stress its change of thickness is seen, by cameras with a lens
-        or by points of three coordinates.
+        (the first of them, see `behind`) or by points of three coordinates.
 
         0: there is none, the thickness is not known, or nothing shows motion out of the plane.
         """
@@ -511,7 +522,7 @@ class Experiment:
                    if isinstance(view, PlacedCamera)]
         if self.kind != "plane_stress" or self.thickness is None or not cameras:
             return 0
-        return 1 if cameras[0].effective.centre_mm[2] > 0.0 else -1
+        return cameras[0].side
 
     @property
     def n_frames(self) -> int:

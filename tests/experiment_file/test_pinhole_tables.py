@@ -7,9 +7,12 @@ import pytest
 import tifffile
 from small_experiment import TOML, write_experiment
 
+from idic.correlation.context import FrameResponse
+from idic.correlation.frame_equations import turned_response
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.images.pinhole import PinholeCamera, rotation_of
+from idic.model.forward import build_forward, solve
 from idic.virtual_tests.stereo.rig import write_calibration
 
 SIZE = (50, 60)  # rows, columns of the images of the small experiment
@@ -196,3 +199,33 @@ def test_cameras_that_see_two_ends_of_a_sheet_share_no_texture(tmp_path):
     pose = f"rotation = {ROTATION.tolist()}\ntranslation_mm = {near.translation_mm.tolist()}\n"
     with pytest.raises(InputError, match="different parts of the surface"):
         load_experiment(written(tmp_path, main(pose), other(tmp_path, 'texture = "left"\n'), cameras=(near, away)))
+
+
+def test_a_mesh_file_in_px_is_refused_before_a_lens(tmp_path):
+    """One px was one mm."""
+    folder = written(tmp_path, main())
+    file = folder / "experiment.toml"
+    file.write_text(file.read_text().replace('mesh_unit = "mm"', 'mesh_unit = "px"'))
+    with pytest.raises(InputError, match="a mesh in px before a camera with a lens"):
+        load_experiment(folder)
+
+
+def test_a_sheet_that_becomes_thinner_recedes_from_cameras_on_both_sides(tmp_path):
+    """The one behind it saw the change of thickness with the sign of the one in front."""
+    turned = np.diag([-1.0, 1.0, -1.0]) @ ROTATION  # about the vertical axis of the camera
+    behind = PinholeCamera(2000.0, 2010.0, 29.0, 24.0, rotation=turned, translation_mm=[2.0, 1.5, 200.0])
+    experiment = load_experiment(written(tmp_path, main(), other(tmp_path), cameras=(LEFT, behind)))
+    assert not any("different grey values" in note for note in experiment.notes)  # two sides, two patterns
+    front, back = experiment.views
+    assert (front.camera.side, back.camera.side, experiment.surface_side) == (1, -1, 1)
+    found = solve(build_forward(experiment), experiment.parameters)
+    none = np.zeros((*found.u[3].shape, 0))
+    last = FrameResponse(3, found.u[3], np.zeros(0), none, np.zeros((0, 0)), none, np.zeros((0, 0)))
+    nodes = experiment.mesh.nodes
+    for view in (front, back):
+        u = turned_response(view, last).u
+        np.testing.assert_array_equal(u[:, :2], found.u[3][:, :2])
+        sheet = np.column_stack([nodes + u[:, :2], 0.0 * u[:, 2]])
+        recedes = view.camera.depths(sheet + u * [0, 0, 1]) - view.camera.depths(sheet)
+        assert recedes.min() > 0.0
+        np.testing.assert_allclose(recedes, -found.u[3][:, 2] * abs(view.camera.effective.rotation[2, 2]), rtol=1e-6)

@@ -38,7 +38,7 @@ def pairing_notes(config: ExperimentFile, mesh: Mesh, camera, stack: Stack, othe
     (first, one), notes = seen[0], []
     for (name, two), agreement in zip(seen[1:], agreements(mesh, [own for _, own in seen]), strict=True):
         found = agreement.correlation
-        if np.isnan(found):
+        if np.isnan(found) or (mesh.n_dim == 2 and one.camera.side != two.camera.side):  # both sides of a sheet
             continue
         if found < CLEAR and one.image.shape == two.image.shape:
             exchanged = replace(one, image=two.image), replace(two, image=one.image)

@@ -41,6 +41,10 @@ def lengths(config: ExperimentFile, image_shape: tuple[int, int], file, lens: Pl
     table, notes = config.camera, []
     if lens is not None:
         unit = config.experiment.mesh_unit or ("px" if config.experiment.mesh.roi_px is not None else "mm")
+        if unit == "px" and not config.experiment.mesh.in_px:
+            raise InputError("a mesh in px before a camera with a lens", file=file, key="experiment.mesh_unit",
+                             expected="a unit of length: a lens has no scale that holds everywhere", found='"px"',
+                             remedy="give the mesh in mm, or draw it on the image (roi_px, outline_px)")
         factor = 1.0 if unit == "px" else factor_between(unit, "mm", file=file, key="experiment.mesh_unit")
         return Lengths("mm", factor, lens, (), unit)
     matrix = None if table is None else table.matrix_px_per_unit
