@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".avi", ".mp4", ".mov", ".mkv")
 LOSSLESS = {"FFV1", "HFYU", "FFVH", "DIB ", "RAW ", "I420", "IYUV", "Y800", "GREY", "MPNG", "PNG1"}
+DEEP_BITS = (9, 10, 12, 14, 16)  # that FFmpeg has
 MAX_CHANNEL_DIFFERENCE_GV = 2  # grey values between the channels of a grey pixel: rounding through YUV
 _EXPECTED = "an AVI, MP4, MOV or Matroska file that OpenCV decodes"
 
@@ -37,12 +38,15 @@ def video_headers(path: Path) -> tuple[int, tuple[int, int]]:
 
 
 def video_notes(path: Path) -> list[str]:
-    """Notes on a video: loss by compression, colour."""
-    _, _, codec, colour = _decoded(path, path.stat().st_mtime_ns)
+    """Notes on a video: loss by compression, of grey values, colour."""
+    _, _, codec, colour, bits = _decoded(path, path.stat().st_mtime_ns)
     notes = []
     if codec not in LOSSLESS:
         notes.append(f"{path.name}: the codec {codec.strip() or '?'} compresses with loss and correlates the noise of "
                      "neighbouring pixels: standard deviations are too small. Record without loss if possible")
+    if bits > 8:
+        notes.append(f"{path.name}: of its {bits} bits per pixel the upper 8 are read; the rounding adds noise. Export "
+                     f"the frames with all, e.g.  ffmpeg -i {path.name} -pix_fmt gray16be images/frame_%05d.png")
     if colour:
         notes.append(f"{path.name}: a colour video; its luminance is used")
     return notes
@@ -93,8 +97,8 @@ def _coloured(image: np.ndarray) -> bool:
 
 
 @lru_cache(maxsize=16)
-def _decoded(path: Path, _changed: int) -> tuple[int, tuple[int, int], str, bool]:
-    """Frames, shape, codec, whether its first frame is in colour."""
+def _decoded(path: Path, _changed: int) -> tuple[int, tuple[int, int], str, bool, int]:
+    """Frames, shape, codec, whether its first frame is in colour, bits per pixel."""
     import cv2
 
     capture = _open(path)
@@ -103,11 +107,22 @@ def _decoded(path: Path, _changed: int) -> tuple[int, tuple[int, int], str, bool
         raise _unreadable(path, "no frame")
     code = int(capture.get(cv2.CAP_PROP_FOURCC))
     codec = "".join(chr((code >> 8 * k) & 0xFF) for k in range(4)).upper()
+    bits = _bits(int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)))
     count = 1
     while capture.grab():
         count += 1
     capture.release()
-    return count, image.shape[:2], codec, image.ndim == 3 and _coloured(image)
+    return count, image.shape[:2], codec, image.ndim == 3 and _coloured(image), bits
+
+
+def _bits(pixel_format: int) -> int:
+    """Bits of a grey value by FFmpeg's four characters: Y, planes, layout, bits (or in reverse); 8 where they are
+    others."""
+    code = (pixel_format & 0xFFFFFFFF).to_bytes(4, "little")
+    for one in (code, code[::-1]):
+        if one[:1] == b"Y" and one[3] in DEEP_BITS:
+            return one[3]
+    return 8
 
 
 def _open(path: Path) -> cv2.VideoCapture:

@@ -197,3 +197,13 @@ def test_ends_that_move_otherwise_than_the_log_are_told(folder, top_px, bottom_p
         change(folder, "loads.csv", logged, meant)
     found = warnings(folder)
     assert (told in found) if told else "moves TOP" not in found
+
+
+def test_saturation_at_12_bits_is_told_under_a_noise_by_grey_level_too(folder):
+    """Stored in 16 bits, and as transformed grey values, the limit of the sensor was not recognised."""
+    image = np.clip(np.rint(speckle() * 2.2 * 16.0), 0, 4095).astype(np.uint16)
+    for path in (folder / "images").glob("*.tif"):
+        tifffile.imwrite(path, image)
+    assert "saturated (grey value 4095)" in warnings(folder)
+    change(folder, "experiment.toml", "noise_std_gv = 2.0", "noise_model = { offset_gv2 = 900.0, slope_gv = 0.5 }")
+    assert "saturated (grey value 4095)" in warnings(folder)

@@ -73,3 +73,18 @@ def test_a_test_recorded_as_a_video_gives_the_parameters_of_its_images(tmp_path)
     assert load_experiment(tmp_path / "video").times[-1] == 5.0  # from the log, row by row
     found = [identify(load_experiment(tmp_path / name)).result["parameters"] for name in ("images", "video")]
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("depth, told", [(np.uint16, True), (np.uint8, False)])
+def test_a_video_of_more_than_8_bits_is_read_with_a_remark_on_what_is_lost(tmp_path, depth, told):
+    path = tmp_path / "deep.avi"
+    kind = cv2.CV_16U if depth == np.uint16 else cv2.CV_8U
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*"FFV1"), 10.0, (64, 48),
+                             [cv2.VIDEOWRITER_PROP_IS_COLOR, 0, cv2.VIDEOWRITER_PROP_DEPTH, kind])
+    assert writer.isOpened()
+    image = np.random.default_rng(3).integers(0, np.iinfo(depth).max, (48, 64), dtype=depth)
+    writer.write(image)
+    writer.release()
+    stack = open_stack([path])
+    assert np.abs(stack.frame(0).astype(int) - (image >> 8 if told else image)).max() <= 1  # rounded, not cut
+    assert any("of its 16 bits per pixel the upper 8 are read" in note for note in stack.notes()) == told

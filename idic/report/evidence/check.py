@@ -12,6 +12,8 @@ from scipy.ndimage import binary_erosion
 
 from idic.identify.step.increments import planned_increments
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
+from idic.experiment_file.tables.camera_noise import recorded
+from idic.images.quality.saturation import largest_value, saturated_share
 from idic.model.experiment import Experiment, Measured, Noise
 from idic.model.mode_names import in_words
 from idic.readers.fields.sound_stages import check_stages
@@ -222,11 +224,11 @@ def _place_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
 
 def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarray):
     """Warnings of the images; every one is decoded."""
-    if reference.dtype.kind == "u":
-        share = float((reference[roi] >= np.iinfo(reference.dtype).max).mean())
-        if share > _MAX_SATURATED_SHARE:
-            yield (f"{100 * share:.1f} % of the pixels in the ROI are saturated: the pattern is cut there. A shorter "
-                   "exposure next time; now a mask without them")
+    image = recorded(experiment.stack).frame(experiment.reference)
+    share = saturated_share(image, roi) or 0.0
+    if share > _MAX_SATURATED_SHARE:
+        yield (f"{100 * share:.1f} % of the pixels in the ROI are saturated (grey value {largest_value(image)}): "
+               "the pattern is cut there. A shorter exposure next time; now a mask without them")
     if experiment.quantity == "grey":
         yield from misplaced_still_frames(experiment, roi)
     inner = binary_erosion(roi, iterations=2)  # outside the specimen there is no height

@@ -9,7 +9,9 @@ import numpy as np
 
 from idic.correlation.pixels.cells import CELLS
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
+from idic.experiment_file.tables.camera_noise import recorded
 from idic.images.quality.compression import compressed_at
+from idic.images.quality.saturation import saturated_share
 from idic.images.quality.speckle import speckle_size
 from idic.model.experiment import Experiment
 from idic.report.record import FrameView, NoiseFloor, Practice
@@ -29,7 +31,6 @@ def practice_of(experiment: Experiment, reference, result: Mapping, floor: Noise
     sides, cell = _elements(experiment, reference)
     options, stds = experiment.options, result["residual"].get("channel_noise_std", {})
     units = {channel.column: channel.shown_unit for channel in experiment.channels}
-    whole = image.dtype.kind == "u"
     sigma = (experiment.noise.std_gv or 0.0) if experiment.noise.stabiliser is None else 0.0
     return Practice(
         version=_version(), setup=dict(experiment.extras.get("setup", {})), columns=image.shape[1], rows=image.shape[0],
@@ -38,7 +39,8 @@ def practice_of(experiment: Experiment, reference, result: Mapping, floor: Noise
         speckle_px=speckle_size(image, seen, sigma),
         contrast=float(values.std()) if len(values) else 0.0,
         grey_range=(float(values.min()), float(values.max())) if len(values) else (0.0, 0.0),
-        saturated=float((values >= np.iinfo(image.dtype).max).mean()) if whole and len(values) else None,
+        saturated=saturated_share(image if experiment.points is not None
+                                  else recorded(experiment.stack).frame(experiment.reference), seen),
         lowpass_px=options.lowpass_px, interpolation=options.interpolation, brightness=options.brightness,
         edge_margin_px=options.edge_margin_px, n_elements=len(sides), cell=cell,
         element_px=float(sides.mean()) if len(sides) else 0.0, smallest_px=float(sides.min()) if len(sides) else 0.0,
