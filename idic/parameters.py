@@ -9,6 +9,8 @@ import numpy as np
 
 USUAL_MAX_STEP = 0.35  # largest scaled step of one iteration: about a third of a positive parameter
 PRIOR_STDS_PER_STEP = 2.0  # least scaled unit of a linear parameter: its prior alone determines it (std 0.5 of a unit)
+MIN_VARIANCE = 1e-9  # of a direction of a joint prior, over those of its values: below, the prior holds it for exact
+TIED_VARIANCE = 1e-6  # that such a direction gets: a thousandth of a standard deviation
 _START_MARGIN = 0.02  # share of the interval of starts that is left out at each end: nothing starts at a bound
 _START_DIGITS = 8  # of a drawn start value
 
@@ -98,10 +100,15 @@ class JointPrior:
     def precision(self, names: Sequence[str]) -> tuple[list[int], np.ndarray, np.ndarray]:
         """Places in `names` of the parameters that have this prior, its mean and inverse covariance for them.
 
-        The others are averaged over: what they may be stays in the covariance of those that are there.
+        The others are averaged over: what they may be stays in the covariance of those that are there. What the
+        covariance holds for exact (fx = fy of square pixels) stays so, within `TIED_VARIANCE`.
         """
         own = [i for i, name in enumerate(self.names) if name in names]
-        inverse = np.linalg.pinv(self.covariance[np.ix_(own, own)], hermitian=True)
+        covariance = self.covariance[np.ix_(own, own)]
+        size = np.sqrt(np.diagonal(covariance))
+        values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+        values = np.where(values > MIN_VARIANCE, values, TIED_VARIANCE)
+        inverse = (vectors / values) @ vectors.T / np.outer(size, size)
         return [names.index(self.names[i]) for i in own], self.mean[own], inverse
 
     def normal_equations(self, parameters: Mapping[str, Parameter], names: Sequence[str],

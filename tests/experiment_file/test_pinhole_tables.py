@@ -229,3 +229,35 @@ def test_a_sheet_that_becomes_thinner_recedes_from_cameras_on_both_sides(tmp_pat
         recedes = view.camera.depths(sheet + u * [0, 0, 1]) - view.camera.depths(sheet)
         assert recedes.min() > 0.0
         np.testing.assert_allclose(recedes, -found.u[3][:, 2] * abs(view.camera.effective.rotation[2, 2]), rtol=1e-6)
+
+
+def test_square_pixels_of_a_calibration_stay_square(tmp_path):
+    """Without a free fy idic calibrate writes one deviation for both: as a prior it left fx - fy open."""
+    written(tmp_path, main("identify_calibration = true\n" + POSE))
+    file = tmp_path / "cal.json"
+    entries = json.loads(file.read_text())
+    matrix = np.array([[9.0, 9.0, 0.0], [9.0, 9.0, 0.0], [0.0, 0.0, 0.0]])  # k2 was held
+    entries["covariance"] = {"names": ["0.fx", "0.fy", "0.k2"], "matrix": matrix.tolist()}
+    file.write_text(json.dumps(entries))
+    parameters = load_experiment(tmp_path).parameters
+    names = tuple(name for name in parameters.free if name.startswith("left."))
+    assert names == ("left.fx", "left.fy")  # a value of no deviation is no degree of freedom
+    at, _, precision = parameters.joint[0].precision(names)
+    covariance = np.linalg.inv(precision)
+    assert at == [0, 1] and np.sqrt(np.diag(covariance)) == pytest.approx([3.0, 3.0], rel=1e-3)
+    apart = np.array([1.0, -1.0])
+    assert np.sqrt(apart @ covariance @ apart) < 0.01  # px
+
+
+def test_cameras_of_two_calibration_files_keep_the_deviations_of_both(tmp_path):
+    further = other(tmp_path, f"identify_calibration = true\nrotation = {RIGHT.rotation.tolist()}\n"
+                              f"translation_mm = {RIGHT.translation_mm.tolist()}\n")
+    written(tmp_path, main("identify_calibration = true\n" + POSE),
+            further.replace('"cal.json"', '"own.json"'), deviations={"0.fx": 3.0, "0.k1": 0.01})
+    write_calibration((RIGHT,), SIZE, tmp_path / "own.json", {"0.fx": 4.0})
+    parameters = load_experiment(tmp_path).parameters
+    assert {"left.fx", "left.k1", "right.fx"} <= set(parameters.free)
+    prior = parameters.joint[0]
+    assert prior.names == ("left.fx", "left.k1", "right.fx")
+    np.testing.assert_allclose(prior.covariance, np.diag([9.0, 1e-4, 16.0]))
+    assert prior.mean == pytest.approx([LEFT.fx, LEFT.k1, RIGHT.fx])

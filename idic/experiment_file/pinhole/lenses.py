@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
@@ -189,24 +190,28 @@ class _Reader:
                              remedy="calibrate the cameras together")
 
     def _prior(self, numbers: Sequence[int | None], made: Sequence[PlacedCamera | None]) -> JointPrior | None:
-        """The covariance of the calibration in the names of the degrees of freedom."""
-        rigs = [(i, self._rig(i)) for i, number in enumerate(numbers) if number is not None]
-        rig = next((rig for _, rig in rigs if rig.covariance is not None), None)
-        if rig is None or len(self.rigs) > 1:
-            return None
-        stems = {number: (self.tables[i].name, made[i], self.tables[i]) for i, number in enumerate(numbers)
-                 if number is not None}
-        own, names, mean = [], [], []
-        for k, name in enumerate(rig.names):
-            number, _, parameter = name.partition(".")
-            if int(number) in stems and parameter in LENS_PARAMETERS:
-                stem, camera, table = stems[int(number)]
-                if table.rotation is not None and parameter not in INTRINSIC:
+        """The covariances of the calibration files in the names of the degrees of freedom; files know nothing of each
+        other."""
+        names: list[str] = []
+        mean, blocks = [], []
+        for file, rig in self.rigs.items():
+            if rig.covariance is None:
+                continue
+            stems = {number: (table, camera) for table, number, camera in zip(self.tables, numbers, made, strict=True)
+                     if number is not None and table.calibration == file}
+            own = []
+            for k, name in enumerate(rig.names):
+                number, _, parameter = name.partition(".")
+                if int(number) not in stems or parameter not in LENS_PARAMETERS or not rig.covariance[k, k] > 0.0:
+                    continue  # not of these cameras, or held
+                table, camera = stems[int(number)]
+                if camera is None or (table.rotation is not None and parameter not in INTRINSIC):
                     continue  # a pose of its own
                 own.append(k)
-                names.append(f"{stem}.{parameter}")
+                names.append(f"{table.name}.{parameter}")
                 mean.append(camera.lens.values()[parameter])
-        return JointPrior(tuple(names), np.array(mean), rig.covariance[np.ix_(own, own)]) if own else None
+            blocks.append(rig.covariance[np.ix_(own, own)])
+        return JointPrior(tuple(names), np.array(mean), block_diag(*blocks)) if names else None
 
 
 def check_image(camera: PlacedCamera, calibrated_size: tuple[int, int] | None, shape: tuple[int, int], key: str,
