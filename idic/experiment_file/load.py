@@ -180,7 +180,8 @@ class ExperimentFolder(RecordedFolder):
         if frames.points is not None:  # a rigid motion of fields is an unknown of the frame
             tables[0] = tables[0].model_copy(update={"motion": None})
         rigid = next((table for table in tables if table.model == "pinhole"), None)
-        moved = [moving_camera(seen, rigid if lens.cameras[i] is not None else tables[i], context, times)
+        compared = [k for k in range(frames.reference + 1, frames.stack.n_frames) if k not in frames.excluded]
+        moved = [moving_camera(seen, rigid if lens.cameras[i] is not None else tables[i], context, times, compared)
                  for i, seen in enumerate([camera, *(other.camera for other in cameras)])]
         return moved[0], tuple(replace(other, camera=own) for other, own in zip(cameras, moved[1:], strict=True))
 

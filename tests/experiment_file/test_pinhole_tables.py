@@ -106,6 +106,8 @@ def test_amplitudes_of_a_rigid_motion_are_degrees_of_freedom(tmp_path):
     names = experiment.parameters.free
     assert "placement.t_z_at[2]" in names and "placement.rotation_x_at[3]" in names
     assert "placement.t_z_at[0]" not in names  # the reference
+    fewer = load_experiment(tmp_path, {"experiment.reference": 1, "experiment.exclude_frames": [3]}).parameters.free
+    assert [name for name in fewer if name.startswith("placement.t_z_at")] == ["placement.t_z_at[2]"]
 
 
 @pytest.mark.parametrize("table, words", [

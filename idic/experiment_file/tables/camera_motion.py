@@ -23,10 +23,12 @@ DRIFT, LOAD = "magnification_drift", "magnification_load"
 _AT = {"col_at": (COLUMN, "px"), "row_at": (ROW, "px"), "turn_at": (TURN, "deg")}
 
 
-def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: np.ndarray | None) -> AnyCamera:
+def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: np.ndarray | None,
+                  compared: Sequence[int]) -> AnyCamera:
     """The camera with all its motions, every amplitude zero.
 
-    context : `idic.experiment_file.tables.boundaries.Context`; times : (n_frames,) s, None where none are known
+    context : `idic.experiment_file.tables.boundaries.Context`; times : (n_frames,) s, None where none are known;
+    compared : frames that show a motion of their own
 
     Raises
     ------
@@ -34,7 +36,7 @@ def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: 
         The log lacks the magnification column.
     """
     if isinstance(camera, PlacedCamera):
-        return replace(camera, motion=_rigid_motion(table, context, times))
+        return replace(camera, motion=_rigid_motion(table, context, times, compared))
     courses: dict[str, tuple[str, np.ndarray]] = {}
     if times is not None and len(times) > 1:
         courses[DRIFT] = (MAGNIFICATION, times - times[context.reference])
@@ -46,10 +48,9 @@ def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: 
         courses |= {knot_name(MAGNIFICATION, frame): (MAGNIFICATION, hat)
                     for frame, hat in zip(frames, hats(at, context.reference, frames), strict=True)}
     if table is not None and table.motion == "free":
-        for frame in range(context.n_frames):
-            if frame != context.reference:
-                at = (np.arange(context.n_frames) == frame).astype(float)
-                courses |= {f"{stem}[{frame}]": (kind, at) for stem, (kind, _) in _AT.items()}
+        for frame in compared:
+            at = (np.arange(context.n_frames) == frame).astype(float)
+            courses |= {f"{stem}[{frame}]": (kind, at) for stem, (kind, _) in _AT.items()}
     if not courses:
         return camera
     return replace(camera, motion=CameraMotion(tuple(courses), tuple(kind for kind, _ in courses.values()),
@@ -57,7 +58,8 @@ def moving_camera(camera: AnyCamera, table: CameraTable | None, context, times: 
                                                np.zeros(len(courses))))
 
 
-def _rigid_motion(table: CameraTable, context, times: np.ndarray | None) -> RigidMotion | None:
+def _rigid_motion(table: CameraTable, context, times: np.ndarray | None,
+                  compared: Sequence[int]) -> RigidMotion | None:
     """Every motion of the specimen as a rigid body that is known by name, every amplitude zero."""
     courses: dict[str, tuple[str, np.ndarray]] = {}
     for kind in RIGID:
@@ -66,10 +68,9 @@ def _rigid_motion(table: CameraTable, context, times: np.ndarray | None) -> Rigi
         if table.motion_column is not None:
             courses[f"{kind}_load"] = (kind, _column("motion_column", table.motion_column, context))
     if table.motion == "free":
-        for frame in range(context.n_frames):
-            if frame != context.reference:
-                at = (np.arange(context.n_frames) == frame).astype(float)
-                courses |= {f"{kind}_at[{frame}]": (kind, at) for kind in RIGID}
+        for frame in compared:
+            at = (np.arange(context.n_frames) == frame).astype(float)
+            courses |= {f"{kind}_at[{frame}]": (kind, at) for kind in RIGID}
     if not courses:
         return None
     return RigidMotion(tuple(courses), tuple(kind for kind, _ in courses.values()),
