@@ -14,6 +14,7 @@ from idic.correlation.experiment_reference import camera_at
 from idic.correlation.view import is_section, view_of
 from idic.errors import InputError
 from idic.experiment_file.schema_options import DesignTable
+from idic.experiment_file.tables.camera_noise import recorded
 from idic.experiment_file.tables.temperatures import with_copied_images
 from idic.experiment_file.toml_file import locate, read_toml, to_toml, with_overrides
 from idic.fe.mesh.mesh import surface_cells
@@ -62,7 +63,8 @@ def simulate(
     bits : int
         8, 12 or 16; height images are always 32-bit float.
     noise_std_gv : float, optional
-        Camera noise; default: the experiment's, else 2 grey values of 8 bit (1 % of the roughness for heights).
+        Camera noise; default: the experiment's, as the same share of the sensor's range, else 2 grey values of 8 bit
+        (1 % of the roughness for heights).
 
     Returns
     -------
@@ -83,28 +85,26 @@ def simulate(
     solution = solve(forward, experiment.parameters,
                      increments=INCREMENTS if chooses_increments(experiment) else None)
     bits = 0 if experiment.quantity == "height" else bits
-    sensor = _sensor(experiment, bits, noise_std_gv)
+    planned = planned_speckle(path, overrides)
+    sensors = [_sensor(view, bits, noise_std_gv, planned is not None) for view in experiment.views]
+    sensor = sensors[0]
     folder = empty_folder(out)
     speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
     camera = camera_at(experiment, experiment.parameters)
     still = [np.zeros_like(solution.u[0])] * experiment.reference
-    planned = planned_speckle(path, overrides)
     speckle = common_speckle([view.camera for view in experiment.views], speckle_rng, 2.0**bits, planned)
     write_images(folder, _images(experiment, camera, [*still, *solution.u], sensor, bits, speckle_rng, camera_rng,
                                  speckle, planned))
-    for view in experiment.views[1:]:
+    for view, own in zip(experiment.views[1:], sensors[1:], strict=True):
         (folder / view.camera_name).mkdir()
         motion = [view.turned(u) for u in (*still, *solution.u)]
-        write_images(folder, _images(view, camera_at(view, experiment.parameters), motion,
-                                     _sensor(view, bits, noise_std_gv), bits, speckle_rng, camera_rng, speckle,
-                                     planned),
-                     view.camera_name)
+        write_images(folder, _images(view, camera_at(view, experiment.parameters), motion, own, bits, speckle_rng,
+                                     camera_rng, speckle, planned), view.camera_name)
     columns = _columns(experiment, forward, solution.channels, channel_rng)
     in_log = experiment.extras.get("units", {})
     stated = in_log | _stated_units(with_overrides(read_toml(locate(path)), overrides))
     write_loads(folder, experiment.times, {name: values / _factor(name, stated) for name, values in columns.items()},
                 {name: stated[name] for name in columns if name in in_log and unit_in_name(name) is None})
-    sensors = [_sensor(view, bits, noise_std_gv) for view in experiment.views]
     _write_toml(locate(path), overrides, experiment, sensors, folder)
     truth = {p.name: p.shown for p in experiment.parameters.values() if p.free}
     write_truth(folder, truth, sensor.total_noise_std, added_noise_std_gv=sensor.noise_std, seed=seed, bits=bits)
@@ -174,14 +174,24 @@ def _check(experiment: Experiment) -> None:
         )
 
 
-def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None) -> Sensor:
+def _recorded_levels(experiment: Experiment) -> float:
+    """Grey levels of the sensor that recorded the images: of 12 bits in a file of 16 those of 12."""
+    image = np.asarray(recorded(experiment.stack).frame(experiment.reference))
+    top = float(image.max())
+    return 256.0 if image.dtype == np.uint8 or not top > 0.0 else float(2.0 ** np.ceil(np.log2(top)))
+
+
+def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None, planned: bool = False) -> Sensor:
+    """planned : the noise is stated in grey values of the images that are written"""
     levels = 2.0**bits
     if experiment.quantity == "height":  # a height is taken at a point, not gathered over the area of a pixel
         std = noise_std_gv if noise_std_gv is not None else experiment.noise.std_gv
         std = HEIGHT_NOISE_SHARE * _roughness(experiment) if std is None else std
         return Sensor(experiment.stack.shape, bits=0, noise_std=std, supersampling=1)
     if noise_std_gv is None:
-        noise_std_gv = experiment.noise.std_gv or DEFAULT_NOISE_GV * levels / 256.0
+        stated = experiment.noise.std_gv
+        factor = 1.0 if planned else levels / _recorded_levels(experiment)
+        noise_std_gv = factor * stated if stated else DEFAULT_NOISE_GV * levels / 256.0
     return Sensor(experiment.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND_SHARE * levels)
 
 

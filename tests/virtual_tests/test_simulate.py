@@ -161,3 +161,17 @@ def test_measured_fields_are_refused_before_anything_is_written(tmp_path):
     with pytest.raises(InputError, match="fields of another DIC") as told:
         simulate(folder, tmp_path / "out")
     assert told.value.found == "4 stages of 300 points" and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("levels", [4096, 65536])
+def test_the_noise_of_a_deeper_camera_keeps_its_share_of_the_range(tmp_path, levels):
+    """It was added in the grey values of 16 bit to images of 8: a noise of 500 left no pattern."""
+    folder, factor = write_experiment(tmp_path / "real"), levels // 256
+    for path in (folder / "images").glob("*.tif"):
+        tifffile.imwrite(path, tifffile.imread(path).astype(np.uint16) * factor + factor - 1)
+    file = folder / "experiment.toml"
+    file.write_text(file.read_text().replace("noise_std_gv = 2.0", f"noise_std_gv = {2.0 * factor}"))
+    told = tomllib.loads(simulate(folder, tmp_path / "virtual").read_text())
+    assert told["camera"]["noise_std_gv"] == pytest.approx(np.hypot(2.0, 12**-0.5), rel=1e-3)  # and rounding
+    deep = tomllib.loads(simulate(folder, tmp_path / "deep", bits=16).read_text())
+    assert deep["camera"]["noise_std_gv"] == pytest.approx(2.0 * 256.0, rel=1e-3)

@@ -63,7 +63,7 @@ def told_references(experiment: Experiment, file) -> Experiment:
     InputError
         One of them shows no pattern.
     """
-    if len(experiment.averaged) < 2 or experiment.quantity != "grey" or experiment.points is not None:
+    if len(experiment.averaged) < 2 or experiment.quantity != "grey" or experiment.stack is None:
         return experiment
     notes = []
     for view in experiment.views:
