@@ -116,6 +116,38 @@ def test_pointer_and_lists_make_the_experiment(tmp_path):
     assert load_experiment(folder).mesh.n_elements > 20
 
 
+def test_a_load_stays_with_its_hole_and_a_name_goes_to_the_line_that_was_chosen(tmp_path):
+    folder = make_folder(tmp_path / "test")
+    said = 'document.getElementById("mesh-text").textContent'
+    hidden = 'document.getElementById("edge-name-row").hidden'
+    with opened(folder) as page:
+        for box, value in (("pixel", "0.1"), ("thickness", "2")):
+            page.value(f"document.getElementById('{box}').value = '{value}'")
+        for x in (60, 120, 180):
+            before = page.value(said)
+            page.click('[data-tool="circle"]')
+            page.click_image(x, 80)
+            page.click_image(x + 10, 80)
+            remeshed(page, before)
+        page.choose('select[aria-label="load of HOLE2"]', "pressure:p_bar")
+        page.click_image(120, 130)  # the lower line, whose number changes with the corner that is set before it
+        assert not page.value(hidden)
+        before = page.value(said)
+        page.click_image(60, 80)
+        page.click("#remove")
+        page.click('[data-tool="corner"]')
+        page.click_image(60, 31)
+        remeshed(page, before)
+        assert page.value(hidden)
+        page.value("""(e => { e.value = "LOWER"; e.dispatchEvent(new Event("change")); })(
+            document.getElementById("edge-name"))""")
+        tables = written(page, folder)
+    mesh = tables["experiment"]["mesh"]
+    pressed = next(entry["pressure"] for entry in tables["boundary"] if "pressure" in entry)
+    assert mesh["holes_px"][int(pressed["edges"].removeprefix("HOLE")) - 1] == pytest.approx([120, 80, 10], abs=0.6)
+    assert set(mesh["edge_names"]) == {"LEFT", "RIGHT"}
+
+
 def test_everything_can_be_done_with_the_keyboard(tmp_path):
     folder = make_folder(tmp_path / "test")
     with opened(folder) as page:

@@ -20,7 +20,7 @@ const watch = new RunWatch(() => { legend(); paint(); });
 const tools = new Tools(view, sketch, { paint, drawn, lineChosen, scaled, axes: setAxes, notchRadius: () => 1.5 * elementSize() });
 
 function draw() {
-  paintAll(context, { view, sketch, tools, mesh: page.mesh, residual: residualShown(), scale: page.scale, axes: axesNow(), showFloor: $("show-floor").checked });
+  paintAll(context, { view, sketch, tools, mesh: page.mesh, residual: residualShown(), scale: page.scale, axes: axesNow(), showFloor: $("show-floor").checked, holeNames: holeNames() });
 }
 
 function residualShown() { return $("show-residual").checked ? watch.residual : null; }
@@ -82,6 +82,7 @@ async function findArea() {
 }
 
 function take(record) {
+  tools.forgetLine();
   sketch.read(record);
   $("elements").value = record.elements; $("mesher").value = page.files.gmsh ? record.mesher : "idic";
   setElementSize(record.element_px);
@@ -130,18 +131,31 @@ function componentOf(name) { // of the mesh along which an edge faces
 function edgeNames() { return sketch.names.length ? sketch.names : ["OUTER"]; } // OUTER: the whole outline
 function columnsOf(kind) { return page.log?.columns.filter((c) => c.kind === kind) || []; }
 function holeNames() { return columnsOf("pressure").length ? sketch.holes.map((_, k) => `HOLE${k + 1}`) : []; } // a pressure is all that acts on a hole
-function underPressure() { return [...edgeNames(), ...holeNames()].some((name) => page.motions[name]?.kind === "pressure"); }
+function underPressure() { return [...edgeNames(), ...holeNames()].some((name) => motionOf(name).kind === "pressure"); }
+function motionOf(name) {
+  const hole = sketch.holes[holeNames().indexOf(name)];
+  return hole ? hole.load ||= { kind: "free" } : page.motions[name] ||= { kind: "measured" };
+}
+function setMotion(name, motion) {
+  const hole = sketch.holes[holeNames().indexOf(name)];
+  if (hole) hole.load = motion; else page.motions[name] = motion;
+}
+function forgetColumns() { // of a log that is no longer chosen
+  const gone = ({ column }) => column && !page.log?.columns.some((c) => c.name === column);
+  for (const name of Object.keys(page.motions)) if (gone(page.motions[name])) delete page.motions[name];
+  for (const hole of sketch.holes) if (hole.load && gone(hole.load)) delete hole.load;
+}
 
 function edgeTable() {
   const names = edgeNames(), holes = holeNames();
   const pressures = columnsOf("pressure").map((c) => new Option(`under the pressure ${c.name}`, `pressure:${c.name}`));
   const rows = [...names, ...holes].map((name) => {
-    const hole = holes.includes(name), motion = page.motions[name] ||= { kind: hole ? "free" : "measured" }, choose = document.createElement("select");
+    const hole = holes.includes(name), motion = motionOf(name), choose = document.createElement("select");
     choose.setAttribute("aria-label", `${hole ? "load" : "motion or load"} of ${name}`);
     if (!hole) choose.append(new Option("moves as the images show", "measured"), new Option("held", "fixed"), ...columnsOf("travel").map((c) => new Option(`moves by ${c.name}`, `column:${c.name}`)));
     choose.append(...pressures.map((option) => option.cloneNode(true)), new Option("free surface", "free"));
     choose.value = motion.column ? `${motion.kind}:${motion.column}` : motion.kind;
-    choose.addEventListener("change", () => { const [kind, column] = choose.value.split(/:(.*)/); page.motions[name] = { kind, column }; identifyDefaults(); });
+    choose.addEventListener("change", () => { const [kind, column] = choose.value.split(/:(.*)/); setMotion(name, { kind, column }); identifyDefaults(); });
     const chip = element("span", [], "chip");
     chip.style.background = hole ? "#ff3b3b" : colourOf(name, names);
     return element("tr", [element("td", [chip, name]), element("td", [choose])]);
@@ -163,6 +177,7 @@ async function readLog() {
   const name = $("log").value;
   page.log = null;
   if (name) try { page.log = await get("log", { name, images: page.images }); } catch (error) { $("log-text").textContent = words(error); }
+  forgetColumns();
   const log = page.log, forces = log?.columns.filter((c) => c.values.length && c.kind === "force") || [];
   if (log) $("log-text").textContent = log.matches ? `${log.rows} rows for ${log.frames} frames.` : `${log.rows} rows for ${log.frames} frames: ${log.time ? "the log is read at the times of the images." : "one row per image is needed, or a column with the time."}`;
   else if (!name) $("log-text").textContent = "Without a force only ratios of stiffness can be identified.";
@@ -201,7 +216,7 @@ function plan() {
   const record = sketchRecord(), at = axesNow() || { origin: [0, 0], angle: 0 }, degrees = Math.round(at.angle * 180 / Math.PI * 1000) / 1000;
   const motions = {}, parameters = {};
   for (const name of [...edgeNames(), ...holeNames()]) {
-    const { kind, column } = page.motions[name];
+    const { kind, column } = motionOf(name);
     if (kind !== "free") motions[name] = kind === "column" ? { kind, column, component: componentOf(name) } : column ? { kind, column } : { kind };
   }
   for (const row of $("parameters").tBodies[0].rows) {

@@ -1,11 +1,11 @@
 // What is drawn over the image: mesh, noise floor or residual, lines with their names, handles, scale and axes.
 
-import { points } from "./sketch.js";
+import { middle, points } from "./sketch.js";
 
 const COLOURS = ["#ff7a1a", "#21c7d9", "#e05ad6", "#a5d020", "#ffd21f", "#8f8bff"];
 export const colourOf = (name, names) => COLOURS[Math.max(names.indexOf(name), 0) % COLOURS.length];
 
-export function paintAll(context, { view, sketch, tools, mesh, residual, scale, axes, showFloor }) {
+export function paintAll(context, { view, sketch, tools, mesh, residual, scale, axes, showFloor, holeNames }) {
   view.paint(context);
   if (residual) { context.globalAlpha = 0.85; view.paste(context, residual.bitmap, residual.box); context.globalAlpha = 1; }
   if (mesh && !residual) paintMesh(context, view, mesh, showFloor);
@@ -15,6 +15,7 @@ export function paintAll(context, { view, sketch, tools, mesh, residual, scale, 
   for (const hole of sketch.holes) hole.circle ? paintCircle(context, view, hole.circle) : paintLoop(context, view, hole.corners, []);
   if (tools.line) stroke(context, view, points(tools.line.corners, tools.line.k), "#fff", 6, 0.6);
   paintNames(context, view, sketch, names);
+  holeNames.forEach((name, k) => { const [x, y] = view.toScreen(middle(sketch.holes[k])); label(context, view, name, x, y + 18, "#ff3b3b"); }); // below the point in its middle
   if (!residual) sketch.handles().forEach((handle, k) => paintHandle(context, view, handle, k === tools.selected));
   if (scale) { stroke(context, view, scale, "#ffe14d", 2); scale.forEach((at) => cross(context, view, at, "#ffe14d")); }
   if (axes) paintAxes(context, view, axes);
@@ -68,15 +69,19 @@ function paintCircle(context, view, [x, y, r]) {
 }
 
 function paintNames(context, view, sketch, names) {
-  context.font = "600 13px system-ui, sans-serif"; context.textAlign = "center"; context.textBaseline = "middle";
   for (const name of names) {
     const own = sketch.corners.flatMap((corner, k) => corner.name === name ? points(sketch.corners, k) : []);
     const [x, y] = view.toScreen(own.reduce((sum, p) => [sum[0] + p[0] / own.length, sum[1] + p[1] / own.length], [0, 0]));
-    const w = context.measureText(name).width + 12, at = Math.min(Math.max(x, w / 2 + 2), view.canvas.clientWidth - w / 2 - 2);
-    const up = Math.min(Math.max(y, 12), view.canvas.clientHeight - 12);
-    context.fillStyle = "#1c2733d0"; context.fillRect(at - w / 2, up - 10, w, 20);
-    context.fillStyle = colourOf(name, names); context.fillText(name, at, up);
+    label(context, view, name, x, y, colourOf(name, names));
   }
+}
+
+function label(context, view, name, x, y, colour) {
+  context.font = "600 13px system-ui, sans-serif"; context.textAlign = "center"; context.textBaseline = "middle";
+  const w = context.measureText(name).width + 12, at = Math.min(Math.max(x, w / 2 + 2), view.canvas.clientWidth - w / 2 - 2);
+  const up = Math.min(Math.max(y, 12), view.canvas.clientHeight - 12);
+  context.fillStyle = "#1c2733d0"; context.fillRect(at - w / 2, up - 10, w, 20);
+  context.fillStyle = colour; context.fillText(name, at, up);
 }
 
 function paintHandle(context, view, handle, selected) {

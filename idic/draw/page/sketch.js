@@ -1,6 +1,8 @@
 // The drawing: an outline of corners with straight lines and arcs, holes, names of lines. No canvas in here.
+// A hole is {circle or corners, load}: its load stays with it when another hole is removed.
 // A corner is {x, y, arc: null or [xm, ym], name}: arc and name belong to the line from this corner to the next one.
 
+const SAME_HOLE = 10; // px between the middles of a hole that is found again
 const near = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
 
 export class Sketch {
@@ -12,7 +14,9 @@ export class Sketch {
     this.circle = typeof outline[0] === "number" ? [...outline] : null;
     this.corners = this.circle ? [] : loop(outline);
     for (const [name, numbers] of Object.entries(names || {})) for (const k of numbers) if (this.corners[k - 1]) this.corners[k - 1].name = name;
+    const before = this.holes;
     this.holes = holes.map((hole) => typeof hole[0] === "number" ? { circle: [...hole] } : { corners: loop(hole) });
+    for (const hole of this.holes) { const old = before.find((b) => near(middle(b), middle(hole)) < SAME_HOLE); if (old?.load) hole.load = old.load; }
   }
 
   record() {
@@ -109,6 +113,11 @@ function moveCorner(corners, k, x, y) {
   for (const own of [corner, before]) if (own.arc) own.arc = [own.arc[0] + dx / 2, own.arc[1] + dy / 2];
   corner.x = x; corner.y = y;
   return next;
+}
+
+export function middle(hole) {
+  const points = hole.circle ? [hole.circle] : hole.corners.map((c) => [c.x, c.y]);
+  return [0, 1].map((k) => points.reduce((sum, p) => sum + p[k] / points.length, 0));
 }
 
 function loop(rows) { // [x, y] or [xm, ym, x, y]: the arc leads to its corner

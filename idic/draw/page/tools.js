@@ -48,6 +48,11 @@ export class Tools {
     return line && this.distance(line.at, place) < REACH ? line : null;
   }
 
+  forgetLine() { // its number may be that of another line now
+    this.line = null;
+    this.actions.lineChosen(null);
+  }
+
   down(e) {
     const place = this.place(e);
     this.view.canvas.focus({ preventScroll: true });
@@ -88,7 +93,7 @@ export class Tools {
     if (this.pointers.size) return;
     this.drag = null;
     if (e.type === "pointercancel" || !drag) return;
-    if (drag.kind === "handle") { drag.moved ? this.actions.drawn(true) : this.sketch.past.pop(); this.line = null; this.actions.paint(); }
+    if (drag.kind === "handle") { drag.moved ? this.actions.drawn(true) : this.sketch.past.pop(); this.forgetLine(); this.actions.paint(); }
     else if (drag.kind === "press" && !drag.panned) this.point(place);
   }
 
@@ -122,6 +127,7 @@ export class Tools {
     const line = this.lineAt(place, false);
     if (!line) return;
     sketch.remember();
+    this.forgetLine();
     if (tool === "corner") sketch.addCorner(line);
     if (tool === "arc") sketch.toggleArc(line);
     if (tool === "notch") sketch.addNotch(line, this.actions.notchRadius());
@@ -133,6 +139,7 @@ export class Tools {
     if (this.points.length < 3) return;
     const corners = this.points.map(([x, y]) => ({ x, y, arc: null, name: "" }));
     this.sketch.remember();
+    this.forgetLine();
     if (this.tool === "polygon") { this.sketch.corners = corners; this.sketch.circle = null; this.sketch.nameEnds(); }
     else this.sketch.holes.push({ corners });
     this.choose("select");
@@ -143,10 +150,11 @@ export class Tools {
     const handle = this.sketch.handles()[this.selected];
     if (!handle) return;
     this.sketch.remember(); handle.remove(); this.selected = null;
+    this.forgetLine();
     this.actions.drawn(true);
   }
 
-  undo() { this.sketch.undo(); this.selected = null; this.line = null; this.actions.drawn(true); }
+  undo() { this.sketch.undo(); this.selected = null; this.forgetLine(); this.actions.drawn(true); }
 
   key(e) {
     if (e.ctrlKey || e.metaKey || e.altKey) return;
