@@ -10,13 +10,14 @@ from rich.table import Table
 def plan_table(plan: Mapping) -> Table:
     """Expected standard deviations of one plan."""
     from idic.report.design.page import parameter_rows
-    from idic.report.design.words import motion_unit
+    from idic.report.design.words import in_words, motion_unit
 
     rows, has_channels = parameter_rows(plan), bool(plan["channels"])
     has_test = any(entry["std_test_known"] is not None for entry in plan["parameters"].values())
     columns = [("parameter", "full"), ("assumed", "value"), ("± std", "std"), ("unit", "unit"),
                ("relative", "relative"),
-               *([("images only", "image")] if has_channels else []), *([("test known", "known")] if has_test else []),
+               *([(in_words(plan, "images only"), "image")] if has_channels else []),
+               *([("test known", "known")] if has_test else []),
                (f"motion {motion_unit(plan)[1]}", "motion"), ("", "verdict")]
     table = Table(box=None, header_style="bold")
     for title, key in columns:
@@ -44,7 +45,7 @@ def comparison_table(comparison: Mapping) -> Table:
 
 def show_design(console, content: Mapping) -> None:
     """Print tables and sentences of all plans."""
-    from idic.report.design.page import said
+    from idic.report.design.page import assumed, said
     from idic.report.design.words import best_plan, largest_motion, seen_area
 
     several = len(content["plans"]) > 1
@@ -54,7 +55,7 @@ def show_design(console, content: Mapping) -> None:
         console.print(plan_table(plan))
         for text in said(plan):
             console.print(text, highlight=False)
-        for text in plan["assumptions"]:
+        for text in assumed(plan):
             console.print(f"assumed: {text}", highlight=False, style="dim")
     if several:
         console.print("comparison (* best of the plans)", style="bold", highlight=False)

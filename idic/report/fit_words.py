@@ -24,7 +24,7 @@ WORDS_OF_FIELDS = (  # what is said of images, and of measured fields in their p
     ("stated camera noise", "stated noise of the fields"), ("than camera noise", "than their noise"),
     ("to camera noise", "to their noise"), ("is camera noise", "is their noise"), ("camera noise alone", "noise alone"),
     ("camera noise", "noise of the fields"), ("per pixel", "per component"),
-    ("a free FE-DIC", "a free fit of the fields"),
+    ("a free FE-DIC of the images", "a free fit of the fields"), ("a free FE-DIC", "a free fit of the fields"),
     ("The free FE-DIC", "The free fit of the fields"), ("free FE-DIC", "free fit"),
     ("noise of one image", "noise of a component"),
     ("camera's floor", "floor of the fields"), ("camera&#39;s floor", "floor of the fields"),
@@ -53,6 +53,11 @@ WORDS_OF_FIELDS = (  # what is said of images, and of measured fields in their p
     ("it changes neither images nor channels", "it changes neither "
      "fields nor channels"), ("the noise of the images", "the noise of the fields"),
      ("a camera shows only", "a field shows only"),
+    ("from camera and channel noise", "from the noise of fields and channels"),
+    ("the same motion in the images", "the same motion in the fields"),
+    ("motion of the pattern", "motion of the points"), ("as images determine only", "as fields determine only"),
+    ("images only", "fields only"), ("images and channels", "fields and channels"),
+    ("noise of the reference image", "noise of the reference stage"),
 )
 
 

@@ -48,7 +48,7 @@ def with_std(value: float, std: float | None, unit: str = "") -> str:
     tail = f" {unit}" if unit and unit != "-" else ""
     if std is None or not isfinite(std) or std <= 0:
         return f"{value:.5g}{tail}"
-    exponent = floor(log10(abs(value))) if value else 0
+    exponent = floor(log10(max(abs(value), std)))  # a value near zero has the digits of its error
     if not -3 <= exponent < 6:
         scale = 10.0**exponent
         digits = max(0, 1 - floor(log10(std / scale)))

@@ -17,7 +17,7 @@ from idic.cli.app import app
 from idic.cli.design_tables import show_design
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
-from idic.report.design.page import _facts
+from idic.report.design.page import _facts, draw_design, render_design
 from idic.report.design.words import best_plan, direction, fixed_product, headline, open_parameters, weakest
 from idic.identify.plan.planned_test import load_plan
 from idic.run.design import DesignJob, evaluate_plans, plan_names, run_design, write_design
@@ -128,7 +128,7 @@ def test_the_design_of_measured_fields_tells_of_points_and_millimetres(tmp_path)
         rows = [f"{a},{b},{c:.7f},{d:.7f}" for a, b, c, d in np.column_stack([x, y, u])]
         (tmp_path / f"stage_{k}.csv").write_text("\n".join(["x_mm,y_mm,u_mm,v_mm", *rows]))
     (tmp_path / "experiment.toml").write_text(FIELDS)
-    content, _ = evaluate_plans([tmp_path], workers=0)
+    content, drawn = evaluate_plans([tmp_path], workers=0)
     (plan,) = content["plans"]
     facts = dict(_facts(plan))
     number, rest = facts["measured fields"].split(" ", 1)
@@ -141,6 +141,11 @@ def test_the_design_of_measured_fields_tells_of_points_and_millimetres(tmp_path)
     motion = float(re.search(r"largest motion (\S+) mm", told)[1])
     assert motion == pytest.approx(0.004 * 19, rel=0.05)  # 1 mm from the end at x = 20 mm
     assert facts["largest motion"] == f"{motion:.3g} mm" and "motion mm" in told and "px" not in told
+    page = render_design(content, draw_design(content, drawn))
+    assert "the noise of fields" in page and "How far the points move" in page and "motion of the points" in page
+    own = re.sub(r'data:image[^"]+|digital image correlation|<(style|script)>.*?</', "", page, flags=re.DOTALL)
+    for of_images in ("image", "pattern", "camera"):
+        assert of_images not in told and of_images not in own, of_images
 
 
 def test_parameters_that_need_the_force_are_reported(tmp_path):

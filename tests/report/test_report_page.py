@@ -159,6 +159,8 @@ def test_the_local_chi2_is_one_where_there_is_nothing_but_noise():
         (0.30041, 0.0011, "-", "0.3004 ± 0.0011"),
         (1234.5, 250.0, "N", "1234 ± 250 N"),
         (1.2342e-6, 2.1e-8, "1/px^2", "(1.234 ± 0.021)·10⁻⁶ 1/px^2"),
+        (5e-4, 2e-3, "mm", "0.0005 ± 0.0020 mm"),  # a value near zero has the digits of its error
+        (0.0, 1e-5, "mm", "(0.0 ± 1.0)·10⁻⁵ mm"),
         (3.0, None, "mm", "3 mm"),
         (0.0, 0.012, "deg", "0.000 ± 0.012 deg"),
         (1.47e11, 3e9, "MPa s", "(1.470 ± 0.030)·10¹¹ MPa s"),
@@ -312,3 +314,14 @@ def test_the_tables_hold_the_same_numbers(record):
     (0.0020, 0.0050, "0.0020", "> 100 %"), (0.0, 0.1, "0.00", "–")])
 def test_a_value_has_the_digits_that_its_standard_deviation_supports(value, std, shown, share):
     assert words.number(value, std) == shown and words.relative(value, std) == share
+
+
+def test_the_figure_of_correlations_does_not_say_that_all_parameters_are_separated_where_one_is_open():
+    record = make_record()
+    table = {"names": ["A.E", "A.nu"], "matrix": [[1.0, 0.3], [0.3, 1.0]]}
+    whole = replace(record, result=record.result | {"correlation": table, "not_identifiable": []})
+    part = replace(whole, result=whole.result | {"not_identifiable": [
+        {"name": "A.hardening", "reason": "no yielding", "together_with": [], "correlation": None}]})
+    assert matrices.correlation(whole).caption.endswith("The test separates all parameters.")
+    assert matrices.correlation(part).caption.endswith(
+        "The test separates these parameters. Those that it does not determine are not shown.")

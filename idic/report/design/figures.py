@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
-from idic.report.design.words import MAX_STD_FAIR, MAX_STD_WELL, MODE, named
+from idic.report.design.words import MAX_STD_FAIR, MAX_STD_WELL, MODE, in_words, named
 from idic.report.figures import maps, matrices
 from idic.report.figures.style import CYCLE, FAINT, GREY, MARKERS, Picture, look, new_figure, to_picture
 from idic.report.record import RunRecord, Sensitivities
@@ -40,7 +41,8 @@ def expected(content: Mapping) -> Picture:
         series.append(("all together", {name: entry for name, entry in content["joint"]["parameters"].items()
                                         if any(name in parameters for _, parameters in series)}))
     elif content["plans"][0]["channels"]:
-        series = [("images and channels", series[0][1]), ("images only", _images_only(series[0][1]))]
+        series = [(in_words(content["plans"][0], "images and channels"), series[0][1]),
+                  (in_words(content["plans"][0], "images only"), _images_only(series[0][1]))]
     names = list(dict.fromkeys(name for _, parameters in series for name in parameters))
     shown = short_names(names)
     with look():
@@ -59,11 +61,11 @@ def expected(content: Mapping) -> Picture:
         axis.axvline(MAX_STD_WELL, color=GREY, lw=0.8, ls=":")
         axis.axvline(MAX_STD_FAIR, color=GREY, lw=0.8, ls=":")
         if anything_open:
-            axis.axvspan(1.0, 2.0 * UNDETERMINED_STD, color=FAINT, alpha=0.5, lw=0)
+            axis.axvspan(1.0, 2.0 * UNDETERMINED_STD, color=FAINT, alpha=0.5, lw=0)  # and farther: all marks are seen
         axis.set(xscale="log", xlabel="expected standard deviation / value [–]", yticks=range(len(names)),
                  ylim=(len(names) - 0.5, -0.5))
         axis.set_yticks(range(len(names)), [shown[name] for name in names])
-        axis.set_xlim(right=2.0 * UNDETERMINED_STD if anything_open else max(2.0 * MAX_STD_FAIR, axis.get_xlim()[1]))
+        axis.set_xlim(right=max(2.0 * (UNDETERMINED_STD if anything_open else MAX_STD_FAIR), axis.get_xlim()[1]))
         if len(series) > 1:
             figure.legend(loc="outside upper left", ncols=4)
         return to_picture(figure, "expected_std", "Expected standard deviations",
@@ -101,6 +103,7 @@ def growth(plan: Mapping) -> Picture | None:
         if not axis.lines:
             return None
         axis.axhline(MAX_STD_WELL, color=GREY, lw=0.8, ls=":")
+        axis.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))  # no half frames
         axis.set(xlabel="last frame used", ylabel="expected std / value [–]")
         figure.legend(loc="outside right upper")
         return to_picture(figure, f"growth_{_file(plan['name'])}", "Standard deviations over the frames used",
@@ -157,7 +160,8 @@ def _step(plan: Mapping, name: str, step: float) -> str:
 
 def _record(plan: Mapping) -> RunRecord:
     """The plan as the figures of a run know one."""
-    result = {"parameters": plan["parameters"], "correlation": plan["correlation"]}
+    result = {"parameters": plan["parameters"], "correlation": plan["correlation"],
+              "not_identifiable": plan["not_identifiable"]}
     pitch = None
     if plan["points"] is not None and plan["points"]["unit"] == "mm":
         result["quantity"], pitch = "displacement", plan["points"]["pitch"]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 
 from idic.report import words
 from idic.report.design import figures as design_figures
@@ -35,7 +36,7 @@ def render_design(content: Mapping, sections: tuple[Section, ...]) -> str:
     first = say.best_plan(comparison) if several else say.headline(plans[0])
     return filled_in(
         "design.html.j2", title=" – ".join(dict.fromkeys(plan["title"] for plan in plans)), first=first,
-        several=several,
+        several=several, words=partial(say.in_words, plans[0]) if all(plan["points"] for plan in plans) else str,
         overview=sections[0], comparison=comparison and _comparison_rows(comparison),
         notes=[] if content["joint"] is None else content["joint"]["notes"],
         plans=[_plan(plan, section) for plan, section in zip(plans, sections[1:], strict=True)])
@@ -47,12 +48,23 @@ def _plan(plan: Mapping, section: Section) -> dict:
             "rows": parameter_rows(plan), "directions": _direction_rows(plan),
             "motion_unit": say.motion_unit(plan)[1],
             "has_channels": bool(plan["channels"]), "has_test": _has_test(plan),
-            "assumptions": [*plan["assumptions"], *plan["notes"]]}
+            "assumptions": _in_words(plan, (*plan["assumptions"], *plan["notes"])),
+            "words": partial(say.in_words, plan)}
 
 
 def said(plan: Mapping) -> list[str]:
     """Facts on a plan, shown below the table."""
-    return [*say.open_parameters(plan), *say.confusions(plan), say.weakest(plan), *say.mode_groups(plan["parameters"])]
+    return _in_words(plan, (*say.open_parameters(plan), *say.confusions(plan), say.weakest(plan),
+                            *say.mode_groups(plan["parameters"])))
+
+
+def assumed(plan: Mapping) -> list[str]:
+    """What was taken for granted, in sentences."""
+    return _in_words(plan, plan["assumptions"])
+
+
+def _in_words(plan: Mapping, texts: Iterable[str]) -> list[str]:
+    return [say.in_words(plan, text) for text in texts]
 
 
 def _facts(plan: Mapping) -> list[tuple[str, str]]:

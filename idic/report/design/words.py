@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from idic.report.fit_words import in_words_of
 from idic.report.words import number, short_names, two_digits
 
 MODE = re.compile(r"(boundary\..+)\.s\d+t\d+")  # amplitude of a mode of a virtual boundary: there may be hundreds
@@ -22,6 +23,11 @@ def grade(relative_std: float | None) -> str:
     if relative_std is None:
         return "open"
     return "well" if relative_std <= MAX_STD_WELL else "fair" if relative_std <= MAX_STD_FAIR else "poor"
+
+
+def in_words(plan: Mapping, text: str) -> str:
+    """A text on images in the words of what the plan measures: unchanged for images."""
+    return text if plan["points"] is None else in_words_of({"quantity": "displacement"}, text)
 
 
 def named(parameters: Mapping) -> dict:
@@ -53,7 +59,7 @@ def direction(vector: np.ndarray, names: Sequence[str], scales: Sequence[float |
     """
     order = _largest_first(vector)
     sign = np.sign(vector[order[0]])
-    unit = lambda i: f"ln {names[i]}" if scales[i] is None else f"{names[i]}/{scales[i]:.2g}"  # noqa: E731
+    unit = lambda i: f"ln {names[i]}" if scales[i] is None else f"{names[i]}/{two_digits(scales[i])}"  # noqa: E731
     more = f", … ({len(order) - MAX_TERMS} more)" if len(order) > MAX_TERMS else ""
     return ", ".join(f"{unit(i)} {sign * vector[i]:+.2f}" for i in order[:MAX_TERMS]) + more
 

@@ -72,11 +72,13 @@ def correlation(record: RunRecord) -> Picture | None:
         off = np.abs(matrix - np.eye(len(names)))
         i, j = np.unravel_index(np.nanargmax(off), off.shape)
         caption = f"Largest: {labels[i]} with {labels[j]}, {matrix[i, j]:.2f}. "
-        caption += (
-            "An error in one largely compensates an error in the other."
-            if off[i, j] > MIN_STRONG_CORRELATION
-            else "The test separates all parameters."
-        )
+        open_ = any(not is_mode(entry["name"]) for entry in record.result.get("not_identifiable", ()))
+        if off[i, j] > MIN_STRONG_CORRELATION:
+            caption += "An error in one largely compensates an error in the other."
+        else:
+            caption += "The test separates these parameters." if open_ else "The test separates all parameters."
+        if open_:
+            caption += " Those that it does not determine are not shown."
         return to_picture(figure, "correlation", "Correlation of the identified values", caption)
 
 
