@@ -31,9 +31,29 @@ def in_ratios(result: Mapping) -> Mapping:
         changed[kind] = shown
     if bounds:
         changed["at_bound"] = bounds
+    if specimens := result.get("specimens"):
+        changed["specimens"] = {renamed.get(name, name): _specimen(entry, _factor(result, name, held))
+                                for name, entry in specimens.items()}
     if table := result.get("correlation"):
         changed["correlation"] = dict(table) | {"names": [renamed.get(name, name) for name in table.get("names", ())]}
     return changed
+
+
+def _factor(result: Mapping, name: str, held: Mapping[str, str]) -> float | None:
+    """What a parameter is multiplied by to be shown as a ratio, None for one that is not."""
+    entry = result["parameters"][name]
+    base = _base(name, entry, held)
+    return None if base is None else _ratio(entry, result["parameters"][base])
+
+
+def _specimen(entry: Mapping, factor: float | None) -> Mapping:
+    """The values of each specimen and their scatter, as a ratio."""
+    if factor is None:
+        return entry
+    sizes = {key: None if entry[key] is None else factor * entry[key] for key in ("between_std", "mean", "mean_std")}
+    interval = entry["between_ci95"] and [factor * bound for bound in entry["between_ci95"]]
+    values = {name: {key: factor * size for key, size in own.items()} for name, own in entry["values"].items()}
+    return {**entry, **sizes, "between_ci95": interval, "unit": "", "values": values}
 
 
 def stress_unit(result: Mapping, element_set: str) -> tuple[str, float]:

@@ -13,6 +13,7 @@ from idic.report.fit_words import MAX_P_OF_EQUAL_SPECIMENS, in_words_of
 from idic.report.figures.style import Picture
 from idic.report.html import filled_in
 from idic.report.record import RunRecord
+from idic.report.stress_scale import in_ratios
 
 MIN_BOLD_DIFFERENCE_STD = 3.0  # standard deviations of a difference, beyond which it is set in bold
 NONE = "–"
@@ -122,10 +123,11 @@ def _plain(value: float | None, unit: str = "") -> str:
 # experiments identified together --------------------------------------------------------------------------------
 def joint_page(result: Mapping) -> str:
     """The page of a result of several experiments, with links to the report of each."""
+    shown = in_ratios(result)
     parameters = tuple(
         (Cell(name), Cell(_value(entry, "") if entry["std"] is not None else "not determined"),
          Cell(entry["unit"] or NONE), Cell(f"{entry['start']:.6g}"))
-        for name, entry in result["parameters"].items() if entry["free"] and not is_mode(_own(name, result)))
+        for name, entry in shown["parameters"].items() if entry["free"] and not is_mode(_own(name, result)))
     rows = []
     for name, part in result["experiments"].items():
         frames = [frame for frame in result["frames"] if frame["experiment"] == name]
@@ -141,9 +143,9 @@ def joint_page(result: Mapping) -> str:
         Table("Experiments", ("experiment", "title", "frames explained", "χ² per pixel", "χ² of the channels",
                               "image noise"), tuple(rows), "The report of each shows its images, fields and channels."),
     ]
-    tables[1:1] = specimen_tables(result)
-    first = [*words.headline(result), *words.between_specimens(result), *words.cautions(result)]
-    picture = correlation(RunRecord(result["title"], result))
+    tables[1:1] = specimen_tables(shown)
+    first = [*words.headline(result), *words.between_specimens(shown), *words.cautions(shown)]
+    picture = correlation(RunRecord(result["title"], shown))
     page = render_tables(result["title"], [line for line in first if line], tables, [picture] if picture else [],
                          verdict=words.verdict(result))
     fields = all(part["noise"]["unit"] == result["noise"]["unit"] for part in result["experiments"].values())

@@ -53,6 +53,7 @@ def joint_result(run: Path, joint: Joint, state: LoopState, point: JointEvaluati
         for name, part in own.items()}
     if point is not None and parts is not None:
         result["specimens"] = specimens_content(joint, state, point.parts, noise, parts)
+    result["has_force"] = any(part.get("has_force", True) for part in own.values())
     result["sensitivity"] = next(iter(own.values())).get("sensitivity")
     result["history"] = [dict(entry) for entry in state.history]
     write_result(run, result)
@@ -64,6 +65,7 @@ def result_of_part(folder: Path, own: dict, whole: Mapping, experiment: str, nam
     for name, entry in own["parameters"].items():
         joint = whole["parameters"][names[name]]
         entry.update({key: joint[key] for key in OF_ALL if key in joint})
+    own["has_force"] = whole["has_force"]
     back = {joint: name for name, joint in names.items()}
     for key in ("correlation", "M"):
         if key in whole:

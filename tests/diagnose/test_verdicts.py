@@ -421,6 +421,14 @@ def test_the_side_of_readings_is_told_by_what_they_read(has_force, words):
     assert side == "force" and words in why
 
 
+def test_a_side_with_more_freedoms_that_explains_more_is_not_called_nearly_as_good():
+    sizes = {"camera": (930.0, 10), "boundary": (1080.0, 70), "camera+boundary": (1090.0, 80), "bulk": (1100.0, 100)}
+    levels = {name: Level(name, *sizes[name], np.ones(5)) for name in KINEMATIC_LEVELS}
+    side, why = decide(levels, levels, True)
+    assert side == "camera" and "distortion recover 92 %" in why
+    assert why.endswith("the boundary level recovers 101 % with more degrees of freedom")
+
+
 def test_a_fit_that_finds_no_equilibrium_from_rest_is_no_enriched_model():
     """A law of which the solution was found from that of a neighbour: the verdict stands, its model is not written."""
     final = Refit("damage", "", "converged", {"BODY.E": 1.0}, {"BODY.E": 0.1}, np.zeros((1, 0)), None, left(1.0),

@@ -137,3 +137,16 @@ def test_a_name_cannot_leave_the_script(record):
     text = render_page(named, drawn_sections((_fields(named),)))
     assert "alert(1)" in text
     assert "<script>alert(1)" not in text
+
+
+@needs_browser
+def test_white_stands_for_zero_also_on_a_scale_of_the_user(page):
+    script = """(() => { const of = (name) => document.querySelector('[data-is="' + name + '"]');
+      of("quantity").value = "u_x"; of("quantity").dispatchEvent(new Event("input"));
+      return JSON.stringify([1, 4].map((high) => { of("low").value = "-1"; of("high").value = high;
+        of("high").dispatchEvent(new Event("input"));
+        const bar = document.querySelectorAll('[data-panel="simulated"] canvas')[1];
+        const middle = bar.getContext("2d").getImageData(bar.width / 2, 6, 1, 1).data;
+        return Math.min(...middle) > 220; })); })()"""
+    # from -1 to 4 white would stand for 1.5: the map of one hue is taken
+    assert json.loads(look_at(page, 1280, whole=False, script=script).value) == [True, False]

@@ -11,6 +11,9 @@ from idic.cli.tables import remarks
 from idic.report import words
 from idic.report.fit_words import against_free
 from idic.report.page import render_page
+from idic.report.tables_page import joint_page
+from idic.run.joint_result import result_of_part
+from idic.store.result_file import read_result
 from idic.report.stress_scale import held_stresses, in_ratios, stress_unit
 
 CLUSTER = {"is_cluster": True, "chi2": 1.62, "typical_chi2": 1.0, "z": 31.0, "p_value": 0.0, "column": 412.3,
@@ -125,6 +128,30 @@ def test_without_a_force_a_stress_is_a_ratio_to_the_held_one():
     rows = [row for row in re.findall(r"<tr.*?</tr>", page) if "yield_stress" in row]
     assert rows and all("MPa" not in row for row in rows)
     assert stress_unit(result, "sheet") == ("E", 70e3)
+
+
+def test_without_a_force_the_page_of_several_experiments_shows_ratios_too():
+    result = held_modulus()
+    own = {"value": 200.0, "std": 0.7}
+    specimens = {"unit": "MPa", "values": {"a": own, "b": own}, "between_std": 7.0, "between_ci95": [0.7, 14.0],
+                 "p_value": 1e-4, "mean": 200.0, "mean_std": 0.7}
+    result["noise"] = result["noise"] | {"unit": "GV"}
+    part = {"title": "a", "noise": {"std_gv": 2.0, "unit": "GV"}, "report": "",
+            "residual": {"channel_chi2_dof": {}, "image_chi2_dof": 1.0}}
+    result |= {"title": "a + b", "experiments": {"a": part, "b": part}, "frames": [],
+               "specimens": {"sheet.yield_stress": specimens}}
+    page = joint_page(result)
+    assert "by 0.0001 (mean of the material 0.002857 ± 0.000010)" in page
+    assert "sheet.yield_stress/E" in page and "MPa" not in "".join(
+        row for row in re.findall(r"<tr.*?</tr>|<p.*?</p>", page, re.DOTALL) if "yield_stress" in row)
+
+
+def test_a_part_of_several_experiments_has_a_stress_where_one_of_them_has_a_force(tmp_path):
+    whole = {"parameters": {}, "experiments": {"a": {}, "b": {}}, "has_force": True, "derived": {},
+             "not_identifiable": []}
+    own = {"parameters": {}, "notes": [], "has_force": False}
+    result_of_part(tmp_path, own, whole, "b", {})
+    assert read_result(tmp_path)["has_force"] is True
 
 
 def test_without_a_force_a_bound_is_a_ratio_too():

@@ -316,10 +316,12 @@ def decide(per_frame: dict[str, Level], per_window: dict[str, Level], has_force:
         best = max(responsible,
                    key=lambda name: (kinematic[name].excess > 0.9 * max(kinematic[n].excess for n in responsible),
                                              kinematic[name].excess / max(kinematic[name].rank, 1)))
-        words = {"camera": "camera motion and distortion", "boundary": "free motion of the driven edges"}[best]
-        text = f"{words} recovers {_percent(kinematic, best)} of what any smooth motion explains"
-        rest = [f"; the {name} level does nearly as well ({_percent(kinematic, name)})" for name in responsible
-                if name != best]
+        words = {"camera": "camera motion and distortion recover",
+                 "boundary": "free motion of the driven edges recovers"}[best]
+        text = f"{words} {_percent(kinematic, best)} of what any smooth motion explains"
+        rest = [f"; the {name} level recovers {_percent(kinematic, name)} with "
+                f"{'more' if kinematic[name].rank > kinematic[best].rank else 'as many or fewer'} degrees of freedom"
+                for name in responsible if name != best]
         return best, text + "".join(rest)
     text = ("smooth motion inside the specimen is needed: the driven edges recover "
             f"{_percent(kinematic, 'boundary')}, the camera {_percent(kinematic, 'camera')}")
