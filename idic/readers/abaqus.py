@@ -16,6 +16,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe.mesh import element
 from idic.readers.abaqus_sets import LabelSets, ScopedNames
+from idic.readers.delimited.text_files import text_of
 from idic.readers.raw_mesh import RawMesh
 
 _FAMILIES = (  # type name -> (dimension word, nodes)
@@ -30,6 +31,7 @@ _N_NODES = {"tet4": 4, "wedge6": 6, "hex8": 8, "tet10": 10, "wedge15": 15, "hex2
             "quad8": 8, "quad9": 9, "line2": 2, "line3": 3}
 _MAKING = ("ELGEN", "ELCOPY", "NCOPY", "NFILL", "NGEN", "NMAP", "SYSTEM")  # of nodes and elements, by rules
 _ORPHAN = "write the mesh as an orphan mesh: every node with its x, y, z, every element with its nodes"
+_OF_SHELLS = ("SPOS", "SNEG")  # faces of shells
 _MAX_LABEL = 2**31 - 1  # labels beyond the range of the programs that write such files are a damage
 
 
@@ -51,7 +53,7 @@ def _blocks(path: Path):
     """(line number, keyword, options, [(line number, cells)]) for every keyword line."""
     current = None
     pending = ""
-    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+    for number, line in enumerate(_text(path).splitlines(), 1):
         line = pending + line.strip()
         pending = ""
         if not line or line.startswith("**"):
@@ -72,6 +74,15 @@ def _blocks(path: Path):
         yield current
 
 
+def _text(path: Path) -> str:
+    """The file as text, as editors save it; bytes that are no letters may stand in names and comments."""
+    data = path.read_bytes()
+    try:
+        return text_of(data, path, "mesh")[0]
+    except InputError:
+        return data.decode("utf-8", errors="replace")
+
+
 class _Reader:
     """Collects the blocks of one file."""
 
@@ -84,6 +95,7 @@ class _Reader:
         self.node_sets: dict[tuple[str, str], list] = {}  # (scope, name) -> members
         self.element_sets: dict[tuple[str, str], list] = {}
         self.surfaces: dict[tuple[str, str], tuple[str, list]] = {}
+        self.of_elements: list[tuple[str, str, str, int]] = []  # *NSET, ELSET=: scope, name, element set, line
 
     @property
     def scope(self) -> str:
@@ -98,9 +110,13 @@ class _Reader:
             target = self.node_sets if keyword == "NSET" else self.element_sets
             name = options.get(keyword) or self.fail(number, f"*{keyword} without a name", f"{keyword}=NAME", "none")
             target.setdefault((self.scope, name), []).extend(self._members(options, data))
+            if keyword == "NSET" and "ELSET" in options:
+                self.of_elements.append((self.scope, name, options["ELSET"], number))
         elif keyword == "SURFACE":
-            self.surfaces[self.scope, options.get("NAME", f"surface_{number}")] = (
-                options.get("TYPE", "ELEMENT").upper(), [(n, cells) for n, cells, _ in data])
+            kind = options.get("TYPE", "ELEMENT").upper()
+            if kind in ("ELEMENT", "NODE") and "COMBINE" not in options:  # no cuts, no rigid or joined surfaces
+                self.surfaces[self.scope, options.get("NAME", f"surface_{number}")] = (
+                    kind, [(n, cells) for n, cells, _ in data])
         elif keyword in ("PART", "ASSEMBLY", "INSTANCE"):
             self._enter(number, keyword, options, data)
         elif keyword in ("END PART", "END ASSEMBLY", "END INSTANCE"):
@@ -131,7 +147,7 @@ class _Reader:
         labels = []
         for number, cells, _ in data:
             label = self._integer(cells[0], number)
-            values = [self._real(cell, number) for cell in cells[1:4] if cell]
+            values = [self._real(cell, number) if cell else 0.0 for cell in cells[1:4]]  # an empty cell is zero
             self.node_labels.append(label)
             self.coordinates.append(values + [0.0] * (3 - len(values)))
             labels.append(label)
@@ -178,8 +194,8 @@ class _Reader:
             cells = [cell for cell in cells if cell]
             if "GENERATE" in options:
                 numbers = [self._integer(cell, number) for cell in cells]
-                if len(numbers) not in (2, 3) or (len(numbers) == 3 and numbers[2] == 0):
-                    self.fail(number, "not a range of labels", "first, last, step", ", ".join(cells))
+                if len(numbers) not in (2, 3) or not numbers[0] <= numbers[1] or min(numbers[2:], default=1) < 1:
+                    self.fail(number, "not a range of labels", "first, last, step; upwards", ", ".join(cells))
                 members.append((range(numbers[0], numbers[1] + 1, *numbers[2:]), number))
             else:
                 members.extend((self._label_or_name(cell, number), number) for cell in cells)
@@ -209,8 +225,11 @@ class _Reader:
             connectivity = np.array([[index[n] for n in nodes] for _, nodes, _ in rows], dtype=np.int64)
             cells.append((kind, connectivity, np.array([label for label, _, _ in rows], dtype=np.int64)))
         names = ScopedNames(self.node_sets, self.element_sets, self.surfaces)
-        nodes_of = LabelSets(names.flat(self.node_sets), index, "node", self.fail)
         elements_of = LabelSets(names.flat(self.element_sets), position, "element", self.fail)
+        for scope, name, own, line in self.of_elements:
+            inside = elements_of.named(names.meant(own, scope, self.element_sets), line, f"set {name}")
+            self.node_sets[scope, name] += [(node, line) for node in {n for e in inside for n in where[e][1]}]
+        nodes_of = LabelSets(names.flat(self.node_sets), index, "node", self.fail)
         raw = RawMesh(self.path, np.array(self.coordinates, dtype=float).reshape(-1, 3), labels, cells,
                       nodes_of.as_indices(), elements_of.as_indices())
         for (scope, name), (kind, data) in self.surfaces.items():
@@ -227,6 +246,8 @@ class _Reader:
             raw.node_sets.setdefault(name, nodes_of.indices(sorted(set().union(*found))))
             return
         index, faces = nodes_of.index, []
+        if any(cell.upper() in _OF_SHELLS for _, cells in data for cell in cells[1:2]):
+            return  # the whole sheet, which is no edge of it
         for number, cells in data:
             match = re.fullmatch(r"[SE]?([0-9])", cells[1].upper()) if len(cells) > 1 else None
             if match is None:
