@@ -214,17 +214,26 @@ def _column(log: Log | None, unit: str, pattern: str) -> str | None:
 
 
 def _channel(found: Found) -> str:
-    column = _column(found.log, "N", r"force|load")
+    column = _column(found.log, "N", r"force|load|kraft")
+    if found.mesh is None:
+        end, component = _pulled_side(found)
+    else:
+        _, end, component, _ = _ends(found)
+    simulated = f"simulated = {{ reaction = {json.dumps(end)}, component = \"{component}\" }}"
     if found.mesh is None or column is None:
+        note = "" if found.mesh is not None else "   # the end that is pulled; all of OUTER adds up to zero"
         return "\n".join([_line("# [[channel]]", "measured against simulated; needs the scale and the thickness"),
-                          f"# column = {json.dumps(column or 'force_N')}",
-                          '# simulated = { reaction = "OUTER", component = "y" }', ""])
-    _, moving, component, _ = _ends(found)
+                          f"# column = {json.dumps(column or 'force_N')}", f"# {simulated}{note}", ""])
     return "\n".join([_line("[[channel]]", "measured against simulated; needs thickness_mm"),
-                      f"column = {json.dumps(column)}",
-                      f"simulated = {{ reaction = {json.dumps(moving)}, component = \"{component}\" }}",
+                      f"column = {json.dumps(column)}", simulated,
                       _line("# ", "factor = 2.0 in it where half the thickness is modelled"),
                       _line("# noise_std = 5.0", "in the unit of the column"), ""])
+
+
+def _pulled_side(found: Found) -> tuple[str, str]:
+    """A short side of the ROI in whose direction an axis points: x to the right, y down."""
+    x0, y0, x1, y1, _ = _guessed_roi(found)
+    return ("RIGHT", "x") if x1 - x0 >= y1 - y0 else ("BOTTOM", "y")
 
 
 _TAIL = """# [[dof]]                        # further degrees of freedom

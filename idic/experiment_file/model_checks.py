@@ -15,6 +15,7 @@ from idic.materials import get_law
 from idic.model.experiment import Material, Prescribed
 
 _MIN_SUPPORT_SINGULAR_VALUE = 1e-8  # of a held rigid motion, relative: well above rounding, far below a real support
+_MIN_FACE_ON = 1e-6  # of the mean area of a face: less is seen edge-on
 _MIN_LARGER = 2.0  # mesh over image, in both directions: the scale is wrong, whatever the place
 
 
@@ -168,6 +169,8 @@ def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: AnyCamera,
                          key=keys[0],
                          expected=f"columns 0 … {shape[1] - 1}, rows 0 … {shape[0] - 1} (a part is enough)",
                          found=span, remedy=_off_the_points(sizes) if fields else _out_of_sight(sizes))
+    if kind == "solid":
+        _check_face_on(points, padded, px, camera, file, surface)
     if mask is not None and not (surface is not None and kind != "solid"):
         rows, columns = np.nonzero(mask)
         low, high = px.min(axis=0), px.max(axis=0)
@@ -176,6 +179,22 @@ def check_visible(mesh: Mesh, kind: str, surface: str | None, camera: AnyCamera,
             raise InputError("the mask excludes the whole mesh", file=file, key=keys[1],
                              expected=f"white pixels within {span}", found=f"white pixels in {white}",
                              remedy="correct the mask: white pixels are correlated")
+
+
+def _check_face_on(points: np.ndarray, padded: np.ndarray, px: np.ndarray, camera: AnyCamera, file, surface) -> None:
+    """InputError where every face of the surface is a line in the image."""
+    at = camera.project(points)[padded]  # (n_cells, n, 2)
+    side = at[:, 1:] - at[:, :1]
+    areas = np.abs(side[:, :-1, 0] * side[:, 1:, 1] - side[:, :-1, 1] * side[:, 1:, 0]).max(axis=1)
+    if areas.max() < _MIN_FACE_ON * np.sum(np.ptp(px, axis=0)) ** 2 / len(padded):
+        own = points[np.unique(padded)]
+        size = ", ".join(f"{axis} {a:g} … {b:g}" for axis, a, b in zip("xyz", own.min(axis=0), own.max(axis=0),
+                                                                       strict=True))
+        raise InputError("the camera sees the surface edge-on: no pixel lies on it", file=file,
+                         key="experiment.surface", expected="a face set that the camera sees; without a pose it looks "
+                         "along z, at the plane of mesh x and y", found=f"{surface}: {size}",
+                         remedy="turn the mesh so that this face lies in the plane of x and y, or name the face set "
+                                "that the camera sees")
 
 
 def _out_of_sight(sizes: np.ndarray) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,6 +19,7 @@ from idic.readers.units import factor_between, parse_unit, unit_in_name, without
 
 _MAX_VALUE = 1e60  # absolute; squares of squares stay floats
 _TIME_NAMES = ("time", "t", "zeit")
+_CLOCK = re.compile(r"[0-9]:[0-9]{2}|[0-9]{4}-[0-9]{2}-[0-9]{2}|[0-9]{1,2}\.[0-9]{1,2}\.[0-9]{4}")
 Decimal = Literal[".", ","]
 
 
@@ -122,6 +124,11 @@ class Log:
                           remedy=f"add the column to {self.file.name}, or name one of its columns")
 
     def _no_number(self, cell: str, name: str, line: int) -> InputError:
+        if _CLOCK.search(cell):
+            return InputError("a time of day or a date in place of a number", file=self.file,
+                              key=f"column {name}, line {line}", expected="a number, of times the seconds since the "
+                              "first row", found=repr(cell), remedy="write the seconds since the first row in their "
+                              "place; a column of dates that no key names may stay")
         return InputError("a cell of the log is not a number", file=self.file, key=f"column {name}, line {line}",
                           expected="a finite number" + (f' with the decimal mark "{self.decimal}"' if self.decimal
                                                         else ""),

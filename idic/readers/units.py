@@ -5,6 +5,7 @@ A unit is a product of names with integer powers: ``MPa``, ``kN``, ``1/s``, ``MP
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
 
@@ -14,8 +15,10 @@ _DIMENSIONS = ("length", "time", "force", "temperature", "angle", "pixel", "grey
 
 _LENGTHS = {"m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "nm": 1e-6, "in": 25.4, "inch": 25.4}
 _TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0, "h": 3600.0}
-_FORCES = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "μN": 1e-6, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605}
-_STRESSES = {"MPa": 1.0, "GPa": 1e3, "kPa": 1e-3, "Pa": 1e-6, "bar": 0.1, "mbar": 1e-4, "psi": 6.894757293168e-3}
+_FORCES = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "μN": 1e-6, "kN": 1e3, "MN": 1e6, "lbf": 4.4482216152605,
+           "lb": 4.4482216152605, "lbs": 4.4482216152605, "kip": 4448.2216152605, "kgf": 9.80665, "kp": 9.80665}
+_STRESSES = {"MPa": 1.0, "GPa": 1e3, "kPa": 1e-3, "Pa": 1e-6, "bar": 0.1, "mbar": 1e-4, "psi": 6.894757293168e-3,
+             "ksi": 6.894757293168}
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,16 @@ def _parts(column: str) -> tuple[str, str] | None:
     return (match[1], unit) if unit not in ("", "1", "-") and parse_unit(unit) is not None else None
 
 
+def _ending(column: str) -> str:
+    """What stands in brackets at the end of a column name, or after its last underscore if it is a unit in other
+    letters (``Force_KN``); "" otherwise."""
+    match = _IN_BRACKETS.fullmatch(column.strip())
+    if match is not None:
+        return next(group for group in match.groups()[1:] if group is not None).strip()
+    name, _, suffix = column.rpartition("_")
+    return suffix if name and suffix.lower() in {known.lower() for known in _UNITS if len(known) > 1} else ""
+
+
 def unit_in_name(column: str) -> str | None:
     """The unit at the end of a column name: ``force_N``, ``Force [N]``, ``Force (N)``, ``Force / N``; None without."""
     parts = _parts(column)
@@ -131,6 +144,13 @@ def without_unit(column: str) -> str:
 def column_factor(column: str, internal: str, unit: str | None = None, *, file=None, key=None) -> float:
     """Factor from a logged column to internal units, by ``unit`` if given, else by the unit in its name."""
     given = unit or unit_in_name(column)
+    if given is None and (ending := _ending(column)):
+        meant = [name for name, one in _UNITS.items() if name.lower() == ending.lower()
+                 and one.powers == parse_unit(internal).powers]  # type: ignore[union-attr]
+        raise InputError(f'column "{column}" ends in a unit that idic does not know', file=file, key=key,
+                         expected=f"one of {KNOWN}" if not meant else " or ".join(meant), found=ending,
+                         remedy=f'write {{ column = {json.dumps(column)}, unit = "{(meant or [internal])[0]}" }} if '
+                                "that is its unit; else convert the column")
     if given is None:
         raise InputError(f'column "{column}" has no unit', file=file, key=key, found=f'"{column}"',
                          expected=f"a name that ends in a unit, such as {column}_{internal}",

@@ -59,6 +59,52 @@ def test_a_force_of_the_other_sign_is_told_at_the_moving_and_at_the_held_end(fol
     assert "goes with the motion of TOP, grip_um; the log shows the opposite. factor = 1" in warnings(folder)
 
 
+def test_a_force_of_all_driven_nodes_is_told_as_a_sum_that_is_zero(folder):
+    change(folder, "mesh.inp", "*ELSET, ELSET=LAST", "*NSET, NSET=GRIPS\nTOP, BOTTOM\n*ELSET, ELSET=LAST")
+    assert not warnings(folder)
+    change(folder, "experiment.toml", 'reaction = "TOP"', 'reaction = "GRIPS"')
+    assert "GRIPS holds every node that is moved or held along y, and all reactions toge" in warnings(folder)
+
+
+def test_a_load_at_the_reference_frame_is_told_unless_its_offset_is_identified(folder):
+    change(folder, "loads.csv", "0,0.0,0.000", "0,0.0,0.030")
+    for told in ("force_kN is 0.03 kN at the reference frame", "channel.force_kN.offset under [[dof]]"):
+        assert told in warnings(folder)
+    file = folder / "experiment.toml"
+    file.write_text(file.read_text() + '\n[[dof]]\nname = "channel.force_kN.offset"\nvalue = 0.0\nunit = "N"\n')
+    assert not warnings(folder)
+
+
+def test_a_mesh_in_two_pieces_is_told_with_a_place_of_the_double_nodes(folder):
+    """The upper row of elements has nodes of its own: those of its lower edge are written twice."""
+    text = (folder / "mesh.inp").read_text()
+    double = "".join(f"{201 + i}, {float(i)}, 2.0, 0.0\n" for i in range(5))
+    rows = "".join(f"{1009 + i}, {201 + i}, {202 + i}, {117 + i}, {116 + i}\n" for i in range(4))
+    old = text[text.index("1009, "):text.index("*NSET, NSET=BOTTOM")]
+    (folder / "mesh.inp").write_text(text.replace(old, rows).replace("*ELEMENT", double + "*ELEMENT", 1))
+    assert "the mesh has 2 pieces that share no node" in warnings(folder)
+    assert "(the first at x 0, y 2 mm): no force passes between them" in warnings(folder)
+
+
+def test_a_solid_whose_face_is_seen_edge_on_is_refused(folder):
+    """A layer of bricks that lies in the plane of x and z; the camera looks along z."""
+    at = {(i, j, k): 1 + i + 5 * j + 20 * k for k in range(2) for j in range(4) for i in range(5)}
+    lines = ["*NODE", *(f"{n}, {i}, {0.5 * k}, {-j}" for (i, j, k), n in at.items())]
+    lines += ["*ELEMENT, TYPE=C3D8, ELSET=SPECIMEN"]
+    corners = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
+    lines += [", ".join(map(str, (1 + i + 4 * j, *(at[i + a, j + b, c] for a, b, c in corners))))
+              for j in range(3) for i in range(4)]
+    lines += ["*NSET, NSET=BOTTOM, GENERATE", "1, 5", "*NSET, NSET=TOP, GENERATE", "16, 20", "*SURFACE, NAME=FRONT",
+              "SPECIMEN, S2", "*SURFACE, NAME=LOWER", "1, S3", "2, S3"]
+    (folder / "mesh.inp").write_text("\n".join(lines) + "\n")
+    change(folder, "experiment.toml", 'kind = "plane_stress"', 'kind = "solid"\nsurface = "FRONT"')
+    change(folder, "experiment.toml", "thickness_mm = 2.0\n", "")
+    change(folder, "experiment.toml", "ux = 0.0\nuy = 0.0", "ux = 0.0\nuy = 0.0\nuz = 0.0")
+    with pytest.raises(InputError, match="edge-on") as refused:
+        load_experiment(folder)
+    assert refused.value.key == "experiment.surface" and "FRONT: x 0 … 4, y 0.5 … 0.5, z -3 … 0" in refused.value.found
+
+
 def test_the_modulus_of_a_polymer_is_not_doubted(folder):
     change(folder, "experiment.toml", 'value = 70, unit = "GPa"', 'value = 1.2, unit = "GPa"')
     change(folder, "experiment.toml", "bounds = [10, 200], prior = { mean = 70, std = 5 }", "bounds = [0.1, 200]")

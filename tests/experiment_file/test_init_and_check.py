@@ -70,6 +70,41 @@ def test_init_takes_no_mask_for_an_image_and_offers_it_as_the_mask(tmp_path, mas
     assert load_experiment(tmp_path).labels == others
 
 
+@pytest.mark.parametrize("name", ["microimage", "unmasked"])
+def test_init_takes_images_for_images_whose_names_hold_the_word_of_a_mask(tmp_path, name):
+    shots(tmp_path, *(f"{name}_{k}.png" for k in range(3)))
+    write_initial_experiment(tmp_path)
+    assert len(load_experiment(tmp_path).labels) == 3
+
+
+def test_the_force_that_init_writes_behind_a_hash_is_that_of_one_end(tmp_path):
+    """The force of a whole outline is zero; of a mesh file without a log init names the end that it drives."""
+    shots(tmp_path, *(f"shot_{k}.png" for k in range(3)))
+    (tmp_path / "loads.csv").write_text("force_N\n0\n1\n2\n")
+    text = write_initial_experiment(tmp_path).read_text()
+    for key, value in (("pixel_size_mm", "0.1"), ("thickness_mm", "2.0")):
+        text = "\n".join(f"{key} = {value}" if line.startswith(f"# {key} =") else line for line in text.split("\n"))
+    for start in ("[[channel]]", "column =", "simulated ="):
+        text = text.replace(f"# {start}", start)
+    (tmp_path / "experiment.toml").write_text(text)
+    force = load_experiment(tmp_path).channels[0]
+    assert (force.nodes, force.component) == ("RIGHT", "x")
+
+
+def test_init_names_the_end_that_it_drives_where_there_is_no_log(folder):
+    for name in ("experiment.toml", "loads.csv"):
+        (folder / name).unlink()
+    assert '# simulated = { reaction = "TOP", component = "y" }' in write_initial_experiment(folder).read_text()
+
+
+def test_init_names_the_columns_whose_unit_it_does_not_know(folder):
+    (folder / "experiment.toml").unlink()
+    change(folder, "loads.csv", "frame,time_s,force_kN,grip_um", "frame,time_s,Load,Stroke (MM)")
+    told = "\n".join(initial_experiment(folder)[1])
+    assert "no column has the unit of a force or of a displacement" in told and "does" not in told
+    assert "without a unit that idic knows: Load, Stroke (MM)." in told
+
+
 def test_init_offers_no_mask_of_another_size(tmp_path):
     shots(tmp_path, "shot_00.png", "shot_01.png", "shot_02.png")
     shots(tmp_path, "overview_roi.png", size=(60, 70))

@@ -8,6 +8,7 @@ import pytest
 
 from idic.errors import InputError
 from idic.readers.logs import read_log
+from idic.readers.units import column_factor
 
 PLAIN = "time_s,force_kN,grip_µm\n0,0.0,-0.1\n1,0.5,12.25\n2,1.25,1500.5\n"
 GERMAN = PLAIN.replace(",", ";").replace(".", ",")
@@ -61,6 +62,36 @@ def test_a_row_of_units_below_the_header_is_their_unit(tmp_path, units):
 @pytest.mark.parametrize("name", ["Force [kN]", "Force (kN)", "Force / kN", "force_kN"])
 def test_a_unit_at_the_end_of_a_name_is_found(tmp_path, name):
     assert read(tmp_path, PLAIN.replace("force_kN", name)).unit(name) == "kN"
+
+
+def test_a_header_whose_cells_are_written_over_two_lines_is_one_row(tmp_path):
+    text = PLAIN.replace("time_s,force_kN,grip_µm", '"Time\n[s]","Force, upper\n[kN]",Grip [µm]')
+    log = read(tmp_path, text)
+    assert_the_numbers(log, ("Time [s]", "Force, upper [kN]", "Grip [µm]"))
+    assert log.unit("Force, upper [kN]") == "kN" and log.lines == (4, 5, 6)
+    assert_the_numbers(read(tmp_path, f'Grips, 1" wide\nwidth "5"\n{PLAIN}'))
+
+
+@pytest.mark.parametrize("stamp", ["14:05:03", "2024-03-12T14:05:03+01:00", "12.3.2024", "2024-03-12 14:05"])
+def test_a_time_of_day_is_told_as_such(tmp_path, stamp):
+    with pytest.raises(InputError, match="a time of day or a date") as problem:
+        read(tmp_path, PLAIN.replace("\n1,", f"\n{stamp},")).times()
+    assert "seconds since the first row" in problem.value.remedy
+
+
+@pytest.mark.parametrize("name, factor", [("Load (lbs)", 4.4482216152605), ("load_kgf", 9.80665),
+                                          ("Load [kip]", 4448.2216152605)])
+def test_the_units_of_machines_elsewhere_are_known(tmp_path, name, factor):
+    assert column_factor(name, "N", read(tmp_path, PLAIN.replace("force_kN", name)).unit(name)) == factor
+
+
+@pytest.mark.parametrize("name, found, unit", [("Force_KN", "KN", "kN"), ("Force [KN]", "KN", "kN"),
+                                               ("Force [ozf]", "ozf", "N")])
+def test_a_unit_that_is_written_otherwise_is_not_passed_over(name, found, unit):
+    """A column in kN, renamed to ..._N as the message once advised, would be read as 1000 times less."""
+    with pytest.raises(InputError, match="ends in a unit that idic does not know") as problem:
+        column_factor(name, "N")
+    assert problem.value.found == found and f'unit = "{unit}" }} if that is its unit' in problem.value.remedy
 
 
 def test_a_units_row_that_contradicts_a_name_is_refused(tmp_path):

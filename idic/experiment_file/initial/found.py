@@ -20,6 +20,7 @@ from idic.readers.paths import natural_key, patterns_of, recorded_order
 from idic.readers.raw_mesh import DIMENSION, to_mesh
 
 _NO_MESHES = (".dat", ".svg", ".wkt", ".xml")  # formats of meshio whose suffix usually means something else
+_MASK = re.compile(r"mask|(?<![a-z])roi(?![a-z])", re.IGNORECASE)  # microimage_001.tif is an image
 CHECK = "check"  # where `idic check` draws
 
 
@@ -64,8 +65,12 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     masks = []
     for path in files:
         if path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES:
-            is_mask = re.search(r"mask|roi", path.stem, re.IGNORECASE)
+            is_mask = _MASK.search(path.stem)
             (masks if is_mask else groups[path.parent, path.suffix]).append(path)
+    if not groups and len(masks) > 1:  # a name of the series: unmasked_001.tif
+        for path in masks:
+            groups[path.parent, path.suffix].append(path)
+        masks = []
     if not groups:
         raise InputError("no images in the folder", file=folder,
                          expected="TIFF or PNG images, or the exported fields of a DIC system, in it or in a folder "

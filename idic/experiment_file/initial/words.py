@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
 
 from idic.experiment_file.initial.found import Found
 from idic.fe.mesh.outline import segments_of
+from idic.readers.units import parse_unit
 
 MAX_ASPECT_DIFFERENCE = 0.05  # of mesh and speckled area: with more, one of them shows another part of the specimen
 FILL_IN = "FILL IN"
+_COUNTED = re.compile(r"(frame|image|index|no\.?|nr\.?|number|step|cycle|time|date|zeit|datum)s?", re.IGNORECASE)
 
 
 def lines_of(found: Found, text: str) -> list[str]:
@@ -19,7 +22,7 @@ def lines_of(found: Found, text: str) -> list[str]:
     pattern = found.images if isinstance(found.images, str) else ", ".join(found.images)
     lines = [f"images       {pattern}: {found.n_images} of {nx} x {ny} px; the reference is the first, "
              f"{found.reference}",
-             *_mesh(found), _log(found),
+             *_mesh(found), _log(found), *_columns_without_unit(found),
              "to identify  E from 70 000 MPa and nu from 0.3 of the law elastic, typical of aluminium: replace them by "
              "the law of your material (idic laws) and starting values",
              *(f"note         {note}" for note in found.notes)]
@@ -69,6 +72,20 @@ def _log(found: Found) -> str:
     rows = len(found.log.rows)
     rest = "" if rows == found.n_images else f"; {rows} rows for {found.n_images} images: give the times of the images"
     return f"log          {found.log_file}: columns {', '.join(found.log.names)}{rest}"
+
+
+def _columns_without_unit(found: Found) -> Iterator[str]:
+    """The columns that may be force or motion, where no column has their unit."""
+    log = found.log
+    if log is None:
+        return
+    units = {name: parse_unit(unit) if (unit := log.unit(name)) is not None else None for name in log.names}
+    lacking = [what for what, unit in (("force", "N"), ("displacement", "mm"))
+               if parse_unit(unit).powers not in [one.powers for one in units.values() if one is not None]]
+    without = [name for name, one in units.items() if one is None and name and not _COUNTED.fullmatch(name)]
+    if lacking and without:
+        yield (f"note         no column has the unit of a {' or of a '.join(lacking)}; without a unit that idic knows: "
+               f"{', '.join(without)}. Write it in the name (force_N, grip_mm) or next to the column (unit = \"N\")")
 
 
 def _key(line: str) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +19,7 @@ from idic.readers.units import parse_unit
 _SEPARATORS = (";", "\t", ",")
 _EXCEL = re.compile(r'"?sep=(.)"?[;,]*', re.IGNORECASE)
 _MAX_CELL = 100_000  # characters: below the limit of Python's csv
+_MAX_LINES_OF_HEADER = 10  # over which its quoted cells are written
 _LOOKED_AT = 1000  # lines in which the separator shows
 
 
@@ -48,7 +49,7 @@ def read_table(text: str, path: Path) -> Table:
         There is no header or no row, a column name occurs twice, a row has another number of cells, or a cell is
         longer than any number.
     """
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()
+    lines = [(number, line) for number, line in _whole_lines(text.splitlines()) if line.strip()
              and not line.lstrip().startswith("#")]
     separators: tuple[str, ...] = _SEPARATORS
     if lines and (excel := _EXCEL.fullmatch(lines[0][1].strip(" "))):
@@ -88,6 +89,32 @@ def read_table(text: str, path: Path) -> Table:
     return Table(separator, cells[header][0], names, units + ("",) * (n - len(units)), tuple(made),
                  tuple(k for k, _ in rows),
                  tuple(cells[:header]))
+
+
+def _whole_lines(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
+    """Numbers and lines; a quoted cell that is written over several lines, as ``"Force`` and ``[N]"``, in one."""
+    k = 0
+    while k < len(lines):
+        last = k
+        if '"' in lines[k] and _ends_in_quotes(lines[k]):
+            whole = lines[k]
+            for end in range(k + 1, min(k + 1 + _MAX_LINES_OF_HEADER, len(lines))):
+                whole += f" {lines[end].strip()}"
+                if not _ends_in_quotes(whole):
+                    last = end
+                    break
+        yield k + 1, whole if last > k else lines[k]
+        k = last + 1
+
+
+def _ends_in_quotes(line: str) -> bool:
+    """Whether the last quoted cell of a line goes on in the next one; an inch within a cell quotes nothing."""
+    inside, before = False, ";"
+    for letter in line:
+        if letter == '"':
+            inside = not inside if inside else before in ',;\t|"'
+        before = letter if letter != " " else before
+    return inside
 
 
 def _refuse_shifted_row(names: tuple[str, ...], rows: Sequence[tuple[int, tuple[str, ...]]], path: Path) -> None:

@@ -20,7 +20,8 @@ from idic.readers.fields.sound_stages import check_stages
 from idic.report.evidence.cost import Cost, expected_cost
 from idic.report.evidence.placement import ends_that_move_otherwise, mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (
-    implausible_scale, implausible_values, opposed_forces, pattern_warnings, start_values,
+    implausible_scale, implausible_values, loaded_reference, opposed_forces, pattern_warnings, separate_pieces,
+    start_values, sums_of_all_reactions,
 )
 from idic.report.evidence.rig import rig_warnings
 from idic.report.figures.mesh_overlay import mesh_on_points, mesh_overlay
@@ -301,7 +302,10 @@ def dropped_loads(experiment: Experiment) -> Iterator[tuple[str, str]]:
 
 def _model_warnings(experiment: Experiment):
     yield from implausible_values(experiment)
+    yield from separate_pieces(experiment.mesh, experiment.length_unit)
     yield from opposed_forces(experiment)
+    yield from sums_of_all_reactions(experiment)
+    yield from loaded_reference(experiment)
     if not experiment.parameters.free:
         yield "no parameter is to be identified: write identify = true for at least one"
     if all(c.kind == "displacement" for c in experiment.channels) and not experiment.loads:

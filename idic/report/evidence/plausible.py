@@ -7,7 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 from scipy.ndimage import find_objects, label, maximum_filter, uniform_filter
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
+from idic.fe.mesh.mesh import Mesh
 from idic.images.quality.compression import BLOCK_PX, compressed_at
 from idic.images.quality.speckle import edge_blur, speckle_size
 from idic.materials import law_for
@@ -26,6 +29,8 @@ MIN_HOLE_SHARE = 0.02       # of the ROI, without pattern in one place: a hole t
 MIN_HOLE_FILL = 0.6         # of its bounding box; a circle fills 0.79, a scratch or a rim less
 PLAIN = 0.2                 # of the usual local standard deviation: less is no pattern
 MAX_OPPOSED = -0.5          # correlation of a force and the motion that it causes: below, the log has the other sign
+MAX_FIRST_FORCE = 0.02      # of the range of a force: a larger one at the reference frame is a load
+SAME_PLACE = 1e-7           # of the size of a mesh: nodes that are closer were one
 NO_PATTERN = np.zeros(1, dtype=bool)
 
 
@@ -75,6 +80,56 @@ def opposed_forces(experiment: Experiment) -> Iterator[str]:
             yield (f"{channel.column}: the force that holds {channel.nodes} goes {with_it} the motion of {nodes}, "
                    f"{drive.column}; the log shows the opposite. factor = {-channel.factor:g} in simulated = {{ … }} "
                    "reverses the sign of the force")
+
+
+def sums_of_all_reactions(experiment: Experiment) -> Iterator[str]:
+    """Forces of node sets that hold every driven node: in equilibrium all reactions together are zero."""
+    if experiment.loads or experiment.solver is not None:
+        return
+    sets = experiment.mesh.node_sets
+    for channel in experiment.channels:
+        driven = [sets[one.nodes] for one in experiment.prescribed if one.component == channel.component]
+        if channel.kind == "reaction" and driven and np.isin(np.concatenate(driven), sets[channel.nodes]).all():
+            yield (f"{channel.column}: {channel.nodes} holds every node that is moved or held along "
+                   f"{channel.component}, and all reactions together are zero: name the set at one end, as reaction = "
+                   '"RIGHT"')
+
+
+def loaded_reference(experiment: Experiment) -> Iterator[str]:
+    """Forces at the reference frame, where the simulation has none, unless their offset is identified."""
+    for channel in experiment.channels if not experiment.loads else ():
+        counted = [k for k in range(experiment.n_frames) if k not in experiment.excluded]
+        force, start = channel.values[counted], float(channel.values[experiment.reference])
+        offset = f"channel.{channel.column}.offset"
+        known = experiment.parameters.get(offset)
+        corrected = known is not None and (known.free or known.value != 0.0)
+        least = max(MAX_FIRST_FORCE * float(np.ptp(force)), 5.0 * (channel.noise_std or 0.0))
+        if channel.kind == "reaction" and not corrected and abs(start) > least:
+            factor = channel.shown_factor
+            yield (f"{channel.column} is {start / factor:.4g} {channel.shown_unit} at the reference frame, where the "
+                   "simulation has no load. A pre-load: take an image before it as the reference. A load cell that was "
+                   f"not set to zero: {offset} under [[dof]]")
+
+
+def separate_pieces(mesh: Mesh, unit: str) -> Iterator[str]:
+    """Bodies of a mesh that share no node although nodes of theirs lie at the same place."""
+    rows = [block.connectivity for block in mesh.blocks]
+    first = np.concatenate([np.repeat(row[:, 0], row.shape[1] - 1) for row in rows])
+    other = np.concatenate([row[:, 1:].ravel() for row in rows])
+    graph = coo_matrix((np.ones(len(first)), (first, other)), shape=(mesh.n_nodes, mesh.n_nodes))
+    n_pieces, piece = connected_components(graph, directed=False)
+    if n_pieces < 2:
+        return
+    size = np.ptp(mesh.nodes, axis=0).max()
+    _, place = np.unique(np.round((mesh.nodes - mesh.nodes.min(axis=0)) / (SAME_PLACE * size)), axis=0,
+                         return_inverse=True)
+    order = np.lexsort((piece, place.ravel()))
+    double = np.flatnonzero((np.diff(place.ravel()[order]) == 0) & (np.diff(piece[order]) != 0))
+    if len(double):
+        where = ", ".join(f"{axis} {x:.4g}" for axis, x in zip("xyz", mesh.nodes[order[double[0]]], strict=False))
+        yield (f"the mesh has {n_pieces} pieces that share no node, with {len(double)} pairs of nodes at the same "
+               f"place (the first at {where} {unit}): no force passes between them. Merge these nodes in the mesh "
+               "generator")
 
 
 def implausible_scale(extent_px: np.ndarray, shape: tuple[int, int], visible: float,
