@@ -269,12 +269,12 @@ def _check_frames(log: Log, n_frames: int, numbers: tuple[int, ...] | None) -> N
 
 def _by_time(log: Log, image_times: np.ndarray) -> MatchedLog:
     times = log.times()
-    tolerance = 1e-9 * max(1.0, float(np.abs(times).max()))  # rounding of decimal times
+    tolerance = 1e-9 * max(1.0, float(np.ptp(times))) + 4.0 * np.spacing(float(np.abs(times).max()))  # rounding
     outside = np.flatnonzero((image_times < times[0] - tolerance) | (image_times > times[-1] + tolerance))
     if len(outside):
         raise InputError("an image lies outside the times of the log", file=log.file, key=log.time_column,
-                         expected=f"images within {times[0]:g} … {times[-1]:g} s",
-                         found=f"image {outside[0]} at {image_times[outside[0]]:g} s",
+                         expected=f"images within {times[0]:.12g} … {times[-1]:.12g} s",
+                         found=f"image {outside[0]} at {image_times[outside[0]]:.12g} s",
                          remedy="check first_frame_s (time of the first image of the pattern) and frame_interval_s; "
                                 "images beyond the ends of the log can be left out of the pattern")
     return MatchedLog(log, image_times, None)
@@ -286,6 +286,6 @@ def check_increasing(times: np.ndarray, file, key: str, lines=None) -> None:
     if len(bad):
         k = int(bad[0]) + 1
         place = f"{key}, line {lines[k]}" if lines is not None else key
-        raise InputError("the times are not sorted", file=file, key=place, expected=f"more than {times[k - 1]:g} s",
-                         found=f"{times[k]:g} s",
+        raise InputError("the times are not sorted", file=file, key=place,
+                         expected=f"more than {times[k - 1]:.12g} s", found=f"{times[k]:.12g} s",
                          remedy="sort the rows by time and remove rows with equal times")

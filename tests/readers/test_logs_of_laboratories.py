@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers.logs import read_log
+from idic.readers.logs import match, read_log
 from idic.readers.units import column_factor
 
 PLAIN = "time_s,force_kN,grip_µm\n0,0.0,-0.1\n1,0.5,12.25\n2,1.25,1500.5\n"
@@ -77,6 +77,17 @@ def test_a_time_of_day_is_told_as_such(tmp_path, stamp):
     with pytest.raises(InputError, match="a time of day or a date") as problem:
         read(tmp_path, PLAIN.replace("\n1,", f"\n{stamp},")).times()
     assert "seconds since the first row" in problem.value.remedy
+
+
+@pytest.mark.parametrize("start", [0.0, 1732812345.0])
+def test_an_image_after_the_end_of_the_log_is_refused_on_every_clock(tmp_path, start):
+    """Seconds since 1970: a billionth of them is a second or two, in which a force would stand still."""
+    rows = "".join(f"{start + k:.1f},{100.0 * k}\n" for k in range(4))
+    log, times = read(tmp_path, f"time_s,force_N\n{rows}"), start + np.arange(4.0)
+    np.testing.assert_allclose(match(log, 4, None, times - 0.5 * (times > start)).column("force_N"), [0, 50, 150, 250])
+    with pytest.raises(InputError, match="outside the times of the log") as problem:
+        match(log, 4, None, times + 1.0)
+    assert f"{start + 3:.0f} s" in problem.value.expected and f"{start + 4:.0f} s" in problem.value.found
 
 
 @pytest.mark.parametrize("name, factor", [("Load (lbs)", 4.4482216152605), ("load_kgf", 9.80665),
