@@ -132,6 +132,7 @@ def test_a_course_warms_the_whole_body_linearly_between_its_points(tmp_path):
 @pytest.mark.parametrize(("table", "words"), [
     ("{ course = [[0.0, 20.0]] }", ("course",)),
     ("{ course = [[0.0, 20.0], [0.0, 30.0]] }", ("do not increase", "course")),
+    ("{ course = [[-60.0, 20.0], [0.0, 30.0]] }", ("before or after all images", "0 … 3 s")),
     ('{ course = [[0.0, 20.0], [1.0, 30.0]], column = "oven_C" }', ("exactly one of",)),
     ("{ course = [[0.0, 20.0], [1.0, 30.0]], scale = 2.0 }", ("scale does not belong here",))])
 def test_a_course_that_is_none_is_refused(tmp_path, table, words):

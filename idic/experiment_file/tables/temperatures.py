@@ -179,6 +179,11 @@ def _course(table: TemperatureTable, body: Body, context: Context, folder: Path,
                          expected="frame_interval_s or image_times in [experiment], or a column time_s in the log",
                          found=f"a course from {times[0]:g} to {times[-1]:g} s; {context.n_frames} frames",
                          remedy="give the times of the frames")
+    if times[-1] <= body.times[0] or times[0] >= body.times[-1]:
+        raise InputError("the course lies before or after all images", file=context.file, key=f"{key}.course",
+                         expected=f"times within {body.times[0]:.12g} … {body.times[-1]:.12g} s, those of the images",
+                         found=f"a course from {times[0]:.12g} to {times[-1]:.12g} s",
+                         remedy="give the course in the times of the images, those of the log")
     values = factor * np.interp(body.times, times, given)
     change = values - values[context.reference]
     field = np.broadcast_to(values[:, None], (len(values), body.mesh.n_nodes))
