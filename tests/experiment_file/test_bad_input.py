@@ -57,6 +57,8 @@ DOF = '\n[[dof]]\nname = "{}"\n'
 BOTTOM = '[[boundary]]\nnodes = "BOTTOM"\nux = 0.0\nuy = 0.0\n'
 TOP_BLOCK = '[[boundary]]\nnodes = "TOP"\nux = 0.0\nuy = { column = "grip_um", noise_std = 0.2 }\n'
 
+ORTHOTROPIC = 'nu12 = 0.3\nE1 = { value = 5, unit = "GPa" }\nG12 = { value = 5, unit = "GPa" }\nangle = 0.0'
+
 # name: (how the folder is spoilt, the file named, the key named, a part of what was found)
 CASES = {
     # the file itself
@@ -164,6 +166,8 @@ CASES = {
     "parameter out of its bounds": (text("bounds = [10, 200]", "bounds = [80, 200]"), TOML, "material.SPECIMEN.E",
                                     "70"),
     "parameter that is not possible": (text("nu = 0.3", "nu = 0.7"), TOML, "material.SPECIMEN.nu", "0.7"),
+    "moduli that were exchanged": (both(text('"elastic"', '"orthotropic"'), text("E = {", "E2 = {"),
+                                        text("nu = 0.3", ORTHOTROPIC)), TOML, "material.SPECIMEN", "nu12 = 0.3"),
     "zero stiffness": (both(text("value = 70,", "value = 0,"), text("[10, 200]", "[0, 200]")), TOML,
                        "material.SPECIMEN.E", "0"),
     "bounds in the wrong order": (text("[10, 200]", "[200, 10]"), TOML, "material.SPECIMEN.E", "200"),

@@ -5,8 +5,9 @@ import pulls
 import pytest
 from law_paths import follow, random_path
 
-from idic.materials import all_laws, compile
+from idic.materials import all_laws, compile, get_law
 from idic.materials.core import point
+from idic.materials.core.points import directional, stress, tangent
 
 STRAIN = np.linspace(0.0, 0.04, 21)
 
@@ -32,6 +33,36 @@ def test_orthotropic_tension_off_axis_has_the_transformed_compliance(angle):
     c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
     Ex = 1 / (c**4 / E1 + s**4 / E2 + c**2 * s**2 * (1 / G - 2 * nu / E1))
     np.testing.assert_allclose(curve.P[:, 0, 0], Ex * STRAIN, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("E1, E2, nu", [(15e3, 15e3, 0.5), (15e3, 15e3, 0.75), (10e3, 140e3, 0.25),
+                                        (140e3, 10e3, -0.9)])
+def test_every_orthotropic_sheet_that_can_be_has_its_compliance_in_plane_stress_and_a_positive_energy(E1, E2, nu):
+    """A laminate of +-45 degrees contracts by 0.75: no transversely isotropic body in space does."""
+    law, params, strain = compile("orthotropic", "small"), np.array([E1, E2, nu, 5e3, 0.0]), np.array([1e-3, 2e-4])
+    P, _, A, ok = tangent(law, 2, np.eye(2)[None] + np.diag(strain), np.ones((1, 1)), params, 0.0)
+    compliance = np.array([[1 / E1, -nu / E1], [-nu / E1, 1 / E2]])
+    assert ok and np.allclose(compliance @ np.diag(P[0]), strain, rtol=1e-9)
+    space = tangent(law, 0, np.eye(3)[None], np.zeros((1, 0)), params, 0.0)[2][0]
+    assert np.sort(np.linalg.eigvalsh(space))[3] > 1.0  # behind three rotations
+    change = np.array([[1.0, 0, 0, 0, 0], [0, 1.0, 0, 0, 0], [0, 0, 1.0, 0, 0]])
+    dP, dstate, _ = directional(law, 2, np.eye(2)[None] + np.diag(strain), np.ones((1, 1)), params, 0.0,
+                                np.zeros((1, 3, 2, 2)), None, change)
+    for k, step in enumerate((1.0, 1.0, 1e-6)):
+        up, down = (stress(law, 2, np.eye(2)[None] + np.diag(strain), np.ones((1, 1)), params + s * step * change[k],
+                           0.0)[:2] for s in (1.0, -1.0))
+        assert np.allclose(dP[0, k], (up[0] - down[0])[0] / (2 * step), rtol=1e-5, atol=1e-7)
+        assert np.isclose(dstate[0, k, 0], (up[1] - down[1])[0, 0] / (2 * step), rtol=1e-4, atol=1e-13)
+
+
+def test_an_orthotropic_body_that_cannot_be_has_no_stress():
+    """E1 and E2 exchanged: nu12 = 0.3 would be a contraction of 4.2 along 1."""
+    params = np.array([10e3, 140e3, 0.3, 5e3, 0.0])
+    for kinematics in ("small", "finite"):
+        law = compile("orthotropic", kinematics)
+        for mode, F in ((0, np.eye(3)), (1, np.eye(2)), (2, np.eye(2))):
+            assert not stress(law, mode, F[None], law.initial_state(mode)[None], params, 0.0)[-1]
+    assert "nu12 = 0.3" in get_law("orthotropic").why_impossible(params)
 
 
 @pytest.mark.parametrize("kinematics", ["small", "finite"])

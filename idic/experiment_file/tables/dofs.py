@@ -65,6 +65,10 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
             entry = ParameterTable.model_construct(value=declared.null)  # unchecked: the null may be infinite
             notes.append(f"{key}.{declared.name} not given: {declared.null:g} (no effect)")
         made.append(_parameter(f"{name}.{declared.name}", declared, entry, file, f"{key}.{declared.name}"))
+    reason = law.why_impossible([parameter.value for parameter in made])
+    if reason:
+        raise InputError("no body has these parameters together", file=file, key=key, found=reason,
+                         expected="parameters of a body that resists every strain", remedy="correct the values")
     if EXPANSION.name in table.parameters:
         made.append(_parameter(f"{name}.{EXPANSION.name}", EXPANSION, table.parameters[EXPANSION.name], file,
                                f"{key}.{EXPANSION.name}"))

@@ -18,6 +18,7 @@ from idic.fe.mesh import element
 from idic.fe.model import Model, Section, uses_mean_dilatation
 from idic.materials.core import points
 from idic.materials.core.crack_band import element_sizes
+from idic.materials.core.law import LawSpec
 
 
 @dataclass(frozen=True)
@@ -215,9 +216,9 @@ def evaluate(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, st
                 dict(zip(group.law.spec.parameter_names, values, strict=True)), group.size)
         if not trouble:
             guess = np.ascontiguousarray(guesses[k][:, -1]) if guesses is not None and model.mode == 2 else None
-            values = values_at(group, values, g)
-            args = (group.law, model.mode, g.Fbar, g.expansion, states[k], values, dt)
-            linear = _linear(group, g, values)
+            own = values_at(group, values, g)
+            args = (group.law, model.mode, g.Fbar, g.expansion, states[k], own, dt)
+            linear = _linear(group, g, own)
             if linear is not None:
                 ok, (g.P, g.state) = True, linear.stress(g.F)
                 if stiffness:
@@ -226,7 +227,7 @@ def evaluate(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, st
                 g.P, g.state, g.A, ok = expansion.tangent(*args, guess=guess)
             else:
                 g.P, g.state, ok = expansion.stress(*args, guess=guess)
-            trouble = "" if ok else f"law {group.law.spec.name} did not converge at a point"
+            trouble = "" if ok else _without_stress(group.law.spec, values)
         if trouble:
             ev.trouble = trouble
             return ev
@@ -237,6 +238,11 @@ def evaluate(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, st
         x = model.mesh.nodes + u
         ev.pressure_K = [-drives.pressure[p.load] * pressure_stiffness(p, x) for p in system.pressures]
     return ev
+
+
+def _without_stress(law: LawSpec, params: np.ndarray) -> str:
+    reason = law.why_impossible(params)
+    return f"law {law.name} did not converge at a point" + (reason and f": no body has {reason}")
 
 
 def external_force(system: System, drives: Drives, u: np.ndarray) -> np.ndarray:

@@ -33,12 +33,13 @@ def linear_stiffness(symmetry, params, C):
     12."""
     C[:, :] = 0.0
     if symmetry == ORTHOTROPIC:
-        C11, C12, C22, C23, G12, G23, _, _ = stiffness(params)
+        C11, C12, C13, C22, C23, C33, G12, G23, _, _ = stiffness(params)
     else:
         lam, mu = lame(params[0], params[1])
-        C11, C12, C22, C23, G12, G23 = lam + 2.0 * mu, lam, lam + 2.0 * mu, lam, mu, mu
-    C[0, 0], C[1, 1], C[2, 2] = C11, C22, C22
-    C[0, 1], C[0, 2], C[1, 0], C[2, 0] = C12, C12, C12, C12
+        C11, C22, C33, C12, C13, C23 = lam + 2.0 * mu, lam + 2.0 * mu, lam + 2.0 * mu, lam, lam, lam
+        G12, G23 = mu, mu
+    C[0, 0], C[1, 1], C[2, 2] = C11, C22, C33
+    C[0, 1], C[0, 2], C[1, 0], C[2, 0] = C12, C13, C12, C13
     C[1, 2], C[2, 1] = C23, C23
     C[3, 3], C[4, 4], C[5, 5] = 2.0 * G12, 2.0 * G12, 2.0 * G23
     return G12

@@ -20,6 +20,7 @@ from idic.materials.composed.terms import (
 from idic.materials.core.crack_band import CrackBand
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.core.temperature import Factor, TemperatureDependence
+from idic.materials.orthotropic import no_plane_body
 from idic.materials.plasticity import elastoplastic
 from idic.materials.plasticity.free_locus import FREE_LOCUS
 
@@ -139,7 +140,8 @@ def law_of(name: str, terms: Sequence[Term]) -> LawSpec:
                              "return: Simo (1992), doi:10.1016/0045-7825(92)90123-2; Simo & Hughes (1998), "
                              "doi:10.1007/b98904"]),
         alternatives={} if orthotropic else elastoplastic.ALTERNATIVES, compose=compose, temperature=dependence,
-        crack_band=CrackBand("damage_length") if codes["damage"] else None)
+        crack_band=CrackBand("damage_length") if codes["damage"] else None,
+        impossible=no_plane_body if orthotropic else None)
 
 
 def _dependence(terms: Sequence[Term], codes: tuple[int, ...],

@@ -17,6 +17,7 @@ from idic.materials.composed.free_curve import knots, knots_of
 from idic.materials.composed.rubber_card import rubber_card
 from idic.materials.composed.written_terms import WrittenTerm, flow_stress, terms_of, values_at
 from idic.materials.core.law import EXPANSION
+from idic.materials.orthotropic import contraction_through_thickness
 from idic.materials.rate.free_relaxation import spectrum
 from idic.materials.rate.relaxation_forms import relaxation_card
 
@@ -106,8 +107,9 @@ def _elastic(name: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping
         before = [f"** *SOLID SECTION, ..., ORIENTATION={name}",
                   f"*ORIENTATION, NAME={name}, SYSTEM=RECTANGULAR",
                   _row(math.cos(angle), math.sin(angle), 0.0, -math.sin(angle), math.cos(angle), 0.0)]
-    shear = 0.5 * E2 / (1.0 + nu12)  # closed as idic's law: transversely isotropic about axis 1, nu23 = nu12
-    return before, ["*ELASTIC, TYPE=ENGINEERING CONSTANTS", _row(E1, E2, E2, nu12, nu12, nu12, G12, G12),
+    across = float(contraction_through_thickness.py_func(E1, E2, nu12))  # closed as idic's law
+    shear = 0.5 * E2 / (1.0 + across)
+    return before, ["*ELASTIC, TYPE=ENGINEERING CONSTANTS", _row(E1, E2, E2, nu12, across, across, G12, G12),
                     _row(shear)], missing
 
 

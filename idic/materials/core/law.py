@@ -160,6 +160,8 @@ class LawSpec:
         How parameters depend on the temperature; ``update`` is given their values at the temperature of the point.
     crack_band : CrackBand, optional
         Which parameter is the length of a softening law; ``update`` is given it over the size of the element.
+    impossible : function, optional
+        Values of the parameters by name -> why no body has them together, or an empty text.
     """
 
     name: str
@@ -178,6 +180,7 @@ class LawSpec:
     compose: Callable[[Sequence[str]], LawSpec] | None = None
     temperature: TemperatureDependence | None = None
     crack_band: CrackBand | None = None
+    impossible: Callable[[Mapping[str, float]], str] | None = None
 
     def __post_init__(self):
         if not self.initial_state:
@@ -208,6 +211,11 @@ class LawSpec:
     @property
     def parameter_names(self) -> tuple[str, ...]:
         return tuple(p.name for p in self.parameters)
+
+    def why_impossible(self, values: Sequence[float] | np.ndarray) -> str:
+        """Why no body has these parameters (n_params,) together; empty where nothing is known against them."""
+        given = dict(zip(self.parameter_names, map(float, values), strict=True))
+        return "" if self.impossible is None else self.impossible(given)
 
     def defaults(self) -> np.ndarray:
         """Typical parameter values  # (n_params,)"""
