@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from idic.errors import InputError
 from idic.experiment_file.tables.dofs import is_rate_dependent
+from idic.fe.boundary import dofs_of
 from idic.fe.external.solver import EXTERNAL
 from idic.fe.mesh.mesh import Mesh, PerMesh, face_set_nodes, surface_cells
+from idic.fe.solver.rigid_motion import FreePart, bodies, free_parts
 from idic.images.placed_camera import AnyCamera
 from idic.materials import get_law
 from idic.model.experiment import Material, Prescribed
 
-_MIN_SUPPORT_SINGULAR_VALUE = 1e-8  # of a held rigid motion, relative: well above rounding, far below a real support
 _MIN_FACE_ON = 1e-6  # of the mean area of a face: less is seen edge-on
 _MIN_LARGER = 2.0  # mesh over image, in both directions: the scale is wrong, whatever the place
 
@@ -36,62 +35,31 @@ def check_materials(mesh: Mesh, element_sets: list[str], file) -> None:
 def check_supported(mesh: Mesh, prescribed: list[Prescribed], file) -> None:
     """InputError if a piece of the mesh can still move as a rigid body.
 
-    For every connected piece the rigid motions are evaluated at its prescribed degrees of freedom: the matrix must have
-    full rank (3 in a plane, 6 in space).
+    The rigid motions of every part are excluded by its prescribed degrees of freedom, and by the nodes that it shares
+    with other parts.
     """
     dim = mesh.n_dim
-    fixed = np.zeros((mesh.n_nodes, dim), dtype=bool)
-    for entry in prescribed:
-        fixed[mesh.node_sets[entry.nodes], "xyz".index(entry.component)] = True
-    n_pieces, piece = _pieces(mesh)
-    for k in range(n_pieces):
-        nodes = np.flatnonzero(piece == k)
-        modes = _rigid_modes(mesh.nodes[nodes])  # (n, dim, n_modes)
-        held = modes[fixed[nodes]]
-        missing = _free_motion(held, modes.shape[2], dim)
-        if missing is not None:
-            label = mesh.node_labels[nodes[0]]
-            where = f"the piece around node {label} ({len(nodes)} nodes)" if n_pieces > 1 else "the body"
-            pieces = f"; the mesh is in {n_pieces} pieces" if n_pieces > 1 else ""
-            double = " (nodes that should be shared may be double)" if n_pieces > 1 else ""
-            raise InputError("an unconstrained body", file=file, key="boundary", found=f"{where} can {missing}{pieces}",
-                             expected="prescribed displacements that exclude every rigid motion",
-                             remedy='support it by a [[boundary]], e.g. nodes = "BOTTOM" with ux = 0.0 and uy = 0.0, '
-                             f'or u = "measured"{double}')
+    held = np.concatenate([dofs_of(mesh.node_sets[entry.nodes], entry.component, dim) for entry in prescribed]
+                          + [np.zeros(0, dtype=np.int64)])
+    for part in free_parts(mesh, np.unique(held)):
+        label, n_pieces = mesh.node_labels[part.nodes[0]], bodies(mesh)[0]
+        where = (f"the piece around node {label} ({len(part.nodes)} nodes)" if n_pieces > 1 or part.hangs
+                 else "the body")
+        pieces = f"; the mesh is in {n_pieces} pieces" if n_pieces > 1 else ""
+        joint = "; it hangs on the rest by single nodes, not by whole faces of elements" if part.hangs else ""
+        double = " (nodes that should be shared may be double)" if n_pieces > 1 or part.hangs else ""
+        raise InputError("an unconstrained body", file=file, key="boundary",
+                         found=f"{where} can {_motion(part, dim)}{pieces}{joint}",
+                         expected="prescribed displacements that exclude every rigid motion",
+                         remedy='support it by a [[boundary]], e.g. nodes = "BOTTOM" with ux = 0.0 and uy = 0.0, '
+                         f'or u = "measured"{double}')
 
 
-def _pieces(mesh: Mesh) -> tuple[int, np.ndarray]:
-    rows, columns = [], []
-    for block in mesh.blocks:
-        rows.append(np.repeat(block.connectivity[:, 0], block.connectivity.shape[1]))
-        columns.append(block.connectivity.ravel())
-    i, j = np.concatenate(rows), np.concatenate(columns)
-    return connected_components(coo_matrix((np.ones(len(i)), (i, j)), shape=(mesh.n_nodes, mesh.n_nodes)),
-                                directed=False)
-
-
-def _rigid_modes(nodes: np.ndarray) -> np.ndarray:
-    """Translations and (scaled) rotations  # (n, dim) -> (n, dim, n_modes)"""
-    n, dim = nodes.shape
-    x = (nodes - nodes.mean(axis=0)) / max(float(np.ptp(nodes, axis=0).max()), 1e-300)
-    modes = [np.tile(axis, (n, 1)) for axis in np.eye(dim)]
-    for i, j in [(0, 1)] if dim == 2 else [(0, 1), (1, 2), (0, 2)]:
-        rotation = np.zeros((n, dim))
-        rotation[:, i], rotation[:, j] = -x[:, j], x[:, i]
-        modes.append(rotation)
-    return np.stack(modes, axis=2)
-
-
-def _free_motion(held: np.ndarray, n_modes: int, dim: int) -> str | None:
-    """An unconstrained rigid motion in words; None if the body is supported."""
-    if len(held) == 0:
+def _motion(part: FreePart, dim: int) -> str:
+    """A free rigid motion in words."""
+    if np.linalg.matrix_rank(part.motions) == len(part.motions):
         return "move freely"
-    _, values, vectors = np.linalg.svd(held)
-    values = np.pad(values, (0, n_modes - len(values)))
-    if values[-1] > _MIN_SUPPORT_SINGULAR_VALUE * values[0]:
-        return None
-    free = vectors[-1]
-    k = int(np.argmax(np.abs(free)))
+    k = int(np.argmax(np.abs(part.motions[:, -1])))
     return f"move along {'xyz'[k]}" if k < dim else "turn as a rigid body"
 
 

@@ -10,12 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from idic.errors import InputError
 from idic.fe.assembly.variation import Variation
 from idic.fe.mesh.mesh import Mesh, PerMesh, check_elements
+from idic.fe.solver.rigid_motion import free_parts
 from idic.materials.core.compilation import MODES, CompiledLaw
 
 
@@ -178,6 +177,9 @@ def uses_mean_dilatation(model: Model, cell: str) -> bool:
     return cell in ("hex8", "tet10") or (cell == "quad4" and model.kind == "plane_strain")
 
 
+MIN_NAMED = 0.1  # part of the largest component of a free rigid motion that a message names
+
+
 # validation ---------------------------------------------------------------------------------------
 _PASSED = PerMesh()  # checks that a mesh and its supports have passed
 
@@ -299,41 +301,16 @@ def _check_temperature(model: Model, n_frames: int) -> None:
 
 
 def _check_rigid_motion(model: Model) -> None:
-    """Every connected piece of the body must be held against translation and rotation."""
+    """Every part of the body must be held against translation and rotation."""
     mesh = model.mesh
-    rows = np.concatenate([block.connectivity.ravel() for block in mesh.blocks])
-    cols = np.concatenate([np.repeat(block.connectivity[:, 0], block.connectivity.shape[1]) for block in mesh.blocks])
-    graph = coo_array((np.ones(len(rows)), (rows, cols)), shape=(mesh.n_nodes, mesh.n_nodes))
-    piece_of = connected_components(graph, directed=False)[1]
-    used = np.zeros(mesh.n_nodes, dtype=bool)
-    used[rows] = True
-    dofs = np.asarray(model.constraints.dofs)
-    for piece in np.unique(piece_of[used]):
-        nodes = np.flatnonzero(used & (piece_of == piece))
-        held = dofs[piece_of[dofs // mesh.n_dim] == piece] if len(dofs) else dofs
-        free = _free_rigid_motions(mesh.nodes, nodes, held)
-        if free:
-            label = mesh.node_labels[nodes[0]]
-            raise InputError("rigid motion not prevented: the stiffness matrix is singular",
-                             expected="prescribed displacements that hold every piece of the body",
-                             found=f"{', '.join(free)} of the piece with node {label} ({len(nodes)} nodes) is free",
-                             remedy="prescribe further components in [[boundary]]")
-
-
-def _free_rigid_motions(coordinates: np.ndarray, nodes: np.ndarray, held: np.ndarray) -> list[str]:
-    dim = coordinates.shape[1]
-    x = coordinates - coordinates[nodes].mean(axis=0)
-    size = max(float(np.abs(x[nodes]).max()), 1e-300)
-    axes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
-    modes = np.zeros((len(held), dim + len(axes)))
-    node, component = held // dim, held % dim
-    modes[np.arange(len(held)), component] = 1.0
-    for k, (i, j) in enumerate(axes):
-        modes[:, dim + k] = np.where(component == j, x[node, i], np.where(component == i, -x[node, j], 0.0)) / size
-    if np.linalg.matrix_rank(modes, tol=1e-8) == modes.shape[1]:
-        return []
-    null = np.linalg.svd(np.vstack([modes, np.zeros((modes.shape[1], modes.shape[1]))]))[2][
-        np.linalg.matrix_rank(modes, tol=1e-8) if len(held) else 0:]
-    names = [f"translation along {'xyz'[i]}" for i in range(dim)]
-    names += ["rotation"] if dim == 2 else [f"rotation about {a}" for a in "xyz"]
-    return [name for name, weight in zip(names, np.abs(null).max(axis=0), strict=True) if weight > 0.1]
+    names = [f"translation along {'xyz'[i]}" for i in range(mesh.n_dim)]
+    names += ["rotation"] if mesh.n_dim == 2 else [f"rotation about {axis}" for axis in "xyz"]
+    for part in free_parts(mesh, np.asarray(model.constraints.dofs)):
+        weights = np.abs(part.motions).max(axis=1)
+        free = [name for name, weight in zip(names, weights, strict=True) if weight > MIN_NAMED * weights.max()]
+        found = f"{', '.join(free)} of the piece with node {mesh.node_labels[part.nodes[0]]} ({len(part.nodes)} nodes)"
+        raise InputError("rigid motion not prevented: the stiffness matrix is singular",
+                         expected="prescribed displacements that hold every piece of the body",
+                         found=f"{found} is free" + (", which hangs on the rest by single nodes" if part.hangs else ""),
+                         remedy="prescribe further components in [[boundary]]"
+                         + (", or join the pieces by whole faces of elements" if part.hangs else ""))
