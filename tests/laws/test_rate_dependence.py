@@ -103,6 +103,23 @@ def test_maxwell_relaxation_after_a_jump_is_the_modulus_over_time():
         np.testing.assert_allclose(P[0, 0, 1] / 1e-4, modulus, rtol=1e-6)  # strain^2 = 1e-8
 
 
+@pytest.mark.parametrize("rate, own", [("perzyna", (5.0, 1.0)), ("johnson_cook", (1.0, 1e-4))])
+def test_a_body_that_softens_within_a_step_still_meets_its_yield_condition(rate, own):
+    """Flow stress 80 MPa that falls to 20, in one step of simple shear: it flows more than 80 MPa would let it."""
+    E, nu, shear, dt = 1500.0, 0.3, 0.4, 0.1 if rate == "perzyna" else 1.0
+    law, F = compile(f"elastoplastic(voce+{rate})"), np.eye(3)[None].copy()
+    F[0, 0, 1] = shear
+    params = np.array([E, nu, 80.0, -60.0, 30.0, *own])
+    P, state, ok = points.stress(law, 0, F, law.initial_state(0)[None], params, dt)
+    tau, growth = P[0] @ F[0].T, state[0, 6]
+    deviator = tau - np.trace(tau) / 3 * np.eye(3)
+    speed = growth / dt
+    factor = 1 + own[0] * speed if rate == "perzyna" else 1 + own[0] * np.log1p(speed / own[1])
+    assert ok
+    np.testing.assert_allclose(np.sqrt(1.5) * np.linalg.norm(deviator), (20 + 60 * np.exp(-30 * growth)) * factor,
+                               rtol=1e-9)
+
+
 @pytest.mark.parametrize("shares", [(0.6, 0.5, 0.0), (0.4, 0.6, 0.0)])
 def test_branches_that_take_more_than_the_shear_modulus_are_no_body(shares):
     """It would push back after relaxation; shares that add up to 1 are a fluid."""

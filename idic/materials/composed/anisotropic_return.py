@@ -171,7 +171,7 @@ def plastic_growth(elastic, back, hardening, rate, A, trial, q, modulus, p, dt, 
     """Root of the yield condition, all real; -1 where there is none. Newton inside a bracket, from the middle."""
     e, xi, flowing = np.empty(6), np.empty(6), np.empty(6)
     sigma, largest = flow_stress(hardening, p, own)[0], q / modulus
-    low, high = 0.0, max(most_growth(rate, q, sigma, dt, own), ABSOLUTE_TOLERANCE * largest)
+    low, high = 0.0, max(most_growth(hardening, rate, q, p, sigma, dt, own), ABSOLUTE_TOLERANCE * largest)
     x = 0.5 * min((q - sigma) / modulus, high)
     for _ in range(MAX_ITERATIONS):
         for m in range(6):  # not e[:]: that takes three seconds to compile

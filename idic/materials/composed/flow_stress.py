@@ -146,15 +146,32 @@ def without_viscosity(rate, params):
 
 
 @inner
-def most_growth(rate, trial, sigma, dt, params):
-    """Upper bound of the growth, at which the rate term alone balances a trial stress above sigma; all real."""
+def weakest(hardening, p, sigma, params):
+    """Lower bound of the flow stress, sigma at p, from there on; -inf where it falls without end; all real."""
+    least = sigma
+    for i in range(0, len(hardening) - 2, 2):
+        kind, first = hardening[i], hardening[i + 1]
+        if kind == LINEAR and params[first] < 0.0:
+            return -math.inf
+        if kind == VOCE and params[first] < 0.0:
+            least += params[first] * math.exp(-params[first + 1] * p)
+    return least
+
+
+@inner
+def most_growth(hardening, rate, trial, p, sigma, dt, params):
+    """Upper bound of the growth, at which the rate term alone balances a trial stress above sigma at p; all real."""
     if without_viscosity(rate, params):
         return math.inf
     kind, first = rate[0], rate[1]
-    strength, other, base = params[first], params[first + 1], max(sigma, 1e-6 * trial)
+    strength, other = params[first], params[first + 1]
+    if kind == NORTON:
+        return dt * (trial / strength) ** other
+    least = weakest(hardening, p, sigma, params)
+    if least < min(sigma, 1e-6 * trial):
+        return math.inf  # softened away within the step: no bound
+    base = max(least, 1e-6 * trial)
     if kind == JOHNSON_COOK:
         exponent = (trial / base - 1.0) / strength
         return other * dt * math.expm1(exponent) if exponent < 500.0 else math.inf
-    if kind == NORTON:
-        return dt * (trial / strength) ** other
     return dt / strength * (trial / base - 1.0) ** other if trial > base else 0.0

@@ -156,7 +156,7 @@ def plastic_growth(surface, hardening, back, rate, s, twice_shear, state, p, q, 
         size += 2.0 / 3.0 * params[back[2 * term + 1]] * np.sqrt(tensors.contract(a, a)) / ROOT
     largest = size / (1.5 * twice_shear)
     sigma = flow_stress(hardening, p, params)[0]
-    limit = max(most_growth(rate, max(size, q), sigma, dt, params), ABSOLUTE_TOLERANCE * largest)
+    limit = max(most_growth(hardening, rate, max(size, q), p, sigma, dt, params), ABSOLUTE_TOLERANCE * largest)
     low, high = 0.0, limit if surface[0] != MISES else min(largest, limit)
     x = 0.5 * min((q - sigma) / (1.5 * twice_shear), high)
     near = tensors.scaled(1.0 / (1.0 + 1.5 * twice_shear * x / max(sigma, 1e-3 * size)), s, 0.0)  # xi of Mises, about

@@ -58,7 +58,7 @@ def plastic_growth(hardening, rate, trial, stiffness, p, dt, friction_stress, pa
     if straight(hardening, rate):
         x = (trial - sigma) / (stiffness + start_slope)
         return x if 0.0 < x < (1.0 - 1e-10) * largest else -1.0
-    limit = max(most_growth(rate, trial, sigma, dt, params), ABSOLUTE_TOLERANCE * largest)
+    limit = max(most_growth(hardening, rate, trial, p, sigma, dt, params), ABSOLUTE_TOLERANCE * largest)
     low, high = 0.0, min(largest, limit)
     x = 0.5 * min((trial - sigma) / stiffness, high)
     for _ in range(MAX_ITERATIONS):
