@@ -107,7 +107,8 @@ def _elastic(name: str, groups: Mapping[str, list[WrittenTerm]], values: Mapping
         before = [f"** *SOLID SECTION, ..., ORIENTATION={name}",
                   f"*ORIENTATION, NAME={name}, SYSTEM=RECTANGULAR",
                   _row(math.cos(angle), math.sin(angle), 0.0, -math.sin(angle), math.cos(angle), 0.0)]
-    across = float(contraction_through_thickness.py_func(E1, E2, nu12))  # closed as idic's law
+    # closed as idic's law
+    across = float(contraction_through_thickness.py_func(E1, E2, nu12))  # type: ignore[attr-defined]
     shear = 0.5 * E2 / (1.0 + across)
     return before, ["*ELASTIC, TYPE=ENGINEERING CONSTANTS", _row(E1, E2, E2, nu12, across, across, G12, G12),
                     _row(shear)], missing
