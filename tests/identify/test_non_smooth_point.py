@@ -18,6 +18,7 @@ from idic.identify.loop import advance, start
 from idic.identify.step.increments import KNOWN
 from idic.identify.step.non_smooth import smallest_gradient
 from idic.identify.step.state import GENERALISED, GENERALISED_REJECTED, Ending, EstimatorChoice, Evaluation
+from idic.model.experiment import Measured
 
 NAMES = ("BODY.E", "BODY.nu")
 STD = 0.01  # of either parameter, scaled
@@ -35,7 +36,7 @@ def experiment(clean, tmp_path_factory):
     return load_experiment(write_folder(tmp_path_factory.mktemp("kink") / "test", Twin(), BODY + GRIPS + FORCE, clean))
 
 
-def walk(experiment, gradient, functional, state=None):
+def walk(experiment, gradient, functional, state=None, has_ended=lambda state: not state.running):
     """The loop from x = 0 to its end; x in standard deviations, half the gradient and the functional of it  # state,
     x"""
     begin = [experiment.parameters[name] for name in NAMES]
@@ -45,7 +46,7 @@ def walk(experiment, gradient, functional, state=None):
         return now, np.array([a.to_scaled() - b.to_scaled() for a, b in zip(now, begin, strict=True)]) / STD
 
     state, accepted = state or start(experiment), None
-    while state.running:
+    while not has_ended(state):
         now, x = place(state.trial.values)
         slopes = np.array([p.slope() for p in now])
         M = np.diag(STD**-2.0 / slopes**2)
@@ -95,6 +96,18 @@ def test_a_flat_objective_ends_as_converged_and_says_so(experiment):
     state, x = walk(experiment, lambda x, _: np.array([-1.0, 0.0]), lambda x: 1000.0 + 1e-7 * np.abs(x).sum())
     assert state.status == "converged" and not x.any()
     assert "flat" in state.end.reason and state.end.limit is None
+
+
+def test_rough_steps_end_only_a_search_that_goes_on_with_other_increments(experiment):
+    """A slope of 0.3 standard deviations that no step follows, as noise of measured edges makes one where points
+    yield."""
+    slope = (lambda x, _: np.array([-0.3, 0.0])), lambda x: 1000.0 + np.abs(x).sum()
+    state, _ = walk(experiment, *slope)
+    assert state.status == "stalled" and state.trust.rejections > 2
+    rough = replace(experiment, materials=tuple(replace(one, law="j2_linear") for one in experiment.materials),
+                    prescribed=tuple(replace(one, drive=Measured()) for one in experiment.prescribed))
+    state, _ = walk(rough, *slope, has_ended=lambda state: state.trial.new_increments or not state.running)
+    assert state.running and state.trust.rejections == 2
 
 
 def test_an_end_names_its_limit(experiment):

@@ -51,7 +51,7 @@ from idic.identify.step.state import (
     TrustRegion,
 )
 from idic.materials import get_law
-from idic.model.experiment import Experiment, Stage
+from idic.model.experiment import Experiment, Measured, Stage
 
 MAX_ERROR_STD = 0.25  # of a parameter by the increments, standard deviations
 REMAINING_SHARE = 1.0 / 3.0  # of the change by halving: the error after it, of second order
@@ -199,6 +199,17 @@ def is_too_coarse(state: LoopState, experiment: Experiment, jump: bool = False) 
         return True
     return choice == IncrementChoice() and bool(rate_dependent_laws(experiment)) and (
         state.schedule.iterations >= MAX_COARSE_STEPS or rejections >= MAX_COARSE_REJECTIONS)
+
+
+def has_rough_steps(state: LoopState, experiment: Experiment) -> bool:
+    """Whether a search whose increments are still to be judged makes steps that are wrong by a part of themselves.
+
+    Where an edge moves as it was measured and points yield, its noise in one frame changes plastic strain in later
+    ones, which the derivatives leave out.
+    """
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    return (measured and state.increments == IncrementChoice() and chooses_increments(experiment)
+            and not rate_dependent_laws(experiment))
 
 
 def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage, finer: Evaluation,

@@ -13,8 +13,9 @@ from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, activation_s
 from idic.identify.step.ending import (ITERATIONS, beyond_bounds, bounded, failed_simulation, flat, judged_flat,
                                        out_of_iterations, settled, small_step, stuck)
 from idic.identify.step.estimator import next_estimator
-from idic.identify.step.increments import (KNOWN, TOO_COARSE, chooses_increments, error_of, is_too_coarse, is_whole,
-                                           knows_end, meets_a_jump, with_increments_judged)
+from idic.identify.step.increments import (KNOWN, TOO_COARSE, chooses_increments, error_of, has_rough_steps,
+                                           is_too_coarse, is_whole, knows_end, meets_a_jump,
+                                           with_increments_judged)
 from idic.identify.step.non_smooth import directional_derivative
 from idic.identify.step.parallel_steps import parallel_steps
 from idic.identify.step.proposal import STEP_CLIP, Step, propose
@@ -49,6 +50,7 @@ from idic.parameters import ParameterSet
 MAX_REJECTIONS = 8  # in a row; steps have then shrunk to nothing
 # standard deviations: of convergence after rejections, since phi is non-smooth where points yield
 NON_SMOOTH_TOLERANCE = 0.1
+ROUGH_TOLERANCE = 0.35  # the same of a search that goes on with other increments, with steps that are rough themselves
 MIN_DAMPED_STEP_SHARE = 0.1  # of the tolerance: shorter damped steps lead nowhere (the model cannot explain the images)
 MIN_EVALUATIONS_OF_AN_ESTIMATOR = 2  # for a change of estimator to converge
 MIN_SCALED_STEP = 1e-7  # shorter steps are rounding, however small the standard deviation
@@ -75,8 +77,9 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
 
     step = version(state.trust.damping, limit)
     beside_misfit = negligible(point.system, options.lowpass_px)
-    done = _why_done(state, stages, step, scaled, found, options, non_smooth is not None, beside_misfit)
     last = state.schedule.stage + 1 == len(stages)
+    flat_at = ROUGH_TOLERANCE if last and has_rough_steps(state, experiment) else NON_SMOOTH_TOLERANCE
+    done = _why_done(state, stages, step, scaled, found, options, non_smooth is not None, beside_misfit, flat_at)
     # increments that are to be judged have a rule of their own
     known = last and non_smooth is None and not chooses_increments(experiment) and is_whole(step, state)
     generalised = _generalised_from(state, experiment, stage, point, image_noise, step,
@@ -175,10 +178,10 @@ def _non_smooth_system(state: LoopState, trial: Evaluation, accepted: Evaluation
 
 
 def _why_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Scaled, found: Spectrum, options: Options,
-              non_smooth: bool, beside_misfit: float) -> str:
+              non_smooth: bool, beside_misfit: float, flat_at: float) -> str:
     """Why the stage ends at the accepted point, judged by the undamped step; empty where it goes on.
 
-    beside_misfit : gain that does not matter
+    beside_misfit : gain that does not matter; flat_at : step (std) below which rejected trials end it
     """
     number, phi, rejections = state.schedule.stage, state.accepted.phi, state.trust.rejections
     if step.relative < options.tolerance:
@@ -190,7 +193,7 @@ def _why_done(state: LoopState, stages: Sequence[Stage], step: Step, scaled: Sca
         return "a preliminary stage has settled"
     if is_continued(stages, number) and gain < MIN_CONTINUED_STAGE_GAIN:
         return f"the next step would lower the objective by less than {MIN_CONTINUED_STAGE_GAIN:g} of itself"
-    if (rejections > 1 or non_smooth) and step.relative < NON_SMOOTH_TOLERANCE:
+    if (rejections > 1 and step.relative < flat_at) or (non_smooth and step.relative < NON_SMOOTH_TOLERANCE):
         return flat(step, rejections)
     estimator = state.estimator
     foretold = state.end is not None and state.end.status == KNOWN  # that solution: the search goes on to it
