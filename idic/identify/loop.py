@@ -15,7 +15,7 @@ from idic.correlation.system import CorrelationSystem
 from idic.identify.step.acceptance import functional, improves, scaled_at
 from idic.identify.step.ending import failed_simulation
 from idic.identify.step.estimator import check_estimator
-from idic.identify.step.increments import with_comparison_judged, without_finer
+from idic.identify.step.increments import has_rough_steps, with_comparison_judged, without_finer
 from idic.identify.step.next_step import after_rejection, leave_schedule, next_step
 from idic.identify.step.parallel_steps import damping_after
 from idic.identify.step.schedule import begins_blurred, seen_in
@@ -87,6 +87,8 @@ def advance(state: LoopState, experiment: Experiment, evaluated: Evaluation, acc
         compared = with_comparison_judged(state, experiment, stage, evaluated, accepted, image_noise)
         entry = _history_entry(state, evaluated, False, True) | {"compared": True}
         judged = replace(compared, evaluations=state.evaluations + 1, history=(*state.history, entry))
+        if compared.increments.per_frame is None and has_rough_steps(experiment):  # it may have ended early
+            return next_step(judged, experiment, stages, accepted, image_noise)
         if compared.increments.per_frame is None:
             return leave_schedule(judged, experiment, stage, accepted, image_noise, state.end)
         if compared.increments.status == COMPARED:  # steps of two frames do not decide

@@ -5,7 +5,8 @@ the law is closed as transversely isotropic about axis 1: ``E3 = E2``, ``nu13 = 
 ``G13 = G12``, ``G23 = E2 / (2 (1 + nu23))``; with ``E1 = E2`` and ``G12 = E / (2 (1 + nu))`` it is exactly `elastic`.
 
 Every nu12 with ``nu12^2 E2 < E1`` is possible in the plane, 0.75 of a laminate of +-45 degrees too. Where no body in
-space could have this closure, ``nu13 = nu23 = k nu12`` with the k < 1 that keeps its energy positive.
+space could have this closure, ``nu13 = nu23 = k nu12`` with a k < 1 that keeps its energy positive, and it no harder
+through the thickness than ``2 E2`` but near the limit.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from idic.materials.elastic import multiply
 
 
 MAX_THROUGH_THICKNESS = 0.9999  # of the compliance 1 / E3, the part that the plane may take away; elastic: nu = 0.49997
+USUAL_THROUGH_THICKNESS = 0.5  # where nu23 = nu12 would take far more: C33 is 2 E2
 
 
 @inner
@@ -31,7 +33,10 @@ def contraction_through_thickness(E1, E2, nu12):
     if not in_plane.real > 0.0:
         return nu12 * math.nan
     taken = nu12 * nu12 * (1.0 + ratio * (1.0 + 2.0 * nu12)) / in_plane
-    return nu12 * np.sqrt(MAX_THROUGH_THICKNESS / taken) if taken.real > MAX_THROUGH_THICKNESS else nu12 + 0.0 * ratio
+    if not taken.real > MAX_THROUGH_THICKNESS:
+        return nu12 + 0.0 * ratio
+    left = 2.0 * MAX_THROUGH_THICKNESS - taken  # continuous, and soon no longer nearly incompressible
+    return nu12 * np.sqrt((left if left.real > USUAL_THROUGH_THICKNESS else USUAL_THROUGH_THICKNESS) / taken)
 
 
 @inner

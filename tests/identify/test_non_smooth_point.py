@@ -17,7 +17,7 @@ from idic.identify.covariance import Scaled, spectrum
 from idic.identify.loop import advance, start
 from idic.identify.step.increments import KNOWN
 from idic.identify.step.non_smooth import smallest_gradient
-from idic.identify.step.state import GENERALISED, GENERALISED_REJECTED, Ending, EstimatorChoice, Evaluation
+from idic.identify.step.state import ENOUGH, GENERALISED, GENERALISED_REJECTED, Ending, EstimatorChoice, Evaluation
 from idic.model.experiment import Measured
 
 NAMES = ("BODY.E", "BODY.nu")
@@ -108,6 +108,8 @@ def test_rough_steps_end_only_a_search_that_goes_on_with_other_increments(experi
                     prescribed=tuple(replace(one, drive=Measured()) for one in experiment.prescribed))
     state, _ = walk(rough, *slope, has_ended=lambda state: state.trial.new_increments or not state.running)
     assert state.running and state.trust.rejections == 2
+    end, _ = walk(rough, *slope)
+    assert end.status == "stalled" and end.trust.rejections > 2 and end.increments.status == ENOUGH
 
 
 def test_an_end_names_its_limit(experiment):

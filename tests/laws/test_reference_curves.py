@@ -44,7 +44,9 @@ def test_every_orthotropic_sheet_that_can_be_has_its_compliance_in_plane_stress_
     compliance = np.array([[1 / E1, -nu / E1], [-nu / E1, 1 / E2]])
     assert ok and np.allclose(compliance @ np.diag(P[0]), strain, rtol=1e-9)
     space = tangent(law, 0, np.eye(3)[None], np.zeros((1, 0)), params, 0.0)[2][0]
-    assert np.sort(np.linalg.eigvalsh(space))[3] > 1.0  # behind three rotations
+    sizes = np.sort(np.linalg.eigvalsh(space))
+    assert sizes[3] > 1.0  # behind three rotations
+    assert sizes[-1] < 20.0 * max(E1, E2) or nu == 0.5  # incompressible with equal moduli
     change = np.array([[1.0, 0, 0, 0, 0], [0, 1.0, 0, 0, 0], [0, 0, 1.0, 0, 0]])
     dP, dstate, _ = directional(law, 2, np.eye(2)[None] + np.diag(strain), np.ones((1, 1)), params, 0.0,
                                 np.zeros((1, 3, 2, 2)), None, change)

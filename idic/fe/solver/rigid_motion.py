@@ -84,6 +84,8 @@ def _free_part(x: np.ndarray, nodes: list[np.ndarray], held: np.ndarray) -> Free
     for k, own in enumerate(nodes):  # a joint's components are prescribed for its first part, and are the others' by it
         mine = np.isin(left // d, own)
         rows = _rigid_modes(x, own, left[mine] // d)[np.arange(mine.sum()), left[mine] % d]
+        if len(rows) > n_modes:  # as many rows with the same singular values
+            rows = np.linalg.qr(rows, mode="r")
         blocks.append(_columns(rows, k, len(nodes)))
         left = left[~mine]
     for node in known[counts > 1]:

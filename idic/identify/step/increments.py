@@ -201,15 +201,20 @@ def is_too_coarse(state: LoopState, experiment: Experiment, jump: bool = False) 
         state.schedule.iterations >= MAX_COARSE_STEPS or rejections >= MAX_COARSE_REJECTIONS)
 
 
-def has_rough_steps(state: LoopState, experiment: Experiment) -> bool:
-    """Whether a search whose increments are still to be judged makes steps that are wrong by a part of themselves.
+def has_rough_steps(experiment: Experiment) -> bool:
+    """Whether steps are wrong by a part of themselves.
 
     Where an edge moves as it was measured and points yield, its noise in one frame changes plastic strain in later
     ones, which the derivatives leave out.
     """
     measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
-    return (measured and state.increments == IncrementChoice() and chooses_increments(experiment)
-            and not rate_dependent_laws(experiment))
+    return measured and chooses_increments(experiment) and not rate_dependent_laws(experiment)
+
+
+def is_judged_next(state: LoopState, experiment: Experiment) -> bool:
+    """Whether the end of a search is where its increments are judged first, with evaluations left to go on."""
+    return (state.increments == IncrementChoice() and chooses_increments(experiment)
+            and experiment.options.max_iterations - state.rounds >= MIN_EVALUATIONS)
 
 
 def with_comparison_judged(state: LoopState, experiment: Experiment, last: Stage, finer: Evaluation,

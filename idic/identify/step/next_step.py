@@ -14,7 +14,7 @@ from idic.identify.step.ending import (ITERATIONS, beyond_bounds, bounded, faile
                                        out_of_iterations, settled, small_step, stuck)
 from idic.identify.step.estimator import next_estimator
 from idic.identify.step.increments import (KNOWN, TOO_COARSE, chooses_increments, error_of, has_rough_steps,
-                                           is_too_coarse, is_whole, knows_end, meets_a_jump,
+                                           is_judged_next, is_too_coarse, is_whole, knows_end, meets_a_jump,
                                            with_increments_judged)
 from idic.identify.step.non_smooth import directional_derivative
 from idic.identify.step.parallel_steps import parallel_steps
@@ -78,7 +78,8 @@ def next_step(state: LoopState, experiment: Experiment, stages: Sequence[Stage],
     step = version(state.trust.damping, limit)
     beside_misfit = negligible(point.system, options.lowpass_px)
     last = state.schedule.stage + 1 == len(stages)
-    flat_at = ROUGH_TOLERANCE if last and has_rough_steps(state, experiment) else NON_SMOOTH_TOLERANCE
+    goes_on = last and is_judged_next(state, experiment) and has_rough_steps(experiment)
+    flat_at = ROUGH_TOLERANCE if goes_on else NON_SMOOTH_TOLERANCE
     done = _why_done(state, stages, step, scaled, found, options, non_smooth is not None, beside_misfit, flat_at)
     # increments that are to be judged have a rule of their own
     known = last and non_smooth is None and not chooses_increments(experiment) and is_whole(step, state)

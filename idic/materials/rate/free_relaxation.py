@@ -23,7 +23,7 @@ from idic.materials.core.inner import inner
 from idic.materials.core.law import LawParameter, LawSpec, register
 from idic.materials.elastic import ELASTIC_ALTERNATIVES, ELASTIC_PARAMETERS
 from idic.materials.plasticity.elastoplastic import shear_and_bulk
-from idic.materials.rate.maxwell import COMPONENTS, keep_tensor, plus_identity, relaxed, relaxes_too_much
+from idic.materials.rate.maxwell import COMPONENTS, keep_tensor, plus_identity, relaxed
 
 NAME = "free_relaxation"
 DEFAULT_TIMES, TIMES = 8, (3, 24)  # of the grid; fewest and most
@@ -122,7 +122,7 @@ def compose(kinds: Sequence[str]) -> LawSpec:
     return LawSpec(
         name=f"{NAME}({n})", parameters=(*ELASTIC_PARAMETERS, *ends, *weights), updates={"finite": update_of},
         state_names=tuple(f"{tensor}{c}" for tensor in tensors_of_state for c in COMPONENTS), compose=compose,
-        alternatives=ELASTIC_ALTERNATIVES, time_order=2, impossible=relaxes_too_much,
+        alternatives=ELASTIC_ALTERNATIVES, time_order=2,
         reference="maxwell with weights g_k on n fixed relaxation times from shortest to longest, evenly over their "
                   "logarithm; Honerkamp & Weese, Rheol. Acta 32 (1993) 65, doi:10.1007/BF00396678")
 

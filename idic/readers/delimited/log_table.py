@@ -96,7 +96,7 @@ def _whole_lines(lines: Sequence[str]) -> Iterator[tuple[int, str]]:
     k = 0
     while k < len(lines):
         last = k
-        if '"' in lines[k] and _ends_in_quotes(lines[k]):
+        if '"' in lines[k] and not lines[k].lstrip().startswith("#") and _ends_in_quotes(lines[k]):
             whole = lines[k]
             for end in range(k + 1, min(k + 1 + _MAX_LINES_OF_HEADER, len(lines))):
                 whole += f" {lines[end].strip()}"

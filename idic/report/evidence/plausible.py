@@ -7,10 +7,9 @@ from collections.abc import Iterator
 
 import numpy as np
 from scipy.ndimage import find_objects, label, maximum_filter, uniform_filter
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from idic.fe.mesh.mesh import Mesh
+from idic.fe.solver.rigid_motion import bodies
 from idic.images.quality.compression import BLOCK_PX, compressed_at
 from idic.images.quality.speckle import edge_blur, speckle_size
 from idic.materials import law_for
@@ -113,11 +112,7 @@ def loaded_reference(experiment: Experiment) -> Iterator[str]:
 
 def separate_pieces(mesh: Mesh, unit: str) -> Iterator[str]:
     """Bodies of a mesh that share no node although nodes of theirs lie at the same place."""
-    rows = [block.connectivity for block in mesh.blocks]
-    first = np.concatenate([np.repeat(row[:, 0], row.shape[1] - 1) for row in rows])
-    other = np.concatenate([row[:, 1:].ravel() for row in rows])
-    graph = coo_matrix((np.ones(len(first)), (first, other)), shape=(mesh.n_nodes, mesh.n_nodes))
-    n_pieces, piece = connected_components(graph, directed=False)
+    n_pieces, piece = bodies(mesh)
     if n_pieces < 2:
         return
     size = np.ptp(mesh.nodes, axis=0).max()
