@@ -75,7 +75,7 @@ def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: b
 
 
 def _assessed(run: str | Path, runner: TaskRunner, bias: bool, spread: bool, progress: Progress | None) -> dict:
-    result = _finished(run)  # as it is now: nobody else writes it until the end
+    result = _finished(run)  # read again: until the lock was taken another command could write it
     context = open_run(str(run))
     jobs = [AssessmentJob(str(run), None)] if bias else []
     if bias and path_dependent_laws(context.experiment):

@@ -19,6 +19,7 @@ from idic.experiment_file.tables.temperatures import with_copied_images
 from idic.experiment_file.toml_file import locate, read_toml, to_toml, with_overrides
 from idic.fe.mesh.mesh import surface_cells
 from idic.images.placed_camera import AnyCamera, PlacedCamera
+from idic.images.quality.saturation import sensor_levels
 from idic.model.experiment import Column, Controlled, Experiment, Measured, Parametrised
 from idic.model.forward import ForwardModel, build_forward, solve
 from idic.readers.units import parse_unit, unit_in_name
@@ -174,13 +175,6 @@ def _check(experiment: Experiment) -> None:
         )
 
 
-def _recorded_levels(experiment: Experiment) -> float:
-    """Grey levels of the sensor that recorded the images: of 12 bits in a file of 16 those of 12."""
-    image = np.asarray(recorded(experiment.stack).frame(experiment.reference))
-    top = float(image.max())
-    return 256.0 if image.dtype == np.uint8 or not top > 0.0 else float(2.0 ** np.ceil(np.log2(top)))
-
-
 def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None, planned: bool = False) -> Sensor:
     """planned : the noise is stated in grey values of the images that are written"""
     levels = 2.0**bits
@@ -190,7 +184,8 @@ def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None, plann
         return Sensor(experiment.stack.shape, bits=0, noise_std=std, supersampling=1)
     if noise_std_gv is None:
         stated = experiment.noise.std_gv
-        factor = 1.0 if planned else levels / _recorded_levels(experiment)
+        image = np.asarray(recorded(experiment.stack).frame(experiment.reference))
+        factor = 1.0 if planned else levels / sensor_levels(image)
         noise_std_gv = factor * stated if stated else DEFAULT_NOISE_GV * levels / 256.0
     return Sensor(experiment.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND_SHARE * levels)
 

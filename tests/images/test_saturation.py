@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.images.quality.saturation import largest_value, saturated_share
+from idic.images.quality.saturation import largest_value, saturated_share, sensor_levels
 
 REGION = np.ones((40, 50), dtype=bool)
 
@@ -31,3 +31,10 @@ def test_a_well_exposed_image_is_not_saturated(bits):
 def test_of_floats_and_an_empty_region_nothing_is_known():
     assert saturated_share(speckle(12, 0, 1.25).astype(np.float32), REGION) is None
     assert saturated_share(speckle(12, 0, 1.25), ~REGION) is None
+
+
+@pytest.mark.parametrize("dtype, top, bits", [(np.uint8, 90, 8), (np.uint16, 3000, 12), (np.uint16, 20000, 16),
+                                              (np.uint16, 4095 << 4, 16), (float, 200.0, 8)])
+def test_the_levels_of_a_sensor_are_those_of_the_fewest_bits_that_hold_its_image(dtype, top, bits):
+    """Also of a dim image: 20000 of 65536 is no sensor of 15 bits."""
+    assert sensor_levels(np.array([[0, top]], dtype=dtype)) == 2**bits

@@ -49,8 +49,6 @@ class StillFrames:
 
     def measured(self, measure):
         """The result of `measure(images, region)`; its errors name the key."""
-        if self.config.experiment.quantity == "grey":
-            check_exposures(self.images, self.labels, self.region, self.file, "experiment.still_frames")
         try:
             return measure(self.images, self.region)
         except InputError as error:
@@ -88,6 +86,8 @@ def camera_noise(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, fil
     if isinstance(wanted, NoiseModelTable):
         noise, own = _by_grey_level(NoiseModel(wanted.offset_gv2, wanted.slope_gv), reference, "given", file)
         return noise, (*own, *notes)
+    if config.experiment.quantity == "grey":
+        check_exposures(found.images, found.labels, found.region, file, "experiment.still_frames")
     model = found.measured(still_noise_model)
     if wanted == BY_GREY_LEVEL:
         noise, own = _by_grey_level(model, reference, "still_frames", file)

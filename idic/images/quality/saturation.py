@@ -28,3 +28,13 @@ def largest_value(image: np.ndarray) -> int:
     own = [(1 << n) - 1 for n in SENSOR_BITS if n < bits]
     shifted = [value << (bits - value.bit_length()) for value in own]  # of which the lower bits are 0
     return top if top in own or top in shifted else whole
+
+
+def sensor_levels(image: np.ndarray) -> float:
+    """Number of grey levels of the sensor, in those of the file: of the fewest bits that hold all values, of a camera
+    of 12 bits in the lower ones of 16 those of 12.
+
+    image : (ny, nx), unsigned, or of floats in grey values
+    """
+    bits = 8 * image.dtype.itemsize if image.dtype.kind == "u" else 16
+    return 2.0 ** next((n for n in (8, *SENSOR_BITS) if n < bits and image.max() < 2**n), bits)
