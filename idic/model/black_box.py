@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -88,7 +88,8 @@ class ExternalForward:
             If the program crashed, took too long, or gave unusable output.
         """
         at = self.experiment.at_geometry(parameters)
-        solver, texts = ExternalSolver(self.setup, self._wanted), self._tables(parameters, local)
+        wanted = replace(self._wanted, motions=self.motions(parameters, local))
+        solver, texts = ExternalSolver(self.setup, wanted), self._tables(parameters, local)
         if self.setup.mesh_file is not None:
             texts[self.setup.mesh_file] = inp_text(at.mesh, "idic", self.setup.element_types)
         if self.scratch is not None:
@@ -98,6 +99,13 @@ class ExternalForward:
             solution = solver.run(self._values(parameters), texts, folder, self.label)
             folder.rmdir()  # where it failed, it stays
         return solution.u, self._channels(solution, parameters, local)
+
+    def motions(self, parameters: ParameterSet,
+                local: np.ndarray | None = None) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Degrees of freedom and history of every prescribed motion that is not zero  # (n,), (n_simulated,) mm"""
+        histories, drives = self._histories(parameters, local), self.drives
+        return {name: (drives.dofs[drives.basis[:, k] == 1.0], histories[:, k]) for k, name in enumerate(drives.names)
+                if np.any(histories[:, k]) and np.any(drives.basis[:, k] == 1.0)}
 
     def march(self, parameters: ParameterSet, names: Sequence[str] = (), local: np.ndarray | None = None,
               steps: np.ndarray | None = None, influence: bool = False) -> Iterator[FrameState]:
@@ -153,14 +161,19 @@ class ExternalForward:
         return {THICKNESS: self.experiment.thickness or 1.0, "TIME.end": float(self._clock()[-1]),
                 "TIME.frames": float(len(self.frames) - 1), **{n: float(v) for n, v in parameters.as_values().items()}}
 
-    def _tables(self, parameters: ParameterSet, local: np.ndarray | None) -> dict[str, str]:
-        """Tables of the deck: one line "time, value" per frame; TIME.points: the times of the frames, one per line."""
+    def _histories(self, parameters: ParameterSet, local: np.ndarray | None) -> np.ndarray:
+        """Motions (mm), then loads (MPa, N), zero at the reference  # (n_simulated, n_drives + n_loads)"""
         drives, loads = self.drives, self.drives.loads
         histories = np.hstack([
             drives.histories(parameters, local),
             loads.values(parameters, None if local is None else local[:, len(drives.local):])])[self.frames]
         histories[0] = 0.0
-        clock = self._clock()
+        return histories
+
+    def _tables(self, parameters: ParameterSet, local: np.ndarray | None) -> dict[str, str]:
+        """Tables of the deck: one line "time, value" per frame; TIME.points: the times of the frames, one per line."""
+        drives, loads = self.drives, self.drives.loads
+        histories, clock = self._histories(parameters, local), self._clock()
         tables = {f"{TABLE}{name}": "\n".join(f"{t:.9g}, {value:.12g}" for t, value in zip(clock, history, strict=True))
                   for name, history in zip((*drives.names, *loads.stems), histories.T, strict=True)}
         return tables | {"TIME.points": "\n".join(f"{t:.9g}" for t in clock[1:])}

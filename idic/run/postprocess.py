@@ -23,7 +23,7 @@ from idic.identify.result import build_result
 from idic.identify.step.stages import resolve_stages
 from idic.identify.step.state import Evaluation, LoopState
 from idic.run.context import RunContext, correlation_context, open_run
-from idic.run.judgement.accepted_point import channel_table
+from idic.run.judgement.accepted_point import channel_table, solver_notes
 from idic.run.judgement.discrepancy import discrepancy_job, discrepancy_of
 from idic.run.judgement.fields import write_fields
 from idic.run.judgement.floor import PointJob
@@ -118,6 +118,8 @@ def postprocess(session: Session, state: LoopState, timing: Timing, began: float
                           frame_entries(experiment, fits[0], context.settings["excluded_by_user"],
                                         _free_chi2(context, 0)),
                           _cost(state, timing, began), discrepancy_of(session, state, point, stage))
+    if point is not None:
+        result["notes"] += solver_notes(context, state.accepted.values, state.accepted.number)
     if experiment.cameras:
         free = [_free_chi2(context, number) for number in range(len(fits))]
         textures = () if point is None else texture_pairs(

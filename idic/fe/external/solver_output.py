@@ -17,6 +17,10 @@ from idic.errors import NotConverged
 
 READERS: dict[str, Callable[[Path, str], Records]] = {}
 MAX_TIME_MISMATCH = 2e-5  # of the last time: the files hold five to seven digits
+MAX_SHARE_OF_INTERVAL = 0.5  # of the shortest time between frames: a record further away may be of the next one
+MAX_DISPLACEMENT_AT_REFERENCE = 1e-3  # of the largest: the reference is undeformed
+MAX_REPEATED_CHANGE = 1e-3  # of the largest value: a step may repeat the last frame of the step before
+MIN_FOLLOWED, MAX_FOLLOWED = 0.02, 5.0  # of a prescribed motion: what the solver moves its set by
 MAX_DISPLACEMENT_RATIO = 100.0  # displacements beyond so many times the size of the mesh are rejected
 
 
@@ -39,7 +43,8 @@ class Wanted:
     """What a simulation has to deliver.
 
     labels (n_nodes,), dim; times (n_frames - 1,) of the frames after the reference; sets {name: node indices} whose
-    forces are compared, as names ``SET.x``; size : of the mesh, mm.
+    forces are compared, as names ``SET.x``; size : of the mesh, mm; motions : of the sets whose motion is prescribed,
+    name -> (degrees of freedom, node * dim + component; their motion (n_frames,) mm).
     """
 
     labels: np.ndarray
@@ -48,6 +53,7 @@ class Wanted:
     forces: tuple[str, ...]
     sets: Mapping[str, np.ndarray]
     size: float
+    motions: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -64,7 +70,9 @@ def gathered(reader: str, folder: Path, job: str, wanted: Wanted) -> Solution:
     Raises
     ------
     NotConverged
-        A file, a frame, a node or a force is missing, or a value is not finite or absurdly large.
+        A file, a frame, a node or a force is missing, a node has two values in one frame, the frames are counted
+        otherwise, the reference is deformed, a prescribed motion is not followed, or a value is not finite or absurdly
+        large.
     """
     try:
         records = READERS[reader](folder, job)
@@ -79,6 +87,8 @@ def gathered(reader: str, folder: Path, job: str, wanted: Wanted) -> Solution:
         for name in wanted.forces:
             forces[name][frame] = _force(records, name, time, wanted)
     _check_values(u, forces, wanted)
+    _check_reference(records, u, wanted)
+    _check_motions(u, wanted)
     return Solution(u, forces)
 
 
@@ -86,7 +96,8 @@ def _at(records: Mapping, time: float, wanted: Wanted, what: str):
     """The record of a frame."""
     keys = np.array(list(records))
     near = np.abs(keys - time) if len(keys) else np.array([np.inf])
-    if near.min() > MAX_TIME_MISMATCH * wanted.times[-1]:
+    shortest = np.diff(wanted.times, prepend=0.0).min()
+    if near.min() > min(MAX_TIME_MISMATCH * wanted.times[-1], MAX_SHARE_OF_INTERVAL * shortest):
         frame = 1 + int(np.searchsorted(wanted.times, time))
         raise NotConverged(f"no {what} of frame {frame} (time {time:g}); "
                            + (f"the last ones are at {keys.max():g}" if len(keys) else "there are none"))
@@ -96,7 +107,14 @@ def _at(records: Mapping, time: float, wanted: Wanted, what: str):
 def _nodal(record: tuple[np.ndarray, np.ndarray], wanted: Wanted, what: str) -> np.ndarray:
     """Values in the order of the mesh  # (n_nodes, dim)"""
     labels, values = record
+    compared = np.isin(labels, wanted.labels)
+    labels, values = labels[compared], values[compared]
     order = np.argsort(labels, kind="stable")
+    same = np.flatnonzero(np.diff(labels[order]) == 0)
+    change = np.abs(values[order[same]] - values[order[same + 1]]).max(axis=1, initial=0.0)
+    if len(twice := same[change > MAX_REPEATED_CHANGE * np.abs(values).max(initial=0.0)]):
+        raise NotConverged(f"two different {what} of node {labels[order[twice[0]]]} at the same time: does every step "
+                           "of the solver count its time from 0? Write the time since the reference")
     place = np.searchsorted(labels[order], wanted.labels)
     found = place < len(labels)
     found[found] = labels[order][place[found]] == wanted.labels[found]
@@ -132,6 +150,32 @@ def _check_values(u: np.ndarray, forces: Mapping[str, np.ndarray], wanted: Wante
                            f"on a mesh of {wanted.size:.3g} mm")
 
 
+def _check_reference(records: Records, u: np.ndarray, wanted: Wanted) -> None:
+    """Refuse frames that are counted from 1 at the reference, and a reference that is deformed."""
+    last, largest = len(u) - 1, np.abs(u).max()
+    if records.by_frame and last > 1 and max(records.motions) == last + 1 and largest > 0.0 and not u[1].any():
+        raise NotConverged(f"frames are counted up to {last + 1}, and in frame 1 all is at rest, but frame 1 is the "
+                           f"first after the reference and {last} the last: count the reference as 0")
+    labels, values = records.motions.get(0.0, (np.zeros(0), np.zeros((0, 2))))
+    at_rest = np.abs(values[np.isin(labels, wanted.labels), :wanted.dim]).max(initial=0.0)
+    if at_rest > MAX_DISPLACEMENT_AT_REFERENCE * largest:
+        clock = "frame" if records.by_frame else "time"
+        raise NotConverged(f"displacements up to {at_rest:.3g} mm at the reference ({clock} 0), where the specimen is "
+                           "undeformed: write them relative to the reference")
+
+
+def _check_motions(u: np.ndarray, wanted: Wanted) -> None:
+    """Refuse a solution in which a set stands still, goes the other way or many times as far: other units, axes or
+    frames. A smaller difference may be meant, such as a machine that yields."""
+    for name, (dofs, prescribed) in wanted.motions.items():
+        frame = int(np.abs(prescribed).argmax())
+        found = u[frame].ravel()[dofs].mean()
+        if not MIN_FOLLOWED < found / prescribed[frame] < MAX_FOLLOWED:
+            raise NotConverged(f"{name} moves by {found:.4g} mm in frame {frame} after the reference, where "
+                               f"{prescribed[frame]:.4g} mm are prescribed: the output needs mm, the axes of the mesh "
+                               "and the frames of the test")
+
+
 # CalculiX -----------------------------------------------------------------------------------------
 def read_calculix_frd(folder: Path, job: str) -> Records:
     """``JOB.frd`` (ASCII): blocks DISP and FORC of all increments; totals of forces from ``JOB.dat`` where it has some.
@@ -161,6 +205,7 @@ def read_calculix_frd(folder: Path, job: str) -> Records:
 def read_calculix_dat(folder: Path, job: str) -> Records:
     """``JOB.dat``: displacements of `*NODE PRINT, NSET=...` with U, total forces of RF with TOTALS=ONLY (or YES)."""
     records, rows, labels, target = Records(), [], [], None
+    motions: dict[float, tuple[list[int], list[list[float]]]] = {}
     with (folder / f"{job}.dat").open(encoding="ascii", errors="replace") as file:
         for line in file:
             words = line.split()
@@ -168,8 +213,8 @@ def read_calculix_dat(folder: Path, job: str) -> Records:
                 continue
             if words[0][0].isalpha():
                 title, time = line.strip().lower(), float(words[-1]) if " time " in line else 0.0
-                if title.startswith("displacements"):
-                    rows, labels = [], []
+                if title.startswith("displacements"):  # of several sets at one time: all nodes together
+                    labels, rows = motions.setdefault(time, ([], []))
                     target = (time, labels, rows)
                 elif title.startswith("total force"):
                     target = (time, words[words.index("set") + 1], None)
@@ -181,10 +226,8 @@ def read_calculix_dat(folder: Path, job: str) -> Records:
             elif target is not None:
                 labels.append(int(words[0]))
                 rows.append([float(word) for word in words[1:4]])
-                records.motions[target[0]] = (labels, rows)  # type: ignore[assignment]
-    motions = {time: (np.array(nodes, dtype=np.int64), np.array(values, dtype=float))
-               for time, (nodes, values) in records.motions.items()}
-    return Records(motions, records.forces)
+    return Records({time: (np.array(nodes, dtype=np.int64), np.array(values, dtype=float))
+                    for time, (nodes, values) in motions.items() if nodes}, records.forces)
 
 
 # plain tables -------------------------------------------------------------------------------------
@@ -193,6 +236,8 @@ def read_csv(folder: Path, job: str) -> Records:
     frame, SET.x, ...); frames count from 1, the first one after the reference."""
     clock, table = _table(folder / "displacements.csv")
     names = [name for name in ("node", "ux", "uy", "uz") if name in table]
+    if names[:3] != ["node", "ux", "uy"]:
+        raise ValueError(f"displacements.csv has the columns {', '.join(table)}, expected {clock}, node, ux, uy(, uz)")
     rows = np.array([table[name] for name in names]).T
     times, first = np.unique(table[clock], return_inverse=True)
     motions = {float(time): (rows[first == k, 0].astype(np.int64), rows[first == k, 1:])
@@ -202,19 +247,32 @@ def read_csv(folder: Path, job: str) -> Records:
         other, totals = _table(folder / "forces.csv")
         if other != clock:
             raise ValueError(f"displacements.csv counts by {clock}, forces.csv by {other}")
+        _check_repeated(totals, other)
         forces = {float(time): {name: column[k] for name, column in totals.items() if name != clock}
                   for k, time in enumerate(totals[clock])}
     return Records(motions, forces, by_frame=clock == "frame")
 
 
+def _check_repeated(totals: Mapping[str, np.ndarray], clock: str) -> None:
+    """Refuse two different forces at one time."""
+    order = np.argsort(totals[clock], kind="stable")
+    same = np.flatnonzero(np.diff(totals[clock][order]) == 0)
+    for name, column in totals.items():
+        changes = np.abs(np.diff(column[order])[same])
+        if len(twice := same[changes > MAX_REPEATED_CHANGE * np.abs(column).max()]):
+            raise ValueError(f"forces.csv has two different {name} at {clock} {totals[clock][order[twice[0]]]:g}")
+
+
 def _table(path: Path) -> tuple[str, dict[str, np.ndarray]]:
     """The clock ("time" or "frame") and the columns of a table of numbers with a header."""
-    with path.open(newline="", encoding="utf-8") as file:
+    with path.open(newline="", encoding="utf-8-sig") as file:
         rows = [row for row in csv.reader(file) if row]
     names = [name.strip() for name in rows[0]] if rows else []
     clock = next((name for name in ("time", "frame") if name in names), None)
     if clock is None:
         raise ValueError(f"{path.name} has no column time or frame, only {', '.join(names) or 'nothing'}")
+    if (cut := next((row for row in rows if len(row) != len(names)), None)) is not None:
+        raise ValueError(f"{path.name} has {len(names)} columns, but {len(cut)} cells in the row {','.join(cut)[:80]}")
     values = np.array([[float(cell) for cell in row] for row in rows[1:]]).reshape(-1, len(names))
     return clock, dict(zip(names, values.T, strict=True))
 

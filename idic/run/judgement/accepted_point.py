@@ -9,9 +9,11 @@ import numpy as np
 from idic.correlation.channels import channel_values, measured_values
 from idic.errors import InputError
 from idic.run.context import RunContext
+from idic.run.recovery.recover import START
 from idic.store.arrays import FrameArrays, read_array
 from idic.store.layout import BASE, group_name
 
+MAX_MOTION_ERROR = 0.01  # of the largest prescribed motion: output files hold five to seven digits
 
 def refuse_passed_point(context: RunContext, result: Mapping) -> None:
     """InputError where a run was resumed after an interruption and killed: its result is of a point before that."""
@@ -46,6 +48,29 @@ def channel_table(context: RunContext, values: Mapping[str, float],
     for i, frame in enumerate(range(experiment.reference, experiment.n_frames)):
         simulated[frame] = channel_values(experiment, parameters, stored[i], frame)
     return simulated, measured_values(experiment, parameters)
+
+
+def solver_notes(context: RunContext, values: Mapping[str, float], evaluation: int) -> list[str]:
+    """Where an external solver moves a set otherwise than the experiment file prescribes."""
+    if not context.external:
+        return []
+    stored = FrameArrays.open(context.store.group(group_name(evaluation, BASE)), "u")
+    local = read_array(context.store.group(group_name(evaluation, START)), "local")
+    motions = context.forward.motions(context.experiment.parameters.with_values(values), local)  # type: ignore[attr-defined]
+    found = {name: np.zeros(len(prescribed)) for name, (_, prescribed) in motions.items()}
+    for frame in range(len(context.forward.frames) if motions else 0):
+        u = stored.read(frame, frame + 1).ravel()
+        for name, (dofs, _) in motions.items():
+            found[name][frame] = u[dofs].mean()
+    notes = []
+    for name, (_, prescribed) in motions.items():
+        off = np.abs(found[name] - prescribed)
+        at, largest = int(off.argmax()), float(np.abs(prescribed).max())
+        if off[at] > MAX_MOTION_ERROR * largest:
+            notes.append(f"the external solver moves {name} by {found[name][at]:.4g} mm in frame {at} after the "
+                         f"reference, where the experiment file prescribes {prescribed[at]:.4g} mm: unless the deck is "
+                         "meant to (a machine that yields), its times, units or signs are wrong")
+    return notes
 
 
 def _last_accepted(result: Mapping) -> Mapping:
