@@ -136,6 +136,59 @@ def test_one_table_holds_all_stages_with_their_times(tmp_path):
     np.testing.assert_allclose(moved_in_um(stack, 2), displaced(2), atol=2e-6)
 
 
+def long_table(order, time_name: str = "time_s", time=lambda k: 0.5 * k, lost=()) -> str:
+    """All stages in one table, its rows in this order; lost : (stage, point) without a row."""
+    rows = sorted(((k, i) for k in range(4) for i in range(len(GRID)) if (k, i) not in lost), key=order)
+    return "\n".join([f"stage,id,x_mm,y_mm,ux_mm,uy_mm,{time_name}",
+                      *(f"{k},{i},{GRID[i][0]},{GRID[i][1]},{displaced(k)[i][0]},{displaced(k)[i][1]},{time(k)}"
+                        for k, i in rows)])
+
+
+@pytest.mark.parametrize("order", [lambda row: row[::-1], lambda row: (-row[0], row[1])])
+def test_the_stages_of_a_table_are_in_the_order_of_their_numbers_however_it_is_sorted(tmp_path, order):
+    (tmp_path / "all.csv").write_text(long_table(order, lost=[(1, 0)]))  # the first point is lost in stage 1
+    stack = opened(tmp_path)
+    assert [label[-3:] for label in stack.labels] == ["[0]", "[1]", "[2]", "[3]"]
+    for k in range(4):
+        np.testing.assert_allclose(moved_in_um(stack, k)[1:], displaced(k)[1:], atol=2e-5)
+
+
+@pytest.mark.parametrize("name, time, seconds", [
+    ("time_ms", lambda k: 500 * k, 0.5), ("Time [min]", lambda k: 2.0 * k, 120.0), ("T_C", lambda k: 20.0 + k, None)])
+def test_times_of_a_table_are_in_the_unit_of_their_name_and_a_temperature_is_none(tmp_path, name, time, seconds):
+    (tmp_path / "all.csv").write_text(long_table(None, name, time))
+    log = opened(tmp_path).series.log()
+    if seconds is None:
+        assert log is None
+    else:
+        np.testing.assert_allclose(log.times(), seconds * np.arange(4))
+
+
+def test_the_time_of_an_aramis_stage_is_in_the_unit_of_the_file(tmp_path):
+    for k in range(3):
+        aramis(tmp_path, k)
+    for path in tmp_path.iterdir():
+        path.write_text(path.read_text(encoding="utf-8").replace("time:s", "time:min"), encoding="utf-8")
+    np.testing.assert_allclose(opened(tmp_path).series.log().times(), [0.0, 30.0, 60.0])
+
+
+def test_a_table_that_the_user_says_is_in_pixels_counts_rows_downwards(tmp_path):
+    for k in range(2):
+        (tmp_path / f"{k}.csv").write_text("\n".join(["x,y,u,v", *(
+            f"{20 * x},{-20 * y},{20 * u},{-20 * v}" for (x, y), (u, v) in zip(GRID, displaced(k), strict=True))]))
+    stack = opened(tmp_path, unit="px", pixel_size_mm=0.05)
+    np.testing.assert_allclose(stack.points.positions, GRID, atol=1e-9)
+    np.testing.assert_allclose(moved_in_um(stack, 1), displaced(1), atol=2e-5)
+
+
+def test_thousands_separators_in_a_stage_are_refused(tmp_path):
+    (tmp_path / "0.csv").write_text("\n".join(["x [mm];y [mm];ux [mm];uy [mm]", *(
+        f"1,{100 + int(x):03d};{y};0.0;0.0" for x, y in GRID)]))
+    with pytest.raises(InputError, match="decimal commas and decimal points") as caught:
+        opened(tmp_path)
+    assert "line 2" in str(caught.value)
+
+
 def test_vtu_point_data(tmp_path):
     for k in range(2):
         points = np.column_stack([GRID, np.zeros(len(GRID))])

@@ -19,6 +19,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.readers.delimited.numerals import number_in
 from idic.readers.fields.stage import KEY, Stage, cells_of, numbers_of, stage_text
+from idic.readers.units import factor_between
 
 _HEAD = 4096  # characters: units, stage and analog channels stand before the points
 
@@ -116,6 +117,7 @@ def _channels(units, blocks, path: Path) -> tuple[float | None, dict[str, tuple[
         cells = cells_of(block.lines[1], ";")
         if "relative_time" in header:
             time = _value(cells[header.index("relative_time")], path, block.first + 1, "relative_time")
+            time *= factor_between(units.get("time", "s"), "s", file=path, key="# Units: time")
         elif "untransformed" in header and "transformed" in header:
             value = _value(cells[header.index("transformed")], path, block.first + 1, header[0])
             found.append((header[0], block.name, value))

@@ -14,7 +14,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.readers.fields.stage import KEY, Stage, cells_of, numbers_of, separator_of, stage_text
-from idic.readers.units import unit_in_name, without_unit
+from idic.readers.units import factor_to, unit_in_name, without_unit
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,8 @@ def find_columns(lines: Sequence[str], wanted: str | None = None) -> Columns | N
 
 
 def read_columns(path: Path, wanted: str | None = None) -> list[tuple[float, Stage]]:
-    """The stages of a file with their numbers in its stage column, in its order; one stage where there is no such
-    column.
+    """The stages of a file with their numbers in its stage column, in the order of these; one stage where there is no
+    such column.
 
     Raises
     ------
@@ -147,8 +147,7 @@ def _by_stage(columns: Columns, values: np.ndarray) -> list[tuple[float, np.ndar
     place = next((at for name in columns.dialect.stage if (at := columns.place(name)) is not None), None)
     if place is None:
         return [(0.0, values)]
-    numbers, first = np.unique(values[:, place], return_index=True)
-    return [(float(number), values[values[:, place] == number]) for number in numbers[np.argsort(first)]]
+    return [(float(number), values[values[:, place] == number]) for number in np.unique(values[:, place])]
 
 
 def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
@@ -170,10 +169,18 @@ def _stage(columns: Columns, values: np.ndarray, path: Path) -> Stage:
         raise InputError("a point occurs twice in a stage", file=path, key=KEY, expected="every point once",
                          found=f"{len(points) - len(np.unique(names, axis=0))} points more than once",
                          remedy="export one surface only; a table of several stages needs a column `stage`")
-    time = next((at for name in dialect.time if (at := columns.place(name)) is not None), None)
-    return Stage(points, displacement, columns.unit, ids, None if time is None else float(values[0, time]),
-                 columns=columns.names,
+    return Stage(points, displacement, columns.unit, ids, _time_of(columns, values), columns=columns.names,
                  unit_assumed=dialect.name == "table" and not any(map(unit_of, _lengths(columns))))
+
+
+def _time_of(columns: Columns, values: np.ndarray) -> float | None:
+    """The time of a stage in s; None without a column of times. A column ``T_C`` is none: its unit is no time."""
+    for name in columns.dialect.time:
+        place = columns.place(name)
+        unit = "s" if place is None else unit_of(columns.names[place]) or "s"
+        if place is not None and (factor := factor_to("s", unit)) is not None:
+            return factor * float(values[0, place])
+    return None
 
 
 def _check_units(columns: Columns, path: Path) -> None:

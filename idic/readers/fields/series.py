@@ -59,7 +59,8 @@ class FieldSeries:
     """All stages of a test.
 
     format : one of `FORMATS` without "auto"; mm_per_unit : of lengths in the files; unit, columns : of lengths and
-    names of the columns of points, as the first file states them; unit_assumed : neither it nor the user states a unit
+    names of the columns of points, as the first file states them; unit_assumed : neither it nor the user states a unit;
+    rows_down : the user, not the file, says that lengths are in px, whose rows count downwards
     """
 
     entries: tuple[FieldEntry, ...]
@@ -68,6 +69,7 @@ class FieldSeries:
     unit: str
     columns: tuple[str, ...] = ()
     unit_assumed: bool = False
+    rows_down: bool = False
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -94,7 +96,8 @@ class FieldSeries:
             raise InputError("a stage with other columns than the first", file=entry.path, key=KEY,
                              expected=", ".join(self.columns), found=", ".join(stage.columns),
                              remedy="export all stages in the same way, or remove this one from the pattern")
-        factor = self.mm_per_unit
+        n = stage.points.shape[1]
+        factor = self.mm_per_unit * (_ROWS_DOWN if self.rows_down else np.ones(3))[:n]
         displacement = None if stage.displacement is None else factor * stage.displacement
         return replace(stage, points=factor * stage.points, displacement=displacement, unit="mm")
 
@@ -166,7 +169,8 @@ def open_fields(paths: Sequence[Path], format: str = "auto", unit: str | None = 
         factor = pixel_size_mm
     else:
         factor = factor_between(unit, "mm", file=paths[0], key="experiment.fields_unit")
-    return FieldSeries(tuple(entries), found, factor, stated, first.columns, assumed)
+    return FieldSeries(tuple(entries), found, factor, stated, first.columns, assumed,
+                       first.unit_assumed and unit == "px")
 
 
 def shared_part(moved: np.ndarray) -> float:

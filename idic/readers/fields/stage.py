@@ -16,6 +16,7 @@ from idic.readers.delimited.text_files import text_of
 KEY = "experiment.fields"
 _SEPARATORS = (";", "\t", ",")
 _DECIMAL_COMMA = re.compile(r"\d,\d")
+_DECIMAL_POINT = re.compile(r"\d\.\d")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +79,18 @@ def numbers_of(lines: Sequence[str], n_columns: int, separator: str, path: Path,
     Raises
     ------
     InputError
-        A row has another number of cells, as in a file that was cut off, or a cell is no number.
+        A row has another number of cells, as in a file that was cut off, a cell is no number, or numbers have both
+        marks.
     """
     if not lines:
         return np.empty((0, n_columns))
-    if separator != "," and any(map(_DECIMAL_COMMA.search, lines[:20])):
+    if separator != "," and (comma := next(filter(_DECIMAL_COMMA.search, lines[:20]), None)) is not None:
+        if (point := next(filter(_DECIMAL_POINT.search, lines[:20]), None)) is not None:
+            raise InputError("decimal commas and decimal points in one stage", file=path,
+                             key=f"line {first_line + lines.index(comma)}",
+                             expected="one decimal mark, no thousands separators",
+                             found=comma[:60] if comma == point else f"{comma[:60]} and {point[:60]}",
+                             remedy="export the stage again without thousands separators")
         lines = [line.replace(",", ".") for line in lines]
     delimiter = None if separator == " " else separator
     try:
