@@ -17,7 +17,7 @@ from idic.experiment_file.laws.spectrum import spectrum_notes
 from idic.experiment_file.measured_fields.noise import noise_of_fields, with_depth
 from idic.experiment_file.measured_fields.placement import field_camera, laid_on_outline
 from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
-                                               check_visible)
+                                               check_visible, checked_heights)
 from idic.experiment_file.recording import Frames, RecordedFolder
 from idic.experiment_file.tables import boundaries as boundary_tables, dofs
 from idic.experiment_file.tables.camera_motion import moving_camera, with_identified_motions
@@ -147,7 +147,7 @@ class ExperimentFolder(RecordedFolder):
         noise, points, noise_notes = self.noise(frames, mesh, scale)
         stack = frames.stack if points is None else frames.stack.with_components(points.n_components)
         identity, earlier = self.identities(frames)
-        return told_references(with_stabilised_images(Experiment(
+        return checked_heights(told_references(with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
             thickness=thickness, materials=materials,
             parameters=ParameterSet(parameters,
@@ -170,7 +170,7 @@ class ExperimentFolder(RecordedFolder):
                    *softening_notes(materials, parameters, mesh, scale.unit)),
             extras=self._extras(frames, scale, log, known_times) | {"free_curves": curves},
             averaged=frames.averaged, points=points,
-            gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file))), self.file)
+            gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file))), self.file), self.file)
 
     def _moving(self, camera: AnyCamera, cameras: tuple[FurtherCamera, ...], lens: Lenses, frames: Frames,
                 context: boundary_tables.Context,

@@ -11,10 +11,12 @@ from idic.fe.external.solver import EXTERNAL
 from idic.fe.mesh.mesh import Mesh, PerMesh, face_set_nodes, surface_cells
 from idic.fe.solver.rigid_motion import FreePart, bodies, free_parts
 from idic.images.placed_camera import AnyCamera
+from idic.images.quality.gap_marks import gap_mark
 from idic.materials import get_law
-from idic.model.experiment import Material, Prescribed
+from idic.model.experiment import Experiment, Material, Prescribed
 
 _MIN_FACE_ON = 1e-6  # of the mean area of a face: less is seen edge-on
+_FRAMES_LOOKED_AT = 5
 _MIN_LARGER = 2.0  # mesh over image, in both directions: the scale is wrong, whatever the place
 
 
@@ -181,6 +183,33 @@ def _off_the_points(sizes: np.ndarray) -> str:
         return (f"check the scale of the field, which is {1.0 / sizes.min():.1f} times as large as the mesh: "
                 "pixel_size_mm of fields in px, fields_unit, or mesh_unit")
     return "check origin_mm, axes, mesh_unit, and pixel_size_mm of fields in px"
+
+
+def checked_heights(experiment: Experiment, file) -> Experiment:
+    """The experiment, if its height images mark pixels without a value by NaN: some of them are looked at.
+
+    Raises
+    ------
+    InputError
+        Pixels on the specimen hold a number that is no height.
+    """
+    if experiment.quantity != "height" or experiment.stack is None:
+        return experiment
+    points, cells = seen_nodes(experiment.mesh, experiment.kind, experiment.surface)
+    region = seen_region(corners_px(points, cells, experiment.kind, experiment.surface, experiment.camera),
+                         visible_cells(experiment.mesh, experiment.kind, experiment.surface, experiment.camera,
+                                       experiment.image_shape), experiment.image_shape, experiment.mask)
+    compared = [k for k in range(experiment.reference, experiment.n_frames) if k not in experiment.excluded]
+    looked_at = np.unique(np.linspace(0, len(compared) - 1, _FRAMES_LOOKED_AT).round().astype(int))
+    for k in (compared[place] for place in looked_at):
+        if (found := gap_mark(experiment.stack.frame(k), region)) is not None:
+            value, n = found
+            raise InputError("a number in the place of missing heights", file=file, key="experiment.images",
+                             expected="NaN where a pixel has no height", found=f"{experiment.labels[k]}: {n} pixels of "
+                             f"{value:g} {experiment.extras['height_unit']}, far from all others",
+                             remedy=f"write NaN in the place of {value:g} (numpy: image[image == {value:g}] = nan, as "
+                                    "32-bit float), or leave these pixels out by a mask")
+    return experiment
 
 
 def check_times(materials: tuple[Material, ...], times: np.ndarray | None, file) -> None:

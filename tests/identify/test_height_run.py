@@ -125,6 +125,21 @@ def test_height_images_need_their_noise_and_cannot_measure_an_edge(tmp_path):
         check_before_writing(load_experiment(measured))
 
 
+@pytest.mark.parametrize("mark", [-9999.0, 1e38, 0.0])
+def test_a_number_in_the_place_of_a_missing_height_is_refused(tmp_path, mark):
+    folder = write_folder(tmp_path / "test")
+    for path in (folder / "images").iterdir():  # the instrument stands 5 mm above the specimen
+        image = tifffile.imread(path) + 5000.0
+        tifffile.imwrite(path, np.where(np.isnan(image), mark, image).astype(np.float32))
+    with pytest.raises(InputError, match="a number in the place of missing heights") as refused:
+        load_experiment(folder)
+    assert f"pixels of {mark:g} um" in str(refused.value) and "map_00.tif" in str(refused.value)
+    for path in (folder / "images").iterdir():
+        image = tifffile.imread(path)
+        tifffile.imwrite(path, np.where(image == np.float32(mark), np.nan, image).astype(np.float32))
+    assert load_experiment(folder).quantity == "height"
+
+
 def test_a_simulated_folder_of_height_images_gives_its_parameters_back(tmp_path):
     folder = write_folder(tmp_path / "test", gaps=0.0)
     truth = {"BODY.C10": 3.0, "BODY.kappa": 60.0}
