@@ -153,6 +153,15 @@ def test_the_stages_of_a_table_are_in_the_order_of_their_numbers_however_it_is_s
         np.testing.assert_allclose(moved_in_um(stack, k)[1:], displaced(k)[1:], atol=2e-5)
 
 
+def test_a_table_of_all_stages_may_have_capital_letters(tmp_path):
+    text = long_table(None)
+    head, _, rows = text.partition("\n")
+    (tmp_path / "all.csv").write_text("Frame,Id,X [mm],Y [mm],U [mm],V [mm],Time [s]\n" + rows)
+    stack = opened(tmp_path)
+    assert stack.n_frames == 4 and stack.series.format == "table"
+    np.testing.assert_allclose(moved_in_um(stack, 3), displaced(3), atol=2e-5)
+
+
 @pytest.mark.parametrize("name, time, seconds", [
     ("time_ms", lambda k: 500 * k, 0.5), ("Time [min]", lambda k: 2.0 * k, 120.0), ("T_C", lambda k: 20.0 + k, None)])
 def test_times_of_a_table_are_in_the_unit_of_their_name_and_a_temperature_is_none(tmp_path, name, time, seconds):

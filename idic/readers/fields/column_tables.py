@@ -37,6 +37,7 @@ class Dialect:
     needs: tuple[str, ...] = ()
 
 
+STAGE_COLUMNS = ("stage", "frame")
 DIALECTS = (
     Dialect("vic", ("X", "Y", "Z"), ("U", "V", "W"), "mm", valid=("sigma", 0.0), exact_case=True),
     # VIC-2D writes pixels, which VIC-3D writes next to X, Y, Z; sigma is -1 where a subset was not correlated
@@ -49,8 +50,8 @@ DIALECTS = (
     Dialect("dice", ("coordinate_x", "coordinate_y", "-"), ("displacement_x", "displacement_y", "-"), "px", "subset_id",
             ("sigma", 0.0)),
     Dialect("pyvale", ("ss_x", "ss_y", "-"), ("displacement_u", "displacement_v", "-"), "px", valid=("converged", 0.5)),
-    Dialect("table", ("x", "y", "z"), ("ux", "uy", "uz"), "mm", "id", stage=("stage", "frame"), time=("time", "t")),
-    Dialect("table", ("x", "y", "z"), ("u", "v", "w"), "mm", "id", stage=("stage", "frame"), time=("time", "t")),
+    Dialect("table", ("x", "y", "z"), ("ux", "uy", "uz"), "mm", "id", stage=STAGE_COLUMNS, time=("time", "t")),
+    Dialect("table", ("x", "y", "z"), ("u", "v", "w"), "mm", "id", stage=STAGE_COLUMNS, time=("time", "t")),
 )
 FORMATS = tuple(dict.fromkeys(dialect.name for dialect in DIALECTS))
 _NUMBER = re.compile(r"[+-]?[\d.]")
@@ -109,6 +110,8 @@ def find_columns(lines: Sequence[str], wanted: str | None = None) -> Columns | N
         for dialect in DIALECTS:
             if wanted not in (None, "auto", dialect.name):
                 continue
+            if dialect.exact_case and wanted != dialect.name and any(key_of(name) in STAGE_COLUMNS for name in names):
+                continue  # VIC writes a file per stage: X, Y, U, V of all stages are a plain table
             found = Columns(dialect, names, separator, number + 2, dialect.unit)
             needed = (*dialect.points[:2], *dialect.displacement[:2], *dialect.needs)
             if all(found.place(name) is not None for name in needed):
