@@ -22,7 +22,6 @@ from idic.experiment_file.load import load_experiment  # noqa: E402
 from idic.virtual_tests.examples import write_example  # noqa: E402
 
 pytestmark = pytest.mark.skipif(find_browser() is None, reason="no Chromium on the path")
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
 MESHED = ('document.body?.dataset.ready === "yes" && '
           'document.getElementById("mesh-text").textContent.includes("elements")')
 SAID = 'document.getElementById("message").innerText'
@@ -308,11 +307,10 @@ def test_a_run_outlives_browser_and_page_and_has_the_bits_of_the_command_line(tm
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not (DATA / "tension-necking").is_dir(), reason="shared/data is not here")
-def test_a_real_recording_without_a_log_is_identified_with_few_clicks(tmp_path):
+def test_a_real_recording_without_a_log_is_identified_with_few_clicks(tmp_path, shared_data):
     folder = tmp_path / "necking"
     (folder / "images").mkdir(parents=True)
-    for file in sorted((DATA / "tension-necking" / "images").glob("*.tif"))[:4]:
+    for file in sorted((shared_data("tension-necking") / "images").glob("*.tif"))[:4]:
         shutil.copy(file, folder / "images")
     with opened(folder) as page:
         page.click("#go")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,7 +15,6 @@ from idic.fe.mesh.mesh import face_set_nodes
 from idic.fe.mesh.polygon import mesh_polygon
 from idic.readers.images import open_stack
 
-DATA = Path(__file__).parents[2].parent / "shared" / "data"
 
 
 def dots(shape, inside, seed=0, noise=2.0, dtype=np.uint8, radius=2.5, ground=20.0):
@@ -185,10 +182,9 @@ def test_an_area_that_leaves_the_image_ends_before_its_border():
 @pytest.mark.parametrize("case, expected, holes", [
     ("open-case-1-plate-with-hole-elastoplastic/images", [0, 30, 629, 349], 1),
     ("open-hole-composite/images", [537, 0, 855, 1039], 1), ("tension-necking/images", [210, 0, 600, 2049], 0)])
-def test_real_recordings_give_their_specimen(case, expected, holes):
-    files = sorted((DATA / case).glob("*.tif")) + sorted((DATA / case).glob("*.png"))
-    if not files:
-        pytest.skip("shared/data is not here")
+def test_real_recordings_give_their_specimen(shared_data, case, expected, holes):
+    folder = shared_data(case)
+    files = sorted([*folder.glob("*.tif"), *folder.glob("*.png")])
     image = open_stack(files[:1]).frame(0)
     outline, found = speckled_area(image, texture_of(image))
     assert len(found) == holes
