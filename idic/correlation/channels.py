@@ -40,7 +40,7 @@ def channel_values(experiment: Experiment, parameters: ParameterSet, simulated: 
 
 def measured_values(experiment: Experiment, parameters: ParameterSet) -> np.ndarray:
     """The logged channels of all frames, at the times of the images  # (n_frames, n_channels)"""
-    shift = _value(parameters, "time.offset", 0.0)
+    shift = experiment.log_shift(parameters)
     columns = [channel.values + (shift * channel.rates if channel.rates is not None else 0.0)
                for channel in experiment.channels]
     return np.stack(columns, axis=1) if columns else np.zeros((experiment.n_frames, 0))
@@ -53,7 +53,7 @@ def channel_equations(context: CorrelationContext, response: FrameResponse) -> C
     shown = channel_values(experiment, parameters, response.channels, response.frame)
     residual, d_global = np.zeros(n_channels), np.zeros((n_channels, n))
     slopes = np.ones(n_channels)
-    shift = _value(parameters, "time.offset", 0.0)
+    shift = experiment.log_shift(parameters)
     for c, channel in enumerate(experiment.channels):
         F = response.channels[c]
         slopes[c] = _slope(experiment, channel, parameters, F, response.frame)

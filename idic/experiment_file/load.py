@@ -105,6 +105,8 @@ class ExperimentFolder(RecordedFolder):
         materials, parameters, mesh, law_notes = self.materials(mesh)
         solver = external_solver(self.config, self.folder, self.file)
         log = self.log(frames)
+        if log is not None and log.is_interpolated:
+            log = replace(log, late=dofs.start_of_time_offset(self.config, self.file))
         curves = free_curves(materials, self.config.material, parameters)
         known_times = self.frame_times(frames) if log is None else log.times
         check_times(materials, known_times, self.file)
@@ -169,7 +171,7 @@ class ExperimentFolder(RecordedFolder):
                    *spectrum_notes(materials, parameters, known_times),
                    *softening_notes(materials, parameters, mesh, scale.unit)),
             extras=self._extras(frames, scale, log, known_times) | {"free_curves": curves},
-            averaged=frames.averaged, points=points,
+            averaged=frames.averaged, points=points, log_offset=0.0 if log is None else log.late,
             gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file))), self.file), self.file)
 
     def _moving(self, camera: AnyCamera, cameras: tuple[FurtherCamera, ...], lens: Lenses, frames: Frames,
@@ -237,7 +239,8 @@ class ExperimentFolder(RecordedFolder):
         return {"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
                 "mesh_unit_factor": scale.factor, "height_unit": self.config.experiment.height_unit,
                 "still_frames": frames.still, "still_stack": frames.still_stack, "setup": self.config.setup.stated,
-                "has_times": times is not None, "columns": () if log is None else tuple(log.names),
+                "has_times": times is not None,
+                "interpolated_log": log is not None and log.is_interpolated, "columns": () if log is None else tuple(log.names),
                 "units": {} if log is None else {name: unit for name in log.names if (unit := log.unit(name))},
                 "files": tuple(str(path) for path in self.small_files()),
                 "outline_share": outline_share(self.config, frames.stack, scale.camera, self.file)}

@@ -60,6 +60,8 @@ MESH_CONTRADICTED = ("a simulation on a finer mesh leaves a residual that the re
 MESH_NOT_COUNTED = "std does not count the error by the mesh; idic systematic estimates it (discretisation_bias)"
 SMALL_STRAINS = ('small strains are an assumption: the same law with finite strains (kinematics = "finite") would '
                  "move {}; std does not count it")
+MAX_STRAIGHT_SHARE = 0.1  # of the time between two frames: a longer shift of the log is told
+MIN_SHIFT_STD = 3.0  # standard deviations of that shift; below, it is noise
 STRESS_UNITS = ("Pa", "kPa", "MPa", "GPa", "N/mm2", "MPa·s", "MPa s")
 
 
@@ -125,8 +127,25 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
             entry["discretisation_bias"] = entry["mesh_bias"] + (entry["time_bias"] or 0.0)
         result["parameters"][p.name] = entry
     if analysis is not None:
-        result["notes"] += strain_notes(analysis, result["parameters"])
+        result["notes"] += [*strain_notes(analysis, result["parameters"]), *shift_notes(experiment, parameters,
+                                                                                        result["parameters"])]
     return result
+
+
+def shift_notes(experiment: Experiment, parameters: ParameterSet, entries: Mapping[str, Mapping]) -> list[str]:
+    """Where the columns of the log count far from the times that they were read at: they are straight in between."""
+    entry, shift = entries.get("time.offset"), experiment.log_shift(parameters)
+    interval = float(np.median(np.diff(experiment.times))) if experiment.n_frames > 1 else np.inf
+    if entry is None or not entry["free"] or entry["std"] is None or abs(shift) < max(
+            MAX_STRAIGHT_SHARE * interval, MIN_SHIFT_STD * entry["std"] * parameters["time.offset"].factor):
+        return []
+    remedy = (f"write value = {entry['value']:.4g} in its [[dof]] and identify again, until this note is gone"
+              if experiment.extras.get("interpolated_log") else
+              "give a log with times of its own, faster than the images (time_s, and image_times or frame_interval_s "
+              "under [experiment])")
+    return [f"time.offset: the log counts {abs(shift):.3g} s {'earlier' if shift < 0.0 else 'later'} than it was read, "
+            f"{abs(shift) / interval:.2g} of the time between two images, and its columns are taken as straight over "
+            f"that time. Where they bend, all values are wrong: {remedy}"]
 
 
 def strain_notes(analysis: Analysis, entries: Mapping[str, Mapping]) -> list[str]:

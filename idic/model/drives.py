@@ -241,14 +241,17 @@ class _Builder:
         self.derivative_parts.setdefault(parameter, {})[drive] = np.asarray(history, float)
 
     def _add_column(self, stem, rows, drive: Column) -> None:
-        index = self._drive(stem, drive.values)
+        late = None
+        if "time.offset" in self.experiment.parameters and drive.rates is not None:
+            late = rates_since_reference(self.experiment, drive.rates)
+        index = self._drive(stem, drive.values if late is None else drive.values - self.experiment.log_offset * late)
         self._pattern(rows, index, np.ones(len(rows)))
         if drive.identify_offset:
             moved = np.ones(self.frames)
             moved[self.experiment.reference] = 0.0
             self._derivative(f"{stem}.offset", index, moved)
-        if "time.offset" in self.experiment.parameters and drive.rates is not None:
-            self._derivative("time.offset", index, rates_since_reference(self.experiment, drive.rates))
+        if late is not None:
+            self._derivative("time.offset", index, late)
         if drive.noise_std > 0:
             self.local.append(index)
             self.precisions.append(np.array([[drive.noise_std**-2]]))

@@ -460,6 +460,11 @@ class Experiment:
     points: FieldPoints | None = None  # of a measured field: then a frame of the stack is (n_points, 2), in µm
     gauges: tuple[Gauge, ...] = ()  # where the report reads fields off
     motion_error: MotionError | None = None  # what the simulation is known to lack, added to it
+    log_offset: float = 0.0  # s, `time.offset` at which the columns of the log were read; linear from there
+
+    def log_shift(self, parameters: ParameterSet) -> float:
+        """How much later than they were read the columns of the log count at these parameters (s)."""
+        return parameters["time.offset"].value - self.log_offset if "time.offset" in parameters else 0.0
 
     def at_geometry(self, parameters: ParameterSet) -> Experiment:
         """The experiment with the mesh morphed to these parameters; itself where the geometry is that of the mesh.

@@ -146,7 +146,7 @@ class ForwardModel:
         """What of the model follows from the temperature: its history, the sections with their expansion."""
         if self.temperature is None:
             return {}
-        offset = parameters["time.offset"].value if "time.offset" in parameters else 0.0
+        offset = self.experiment.log_shift(parameters)
         sections = tuple(
             replace(section, expansion=parameters[name].value)
             if (name := f"{section.name}.{EXPANSION.name}") in parameters else section
@@ -194,7 +194,7 @@ class ForwardModel:
         control, rates = self.model.control, self._late_readings()
         if rates is None or "time.offset" not in parameters:
             return control
-        return replace(control, readings=control.readings + parameters["time.offset"].value * rates)
+        return replace(control, readings=control.readings + self.experiment.log_shift(parameters) * rates)
 
     def law_values(self, parameters: ParameterSet) -> dict[str, np.ndarray]:
         """Law parameters per section, in the law's order."""

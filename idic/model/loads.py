@@ -74,6 +74,7 @@ def build_loads(experiment: Experiment) -> LoadHistories:
         columns[:, i] = load.drive.values if logged else _constant(load)
         if logged and load.drive.rates is not None and "time.offset" in experiment.parameters:
             rates[:, i] = load.drive.rates
+            columns[:, i] -= experiment.log_offset * rates[:, i]  # of an offset of zero
         if logged and load.drive.noise_std > 0:
             local.append(i)
             stds.append(load.drive.noise_std)

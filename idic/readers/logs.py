@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -175,6 +175,7 @@ class MatchedLog:
     log: Log
     times: np.ndarray | None  # (n_frames,) s
     frame_rows: np.ndarray | None  # (n_frames,) row of each frame; None: interpolated at `times`
+    late: float = 0.0  # s, how much later an interpolated log is read
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -195,13 +196,36 @@ class MatchedLog:
         values = self.log.column(name, file=file, key=key)
         if self.frame_rows is not None:
             return values[self.frame_rows]
-        return np.interp(self.times, self.log.times(), values)
+        times, at = self._read_at()
+        found = np.interp(at, times, values)
+        beyond = self.times + self.late - at  # of the ends of the log
+        return found + beyond * self._slopes(values) if beyond.any() else found
+
+    @property
+    def is_interpolated(self) -> bool:
+        """Whether its rows have times of their own."""
+        return self.frame_rows is None
+
+    def rates(self, name: str) -> np.ndarray:
+        """Change of a column of an interpolated log per second, over the time between two frames  # (n_frames,)"""
+        return self._slopes(self.log.column(name))
+
+    def _read_at(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times of the rows, and of the frames within them (s)"""
+        times = self.log.times()
+        return times, np.clip(self.times + self.late, times[0], times[-1])
+
+    def _slopes(self, values: np.ndarray) -> np.ndarray:
+        times, at = self._read_at()
+        half = 0.5 * float(np.median(np.diff(self.times))) if len(self.times) > 1 else np.inf
+        low, high = np.maximum(at - half, times[0]), np.minimum(at + half, times[-1])
+        return (np.interp(high, times, values) - np.interp(low, times, values)) / (high - low)
 
     def of_frames(self, kept: Sequence[int]) -> MatchedLog:
         """The same of some of the frames."""
         chosen = list(kept)
-        return MatchedLog(self.log, None if self.times is None else self.times[chosen],
-                          None if self.frame_rows is None else self.frame_rows[chosen])
+        return replace(self, times=None if self.times is None else self.times[chosen],
+                       frame_rows=None if self.frame_rows is None else self.frame_rows[chosen])
 
 
 def read_log(path: Path, decimal: Decimal | None = None) -> Log:

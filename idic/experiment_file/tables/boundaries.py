@@ -48,6 +48,17 @@ class Context:
     length_unit: str
     file: object
 
+    def rates(self, column: str, values: np.ndarray, factor: float) -> np.ndarray | None:
+        """Rates of a column of the log per second; None where the frames have no times  # (n_frames,)
+
+        values : (n_frames,) of the column, in the unit that `factor` leads to
+        """
+        if self.times is None or self.n_frames < 2:
+            return None
+        if self.log is not None and self.log.is_interpolated:
+            return factor * self.log.rates(column)
+        return np.gradient(values, self.times)
+
 
 def motion(config: ExperimentFile, mesh: Mesh, context: Context) -> Motion:
     """All of [[boundary]] and [[channel]].
@@ -248,10 +259,8 @@ def logged(column: str, internal: str, unit: str | None, context: Context,
                          remedy="name the log, or give the values without a column")
     raw = context.log.column(column, file=context.file, key=key)
     factor = column_factor(column, internal, _unit_of(column, unit, context), file=context.file, key=key)
-    times = context.times
     values = raw * factor
-    rates = np.gradient(values, times) if times is not None and len(times) > 1 else None
-    return values, factor, rates
+    return values, factor, context.rates(column, values, factor)
 
 
 def _unit_of(column: str, unit: str | None, context: Context) -> str | None:

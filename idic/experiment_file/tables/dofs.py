@@ -236,6 +236,15 @@ def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, 
     return list(made.values())
 
 
+def start_of_time_offset(config: ExperimentFile, file) -> float:
+    """The start value of ``time.offset`` (s), 0 where the file gives none."""
+    for number, entry in enumerate(config.dof):
+        if entry.name == "time.offset" and entry.value is not None:
+            factor = factor_between(entry.unit, "s", file=file, key=f"dof[{number}].unit") if entry.unit else 1.0
+            return entry.value * factor
+    return 0.0
+
+
 def _dof(parameter: Parameter, entry: DofTable, file, key) -> Parameter:
     factor = factor_between(entry.unit, parameter.unit, file=file, key=f"{key}.unit") if entry.unit is not None else 1.0
     value = parameter.value if entry.value is None else entry.value * factor
