@@ -156,7 +156,7 @@ def dic_stack(experiment: Experiment, regularisation: Regularisation | str | Non
         if progress is not None:
             progress(done, n)
     status = _status(experiment, recognised, unexplained(np.where(recognised, rms, np.nan), mismatched))
-    good = np.array([s == "ok" for s in status])
+    good = np.array([s == "ok" and k not in experiment.averaged for k, s in enumerate(status)])  # part of the reference
     noise_gv = noise_of_frames(np.where(good, local, np.nan))
     if keep is not None:
         for motion in u_px:

@@ -240,7 +240,8 @@ class ExperimentFolder(RecordedFolder):
                 "mesh_unit_factor": scale.factor, "height_unit": self.config.experiment.height_unit,
                 "still_frames": frames.still, "still_stack": frames.still_stack, "setup": self.config.setup.stated,
                 "has_times": times is not None,
-                "interpolated_log": log is not None and log.is_interpolated, "columns": () if log is None else tuple(log.names),
+                "interpolated_log": log is not None and log.is_interpolated,
+                "columns": () if log is None else tuple(log.names),
                 "units": {} if log is None else {name: unit for name in log.names if (unit := log.unit(name))},
                 "files": tuple(str(path) for path in self.small_files()),
                 "outline_share": outline_share(self.config, frames.stack, scale.camera, self.file)}

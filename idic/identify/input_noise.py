@@ -24,6 +24,9 @@ from idic.model.experiment import Channel, CorrelatedNoise, Experiment, Noise
 
 MAD_TO_STD = 1.4826  # median absolute deviation -> standard deviation of a normal distribution
 MIN_CHANNEL_NOISE_SHARE = 1e-4  # of the range of a series
+MIN_GAP_SHARE = 1e-9  # of the range of a series: readings that are closer are equal
+MAX_STEPS_OF_A_GAP = 6  # between its readings, the closest ones; finer steps do not make differences zero
+MAX_OFF_STEP = 0.05  # of its steps: how far from whole ones the readings of a rounded series may be
 MIN_VALUES = 6  # of a series whose differences tell its noise
 MIN_VALUES_OF_A_LONG_LOG = 20  # a knee is in few of its third differences
 MIN_UNEVENNESS = 0.01  # of the largest step of time
@@ -48,11 +51,13 @@ def channel_noise(values: np.ndarray, times: np.ndarray | None = None) -> float:
     Third differences remove a smooth course and amplify white noise by sqrt(20); their median ignores the few frames at
     a knee. Where the times (n,) are not even, divided differences take their place if they show less: a straight course
     over uneven times is straight to them alone. In a short series a knee or a curve is in most third differences: the
-    least of second, third and fourth ones counts. Never below 1e-4 of the range of the series, so that the weight of a
+    least of second, third and fourth ones counts. Never below the error of rounding, the resolution over sqrt(12): of
+    coarse readings most differences are zero. Never below 1e-4 of the range of the series, so that the weight of a
     noise-free record is finite.
     """
     values = np.asarray(values, float)
     n, floor = len(values), MIN_CHANNEL_NOISE_SHARE * max(float(np.ptp(values)) if len(values) else 0.0, 1e-12)
+    floor = max(floor, resolution(values) / np.sqrt(12.0))
     if n < MIN_VALUES:
         return max(floor, NOISE_SHARE_OF_A_SHORT_LOG * float(np.abs(values).max(initial=0.0)))
     orders = (2, 3, 4) if n < MIN_VALUES_OF_A_LONG_LOG else (3,)
@@ -61,6 +66,29 @@ def channel_noise(values: np.ndarray, times: np.ndarray | None = None) -> float:
     if np.ptp(steps) > MIN_UNEVENNESS * steps.max(initial=0.0) and (steps > 0.0).all():
         found += [_noise_of_differences(values, steps, order) for order in orders]
     return max(floor, min(found))
+
+
+def resolution(values: np.ndarray) -> float:
+    """The step between the readings of a series (n,) that is rounded to whole ones, in its unit; 0 of another.
+
+    All readings are whole steps apart, and the change from one to the next differs by one step and back, as that of a
+    smooth course does only by rounding.
+    """
+    levels = np.unique(values)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > MIN_GAP_SHARE * np.ptp(values)] if len(gaps) else gaps
+    if not len(gaps):
+        return 0.0
+    for parts in range(1, MAX_STEPS_OF_A_GAP + 1):
+        step = float(gaps.min()) / parts
+        for distance in levels[levels - levels[0] > 0.5 * step] - levels[0]:  # files round, too: by longer distances
+            step = float(distance) / max(np.rint(distance / step), 1.0)
+        counts = (values - levels[0]) / step
+        bends = np.diff(np.rint(counts), 2)
+        to_and_fro = (np.abs(bends[1:]) == 1.0) & (bends[1:] == -bends[:-1])
+        if np.abs(counts - np.rint(counts)).max() <= MAX_OFF_STEP and to_and_fro.any():
+            return step
+    return 0.0
 
 
 def _noise_of_differences(values: np.ndarray, steps: np.ndarray, order: int) -> float:

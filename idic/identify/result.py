@@ -35,6 +35,7 @@ from idic.identify.noise.channel_noise import (
     channel_noise_notes,
     compared_readings,
     estimated_channel_noise,
+    repeated_readings,
     with_channel_noise,
 )
 from idic.identify.step.ending import end_entry
@@ -108,7 +109,8 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "increments": increments_entry(experiment, state.increments)}
     analysis = None
     if point is not None and point.system is not None:
-        result["notes"] += [*noise_notes(experiment), *gradient_notes(experiment), *strayed(experiment, parameters)]
+        result["notes"] += [*noise_notes(experiment), *gradient_notes(experiment), *strayed(experiment, parameters),
+                            *repeated_readings(experiment)]
         analysis = Analysis(experiment, parameters, point, image_noise, discrepancy, joint_names)
         result |= analysis.summary()
         if analysis.channels:

@@ -8,7 +8,7 @@ by.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,9 +18,12 @@ from idic.identify.covariance import scaled_system
 from idic.identify.input_noise import logged_noise
 from idic.identify.noise.channel_correlation import ChannelNoise, channel_correlation
 from idic.identify.step.state import Evaluation
-from idic.model.experiment import Experiment
+from idic.model.experiment import Column, Experiment
 from idic.parameters import ParameterSet
 
+MIN_STEP_SHARE = 1e-3  # of the range of a motion: less from frame to frame is none
+MIN_REPEATED_SHARE = 0.4  # of the steps that move the specimen
+MIN_JUMPS = 3  # of the reading between them; fewer are a plateau
 MIN_KEPT = 1e-3  # of a reading: the unknowns of a frame fit more of it, and it tells nothing
 
 
@@ -107,6 +110,26 @@ def channel_noise_notes(experiment: Experiment, noises: Mapping[int, ChannelNois
             f"{noise.std / channel.shown_factor:.3g} {channel.shown_unit}): it averages out less over the frames. The "
             "error bars count this."
             for number, noise in noises.items() if noise.is_correlated]
+
+
+def repeated_readings(experiment: Experiment) -> Iterator[str]:
+    """Channels that repeat their reading while the specimen is moved: of a log slower than the images, or rounded."""
+    counted = [k for k in range(experiment.reference, experiment.n_frames) if k not in experiment.excluded]
+    drives = [one.drive for one in experiment.prescribed if isinstance(one.drive, Column)]
+    for channel in experiment.channels if len(counted) > 2 else ():
+        for drive in (drive for drive in drives if channel.kind != "pressure" and drive.column != channel.column):
+            steps, change = np.diff(drive.values[counted]), np.diff(channel.values[counted])
+            moving = np.abs(steps) > MIN_STEP_SHARE * np.ptp(drive.values[counted])
+            repeated, jumps = moving & (change == 0.0), np.abs(change[moving & (change != 0.0)])
+            if len(jumps) < MIN_JUMPS or repeated.sum() < MIN_REPEATED_SHARE * moving.sum():
+                continue
+            yield (f"{channel.column}: in {repeated.sum()} of the {moving.sum()} steps in which {drive.column} changes "
+                   f"the reading is that of the frame before, and then jumps by "
+                   f"{np.median(jumps) / channel.shown_factor:.3g} {channel.shown_unit}. Of a log slower than the "
+                   "images, the repeated readings are late and bias every stress: give it with its own times (time_s, "
+                   "and image_times or frame_interval_s under [experiment]), or list the repeated frames in "
+                   "exclude_frames. Of a coarse resolution: noise_std of at least 0.3 of it")
+            break
 
 
 def _knows_channels(system: CorrelationSystem) -> bool:

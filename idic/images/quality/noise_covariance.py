@@ -27,6 +27,7 @@ ENOUGH_TILES = 16  # of one pair; a narrow specimen holds fewer of a large side
 MIN_LAG_STANDARD_ERRORS = 3.0  # of a lag's correlation; below, it is chance
 MAX_SEARCH_PX = 4  # of a tile around the motion of its neighbourhood
 BEST_PAIRS_PART = 1 / 2  # of the pairs, those with the least scatter
+MAX_DIRECTION_RATIO = 1.3  # of the variance in one component of the gradient over that in both; noise in lines has more
 MAX_TILE_VARIANCE_RATIO = 1.5  # of a tile's over the median; above, something but noise is in it
 FIRST = np.array([-1.0, 0.0, 1.0]) / 2.0
 WIDE = np.array([-1.0, 0.0, 0.0, 0.0, 1.0]) / 4.0
@@ -92,7 +93,7 @@ class TileNoise:
     white_lags: np.ndarray
     weighted: float  # squares of the difference, weighted by that of the gradient
     white_weighted: float
-    pattern: np.ndarray  # (2 L + 1, 2 L + 1) products of the gradient with its neighbours
+    pattern: np.ndarray  # (2, 2 L + 1, 2 L + 1) products of the gradient with its neighbours, along rows and columns
     basis: np.ndarray  # (t, t, k) orthonormal columns that were fitted out
     square: np.ndarray  # (t, t) of the gradient
 
@@ -205,7 +206,7 @@ def tile_noise(a: np.ndarray, b: np.ndarray, white: np.ndarray, lowpass_px: floa
     square = weights[0] ** 2 + weights[1] ** 2
     return TileNoise(float((difference**2).sum()) / left, _lagged(difference), _lagged(through),
                       float((square * difference**2).sum()), float((square * through**2).sum()),
-                      _lagged(weights[0]) + _lagged(weights[1]), basis.reshape(*x.shape, -1), square)
+                      np.stack([_lagged(weight) for weight in weights]), basis.reshape(*x.shape, -1), square)
 
 
 def _derivative(image: np.ndarray, stencil: np.ndarray, axis: int) -> np.ndarray:
@@ -249,18 +250,30 @@ def pooled(pairs: Sequence[Sequence[TileNoise]]) -> NoiseCovariance | None:
     if not good:
         return None
     independent = len(good) * (len(good[0].square) // 2)**2  # pixels: tiles overlap
-    lags, white, pattern = (np.sum([getattr(tile, name) for tile in good], axis=0)
-                            for name in ("lags", "white_lags", "pattern"))
+    lags, white = (np.sum([getattr(tile, name) for tile in good], axis=0) for name in ("lags", "white_lags"))
     correlation = _correlation(lags, white, independent)
     variance = float(np.mean([tile.variance for tile in good]))
     weighted = sum(tile.weighted for tile in good) / sum(tile.white_weighted for tile in good)
     if np.count_nonzero(correlation) > 1:
         variance, weighted, correlation = _given_back(good, lags)
         correlation = _without_chance(correlation, independent)
-    gain = float((correlation * pattern).sum() / pattern[MAX_LAG_PX, MAX_LAG_PX])
+    gain = _gain_of_sums(correlation, [tile.pattern for tile in good])
     uncertainty = np.sqrt(0.5 * float((correlation**2).sum()) / independent)
     return NoiseCovariance(float(np.sqrt(variance)), correlation, float(np.sqrt(max(weighted * gain, 0.0))),
                            float(uncertainty), len(good))
+
+
+def _gain_of_sums(correlation: np.ndarray, patterns: Sequence[np.ndarray]) -> float:
+    """Variance of sums against the gradient over that of independent noise.
+
+    Of both components of the gradient together; of noise along rows or columns that of the component it disturbs most.
+
+    patterns : of the tiles, (2, 2 L + 1, 2 L + 1) each
+    """
+    both, *single = (np.sum([pattern[part].sum(axis=0) for pattern in patterns], axis=0)
+                     for part in (slice(2), slice(1), slice(1, 2)))
+    gain, *gains = (float((correlation * sums).sum() / sums[MAX_LAG_PX, MAX_LAG_PX]) for sums in (both, *single))
+    return max(gains) if max(gains) > MAX_DIRECTION_RATIO * gain else gain
 
 
 def _correlation(lags: np.ndarray, white: np.ndarray, independent: int) -> np.ndarray:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import binary_erosion
 
+from idic.identify.noise.channel_noise import repeated_readings
 from idic.identify.step.increments import planned_increments
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
 from idic.experiment_file.tables.camera_noise import recorded
@@ -20,8 +21,8 @@ from idic.readers.fields.sound_stages import check_stages
 from idic.report.evidence.cost import Cost, expected_cost
 from idic.report.evidence.placement import ends_that_move_otherwise, mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (
-    implausible_scale, implausible_values, loaded_reference, opposed_forces, pattern_warnings, separate_pieces,
-    start_values, sums_of_all_reactions,
+    implausible_scale, implausible_values, loaded_reference, opposed_forces, pattern_warnings, repeated_image,
+    separate_pieces, start_values, sums_of_all_reactions,
 )
 from idic.report.evidence.rig import rig_warnings
 from idic.report.figures.mesh_overlay import mesh_on_points, mesh_overlay
@@ -237,9 +238,13 @@ def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
     if gaps > _MAX_GAP_SHARE:
         yield (f"{100 * gaps:.0f} % of the reference image in the ROI has no value, and interpolation also loses the "
                "neighbours of each gap: fill the gaps, or mask them")
-    mean = float(reference[roi].mean())
+    mean, before, last = float(reference[roi].mean()), -1, None
     for k in range(experiment.stack.n_frames):
         frame = experiment.stack.frame(k)  # decodes every image: damaged ones are found here
+        if k not in experiment.excluded:
+            if last is not None and np.array_equal(frame[roi], last[roi], equal_nan=frame.dtype.kind == "f"):
+                yield from repeated_image(experiment, before, k)
+            before, last = k, frame
         jump = abs(float(frame[roi].mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
         if jump and k not in experiment.excluded and experiment.quantity == "grey":
             yield (f"{experiment.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} "
@@ -305,6 +310,7 @@ def _model_warnings(experiment: Experiment):
     yield from separate_pieces(experiment.mesh, experiment.length_unit)
     yield from opposed_forces(experiment)
     yield from sums_of_all_reactions(experiment)
+    yield from repeated_readings(experiment)
     yield from loaded_reference(experiment)
     if not experiment.parameters.free:
         yield "no parameter is to be identified: write identify = true for at least one"

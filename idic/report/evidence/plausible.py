@@ -29,6 +29,7 @@ MIN_HOLE_FILL = 0.6         # of its bounding box; a circle fills 0.79, a scratc
 PLAIN = 0.2                 # of the usual local standard deviation: less is no pattern
 MAX_OPPOSED = -0.5          # correlation of a force and the motion that it causes: below, the log has the other sign
 MAX_FIRST_FORCE = 0.02      # of the range of a force: a larger one at the reference frame is a load
+MIN_STEP_SHARE = 1e-3       # of the range of a motion: less from frame to frame is none
 SAME_PLACE = 1e-7           # of the size of a mesh: nodes that are closer were one
 NO_PATTERN = np.zeros(1, dtype=bool)
 
@@ -79,6 +80,18 @@ def opposed_forces(experiment: Experiment) -> Iterator[str]:
             yield (f"{channel.column}: the force that holds {channel.nodes} goes {with_it} the motion of {nodes}, "
                    f"{drive.column}; the log shows the opposite. factor = {-channel.factor:g} in simulated = {{ … }} "
                    "reverses the sign of the force")
+
+
+def repeated_image(experiment: Experiment, before: int, k: int) -> Iterator[str]:
+    """Two frames with the same grey values, unless the log shows that nothing happens between them."""
+    columns = [channel.values for channel in experiment.channels]
+    columns += [one.drive.values for one in experiment.prescribed if isinstance(one.drive, Column)]
+    columns += [one.drive.values for one in experiment.loads if isinstance(one.drive, Column)]
+    if columns and all(abs(own[k] - own[before]) <= MIN_STEP_SHARE * np.ptp(own) for own in columns):
+        return
+    yield (f"{experiment.labels[k]} repeats {experiment.labels[before]} to the last grey value: an image that the "
+           "recording lost, and replaced by the one before. Its motion is that of another moment: list it in "
+           "exclude_frames, and check that log and images still belong together after it")
 
 
 def sums_of_all_reactions(experiment: Experiment) -> Iterator[str]:
