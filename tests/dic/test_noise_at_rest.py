@@ -10,6 +10,7 @@ import pytest
 from dic_cases import experiment, grid, pictures
 from scipy.ndimage import gaussian_filter
 
+from idic.dic import dic_stack
 from idic.identify.input_noise import measured_noise, noise_content, noise_notes
 from idic.images.stack import ArrayStack
 from idic.model.experiment import Channel, Noise
@@ -74,3 +75,13 @@ def test_steps_that_no_tile_search_follows_are_followed_by_a_free_measurement(sm
         return
     assert found.source == "free_residual"
     assert found.recorded_gv == pytest.approx(STD, rel=0.05) and found.sum_std_gv == pytest.approx(1.7 * STD, rel=0.08)
+
+
+@pytest.mark.parametrize("n_references", [2, 3])
+def test_images_that_are_a_part_of_the_reference_do_not_set_the_noise(clean, n_references):
+    """Their residual against a mean that holds them is too small: of two images by a factor of 1.7."""
+    rng, mesh = np.random.default_rng(7), grid(*FRAME)
+    images = np.array([clean[0]] * (n_references - 1) + [clean[k] for k in (0, 2, 3, 4)])
+    images = (images + STD * rng.standard_normal(images.shape)).astype(np.float32)
+    e = experiment(mesh, images, reference=n_references - 1, averaged=tuple(range(n_references)))
+    assert abs(dic_stack(e).noise_gv / STD - 1.0) < 0.05

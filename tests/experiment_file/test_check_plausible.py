@@ -253,3 +253,29 @@ def test_saturation_at_12_bits_is_told_under_a_noise_by_grey_level_too(folder):
     assert "saturated (grey value 4095)" in warnings(folder)
     change(folder, "experiment.toml", "noise_std_gv = 2.0", "noise_model = { offset_gv2 = 900.0, slope_gv = 0.5 }")
     assert "saturated (grey value 4095)" in warnings(folder)
+
+
+def test_an_image_that_the_recording_repeated_is_told_unless_the_test_rests(folder):
+    again = (folder / "images" / "frame_001.tif").read_bytes()
+    (folder / "images" / "frame_002.tif").write_bytes(again)
+    assert "frame_002.tif repeats frame_001.tif to the last grey value" in warnings(folder)
+    change(folder, "loads.csv", "2,2.0,0.200,10.0", "2,2.0,0.100,5.0")
+    assert "repeats" not in warnings(folder)
+
+
+def test_a_force_that_repeats_its_readings_while_the_grip_moves_is_told(folder):
+    image = (folder / "images" / "frame_000.tif").read_bytes()
+    for k in range(12):
+        noisy = np.clip(tifffile.imread(folder / "images" / "frame_000.tif").astype(int) + k % 3, 0, 255)
+        tifffile.imwrite(folder / "images" / f"frame_{k:03d}.tif", noisy.astype(np.uint8))
+    (folder / "images" / "frame_000.tif").write_bytes(image)
+
+    def log(force):
+        rows = "".join(f"{k},{k}.0,{force(k):.4f},{5.0 * k}\n" for k in range(12))
+        (folder / "loads.csv").write_text("frame,time_s,force_kN,grip_um\n" + rows)
+        return warnings(folder)
+
+    assert not log(lambda k: 0.1 * k)
+    assert not log(lambda k: 0.1 * min(k, 5))  # a plateau
+    told = log(lambda k: 0.1 * (k // 3 * 3))
+    assert "force_kN: in 8 of the 11 steps in which grip_um changes" in told and "jumps by 0.3 kN" in told

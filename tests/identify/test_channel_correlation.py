@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from idic.identify.in_memory import identify
-from idic.identify.input_noise import channel_noise
+from idic.identify.input_noise import channel_noise, resolution
 from idic.identify.joint import join
 from idic.identify.loop import parameters_at
 from idic.identify.noise.channel_correlation import channel_correlation
@@ -170,3 +170,20 @@ def logged(rng, n: int, course, uneven: float) -> float:
 def test_short_and_uneven_ramps_have_the_noise_of_their_readings(n, course, uneven, most):
     """Medians of few differences scatter: seven readings tell their noise within a factor of two or so."""
     assert 0.75 < logged(np.random.default_rng(6), n, course, uneven) < most
+
+
+@pytest.mark.parametrize("n, step, scale", [(10, 100.0, 1.0), (40, 500.0, 1.0), (60, 2.4414, 0.1)])
+def test_readings_of_a_coarse_load_cell_have_the_noise_of_rounding(n, step, scale):
+    """Most differences of rounded readings are zero; files round them once more."""
+    exact = np.linspace(0.0, 2800.0 * scale, n)
+    rounded = np.round(np.round(exact / step) * step, 2)
+    assert resolution(rounded) == pytest.approx(step, rel=1e-3)
+    assert channel_noise(rounded) == pytest.approx(step / np.sqrt(12.0), rel=1e-3)
+
+
+def test_courses_without_noise_are_not_taken_for_rounded_ones():
+    steady, held = np.arange(12.0), np.array([0, 1, 2, 3, 3, 3, 4, 5, 6, 6, 6, 4, 2, 0.0])
+    fast_and_slow, constant = np.r_[0:6:2, 6:12], np.ones(9)
+    noisy = np.linspace(0.0, 100.0, 20) + np.random.default_rng(1).standard_normal(20)
+    for course in (steady, held, fast_and_slow, constant, noisy, np.zeros(0)):
+        assert resolution(course) == 0.0, course

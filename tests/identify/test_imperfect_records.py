@@ -14,6 +14,7 @@ from idic.experiment_file.load import load_experiment
 from idic.identify.frame_fit import FrameFit, frame_entries
 from idic.identify.in_memory import identify
 from idic.identify.measured_start import without_edges
+from idic.identify.result import shift_notes
 from idic.images.camera import Camera
 from idic.model.drives import build_drives
 from idic.model.experiment import Column
@@ -194,6 +195,31 @@ def test_the_offset_of_a_late_log_is_found(tmp_path):
     found = result["parameters"]["time.offset"]
     assert abs(found["value"] - 0.2) < 0.03, found  # rates are central differences over 2 s of a motion that curves
     assert_true(result, {"BODY.nu": TRUTH["nu"]})
+
+
+def test_a_log_that_is_late_by_several_images_is_found_from_a_start_near_it(tmp_path):
+    """From a start at zero its columns are straight over two images, and E is a tenth off; the note names the start."""
+    times, late = np.arange(12.0), 2.2
+    grip = 0.12 * np.maximum(0.0, np.minimum(times - 1.0, 10.0 - times)) / 4.5
+    twin = Twin(grip=tuple(grip), times=tuple(times))
+    toml = WHOLE + '[[dof]]\nname = "time.offset"\nvalue = 2.1\n'
+    path = write_folder(tmp_path / "test", twin, toml, experiment="frame_interval_s = 1.0")
+    own = np.genfromtxt(path.parent / "loads.csv", delimiter=",", names=True)
+    clock = np.arange(-1.0, 16.0, 0.05)
+    course = [np.interp(clock - late, times, own[name]) for name in ("force_N", "grip_mm")]
+    np.savetxt(path.parent / "loads.csv", np.column_stack([clock, *course]), "%.8f", ",", comments="",
+               header="time_s,force_N,grip_mm")
+    state, result = solved(path)
+    assert state.status == "converged"
+    found = result["parameters"]["time.offset"]
+    assert abs(found["value"] - late) < SURE * found["std"] < 0.08, found
+    assert_true(result, BODY)
+    experiment = load_experiment(path, {"dof": [{"name": "time.offset", "value": 0.0}]})
+    far = experiment.parameters.with_values({"time.offset": 1.7})
+    note, = shift_notes(experiment, far, {"time.offset": {"value": 1.7, "std": 0.01, "free": True}})
+    assert "1.7 of the time between two images" in note and "write value = 1.7 in its [[dof]]" in note
+    assert not shift_notes(load_experiment(path), load_experiment(path).parameters,
+                           {"time.offset": {"value": 2.1, "std": 0.01, "free": True}})
 
 
 def test_a_black_image_leaves_measured_edges_between_their_neighbours(clean, tmp_path):

@@ -103,3 +103,17 @@ def test_gains_are_those_of_sums_and_of_lowpassed_pixels():
     sums = [(image[i:i + 20, j:j + 20] * pattern).sum() for image in noise for i in range(0, 120, 20)
             for j in range(0, 160, 20)]
     assert abs(np.var(sums) / (pattern**2).sum() / sum_gain(pattern, asked) - 1.0) < 5.0 * np.sqrt(2.0 / len(sums))
+
+
+def test_noise_along_rows_counts_in_the_component_that_it_disturbs(clean):
+    """Rows with an offset of their own: sums against the slope across them carry more than those of both components."""
+    rng = np.random.default_rng(6)
+    noise = 1.5 * rng.standard_normal(clean.shape) + STD * rng.standard_normal((FRAMES, SHAPE[0], 1))
+    squares = power = 0.0
+    for image, own in zip(clean, noise, strict=True):
+        weight = lowpass(lowpass(np.gradient(image)[0], LOWPASS_PX), LOWPASS_PX).astype(float)
+        squares += ((weight * own).reshape(7, 20, 9, 20).sum(axis=(1, 3)) ** 2).sum()
+        power += (weight**2).sum()
+    across, both = np.sqrt(squares / power), scatter_of_sums(clean, noise, LOWPASS_PX)
+    assert across > 1.25 * both
+    assert abs(measured(clean, noise).sum_std_gv / across - 1.0) < 0.15  # lags end at 4 px

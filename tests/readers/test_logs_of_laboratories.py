@@ -3,6 +3,8 @@ refused."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -185,3 +187,17 @@ def test_a_row_of_text_among_the_numbers_is_named(tmp_path):
     log = read(tmp_path, PLAIN.replace("1,0.5,12.25", "lost,gone,missing"))
     with pytest.raises(InputError, match="line 3: a row of the log holds no number"):
         log.column("force_kN")
+
+
+def test_a_log_with_its_own_times_is_read_later_and_its_rates_are_those_of_its_readings(tmp_path):
+    """Up in 2 s, held; images every second. Central differences between images would smear the knee over 2 s."""
+    at = np.arange(0.0, 6.01, 0.1)
+    rows = "".join(f"{t:.1f},{min(t, 2.0):.2f}\n" for t in at)
+    on_time = match(read(tmp_path, "time_s,force_N\n" + rows), 5, None, np.arange(5.0))
+    np.testing.assert_allclose(on_time.column("force_N"), [0, 1, 2, 2, 2], atol=1e-9)
+    np.testing.assert_allclose(on_time.rates("force_N"), [1, 1, 0.5, 0, 0], atol=1e-9)
+    late = replace(on_time, late=0.7)
+    np.testing.assert_allclose(late.column("force_N"), [0.7, 1.7, 2, 2, 2], atol=1e-9)
+    early = replace(on_time, late=-0.7)  # the first image lies before the log: on with its rate there
+    np.testing.assert_allclose(early.column("force_N"), [-0.7, 0.3, 1.3, 2, 2], atol=1e-9)
+    np.testing.assert_allclose(early.of_frames([1, 2]).column("force_N"), [0.3, 1.3], atol=1e-9)

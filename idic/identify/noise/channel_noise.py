@@ -23,7 +23,7 @@ from idic.parameters import ParameterSet
 
 MIN_STEP_SHARE = 1e-3  # of the range of a motion: less from frame to frame is none
 MIN_REPEATED_SHARE = 0.4  # of the steps that move the specimen
-MIN_JUMPS = 3  # of the reading between them; fewer are a plateau
+MIN_RUNS = 3  # of equal readings, with jumps between them; fewer are plateaus
 MIN_KEPT = 1e-3  # of a reading: the unknowns of a frame fit more of it, and it tells nothing
 
 
@@ -121,7 +121,8 @@ def repeated_readings(experiment: Experiment) -> Iterator[str]:
             steps, change = np.diff(drive.values[counted]), np.diff(channel.values[counted])
             moving = np.abs(steps) > MIN_STEP_SHARE * np.ptp(drive.values[counted])
             repeated, jumps = moving & (change == 0.0), np.abs(change[moving & (change != 0.0)])
-            if len(jumps) < MIN_JUMPS or repeated.sum() < MIN_REPEATED_SHARE * moving.sum():
+            runs = np.count_nonzero(np.diff(np.r_[False, repeated].astype(int)) == 1)
+            if not len(jumps) or runs < MIN_RUNS or repeated.sum() < MIN_REPEATED_SHARE * moving.sum():
                 continue
             yield (f"{channel.column}: in {repeated.sum()} of the {moving.sum()} steps in which {drive.column} changes "
                    f"the reading is that of the frame before, and then jumps by "
