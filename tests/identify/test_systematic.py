@@ -208,6 +208,18 @@ def test_treatments_are_every_pair_but_the_one_of_the_run(clean, tmp_path):
         assert load_experiment(path, own.overrides).parameters.free[:2] == ("BODY.E", "BODY.nu")
 
 
+def test_a_grip_that_leaves_the_other_component_free_may_turn_but_not_run_askew(clean, tmp_path):
+    """What is free follows by itself: a misalignment towards it was refused, and with it every turned grip."""
+    toml = ELASTIC + GRIPS.replace("uy = 0.0", "", 2).replace('nodes = "LEFT"', 'nodes = "LEFT"\nuy = 0.0') + FORCE
+    path = write_folder(tmp_path / "test", Twin(), toml, clean)
+    askew = [own for own in treatments(load_experiment(path), read_toml(path)) if "askew" in own.boundary]
+    assert len(askew) == 3
+    for own in askew:
+        drives = build_drives(load_experiment(path, dict(own.overrides)))
+        assert any("RIGHT.x.rotation" in name for name in drives.derivatives)
+        assert not any("misalignment" in name for name in drives.derivatives)
+
+
 def test_without_times_the_lens_is_asked_and_the_magnification_follows_a_column(clean, tmp_path):
     path = write_folder(tmp_path / "test", Twin(), ELASTIC + MEASURED, clean,
                         camera='magnification_column = "grip_mm"\n')

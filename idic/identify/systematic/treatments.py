@@ -55,7 +55,9 @@ def _boundaries(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, lis
     yield AS_GIVEN, None
     drives = {type(entry.drive) for entry in experiment.prescribed}
     if Column in drives and experiment.solver is None:
-        yield "the grip may turn and run askew", _each(raw, _freed)
+        held = {(entry.get("nodes"), key) for entry in raw.get("boundary", []) for key in COMPONENTS
+                if key in entry or "u" in entry}
+        yield "the grip may turn and run askew", _each(raw, lambda entry: _freed(entry, held))
     if Measured in drives:
         yield "measured edges, ten times as smooth", _each(raw, lambda entry: _changed(entry, "measured", {
             "measured": True, "smoothing": MORE_SMOOTHING}))
@@ -107,8 +109,11 @@ def _as_table(drive: object) -> dict:
     return {drive: True} if drive == "measured" else {"value": drive}
 
 
-def _freed(entry: dict) -> dict:
-    """Rotation and misalignment added to every logged component."""
+def _freed(entry: dict, held: set) -> dict:
+    """Rotation added to every logged component, and misalignment towards one that is held, too: a free one follows.
+
+    held : pairs of a node set and a component, "ux", that some table gives
+    """
     given = [key for key in COMPONENTS if key in entry]
     for key in given:
         table = _as_table(entry[key])
@@ -118,7 +123,7 @@ def _freed(entry: dict) -> dict:
         kinds = {own["kind"] for own in corrections}
         if "rotation" not in kinds:
             corrections.append({"kind": "rotation"})
-        across = [COMPONENTS[other] for other in ("ux", "uy") if other != key]
+        across = [COMPONENTS[other] for other in ("ux", "uy") if other != key and (entry.get("nodes"), other) in held]
         if "misalignment" not in kinds and across:
             corrections.append({"kind": "misalignment", "towards": across[0]})
         entry[key] = table | {"corrections": corrections}
