@@ -134,11 +134,16 @@ def virtual_speckle(shape: tuple[int, int], speckle_px: float, contrast_gv: floa
 
 @dataclass(frozen=True)
 class _Course:
-    """The log of a planned test: courses of the programme, else columns of a log, zero for channels to come."""
+    """The log of a planned test: courses of the programme, else columns of a log, zero for channels to come.
+
+    late, is_interpolated : as those of `MatchedLog`; a plan is on time, and has values at its frames
+    """
 
     folder: PlannedFolder
     times: np.ndarray
     log: MatchedLog | None
+    late: float = 0.0
+    is_interpolated: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
