@@ -175,7 +175,8 @@ def join(designs: Sequence[Design]) -> Joint:
     system = CorrelationSystem(names, M, b, 0.0, 0.0, noise, np.zeros((0, len(names))), ())
     with_force = next((d.experiment for d in designs if d.experiment.channels), designs[0].experiment)
     nothing_more = np.zeros_like(M)  # the reference images' noise is in `noise` already: every plan has its own
-    analysis = Analysis(with_force, ParameterSet(known.values(), joint), Evaluation(0, system, nothing_more), 0.0)
+    analysis = Analysis(with_force, ParameterSet(known.values(), joint), Evaluation(0, system, nothing_more), 0.0,
+                        planned=True)
     return Joint(analysis, tuple(dict.fromkeys(notes)))
 
 
@@ -237,7 +238,7 @@ class _Walk:
         return with_final_weights(ordinary, self.experiment, system.names, self.context.weights.image_noise)
 
     def _analysis(self, evaluation: Evaluation, experiment: Experiment) -> Analysis:
-        return Analysis(experiment, self._parameters(), evaluation, self.context.weights.image_noise)
+        return Analysis(experiment, self._parameters(), evaluation, self.context.weights.image_noise, planned=True)
 
     def _parameters(self) -> ParameterSet:
         """Offsets and drifts of channels are scaled by the predicted readings, as with a measured log."""

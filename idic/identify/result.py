@@ -186,14 +186,16 @@ class Analysis:
     """Spectrum, covariance and the statistics from them at the accepted point.
 
     joint_names : of several experiments together: {experiment: {its parameter: parameter of the whole}}
+    planned : of a test that is not made yet: what its readings leave is no noise
     """
 
     def __init__(self, experiment: Experiment, parameters: ParameterSet, point: Evaluation, image_noise: float,
-                 discrepancy: DiscrepancySystem | str = "it is not asked for", joint_names: Names | None = None):
+                 discrepancy: DiscrepancySystem | str = "it is not asked for", joint_names: Names | None = None,
+                 planned: bool = False):
         self.experiment, self.parameters = experiment, parameters
         self.joint_names = joint_names or {"": {name: name for name in parameters}}
         self.names = point.system.names
-        self.channels = estimated_channel_noise(experiment, parameters, point)
+        self.channels = {} if planned else estimated_channel_noise(experiment, parameters, point)
         system = with_channel_noise(point.system, experiment, self.channels)
         self.scaled: Scaled = scaled_system(system, parameters, point.reference_gram, image_noise)
         self.found: Spectrum = spectrum(self.scaled)

@@ -76,6 +76,18 @@ def test_one_photograph_of_the_speckle_is_enough_for_the_same_promise(recorded, 
         assert promised[name] == pytest.approx(std, rel=0.02)
 
 
+def test_readings_that_are_not_made_yet_are_no_noise_of_the_load_cell(planned):
+    """A planned channel holds zeros; what the simulation differs from them by was taken for correlated noise."""
+    plan = load_plan(planned, TRUE | {"design.n_frames": 30}).experiment
+    force = plan.channels[0]
+    made = replace(force, values=100.0 * np.random.default_rng(3).standard_normal(30))
+    coming, other = (stds(design_test("long", replace(plan, channels=(channel,)))) for channel in (force, made))
+    short = stds(designed(planned))
+    for name, std in coming.items():
+        assert std == pytest.approx(other[name], rel=1e-12)
+        assert std < 0.75 * short[name]  # of six frames
+
+
 def test_twice_the_noise_of_everything_doubles_every_standard_deviation(planned):
     once = stds(designed(planned))
     twice = stds(designed(planned, TRUE | {"channel.0.noise_std": 2.0}, noise_std_gv=4.0))

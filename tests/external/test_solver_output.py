@@ -39,7 +39,8 @@ def test_a_step_may_repeat_the_last_frame_of_the_step_before(tmp_path):
 
 
 @pytest.mark.parametrize("motion, said", [
-    (rows((0.0, 1.0, 2.0)) + rows((0.0, 1.0, 2.0), loads=(1.0, 1.5, 2.0)), "two different displacements of node 2 at the same time"),
+    (rows((0.0, 1.0, 2.0)) + rows((0.0, 1.0, 2.0), loads=(1.0, 1.5, 2.0)),
+     "two different displacements of node 2 at the same time"),
     (rows(scale=1e-3), "moves by 0.0001 mm in frame 2 after the reference, where 0.1 mm are prescribed"),
     (rows(scale=-1.0), "moves by -0.1 mm"),
     (rows(loads=(0.2, 0.5, 1.0)), r"displacements up to 0.02 mm at the reference \(time 0\)"),
