@@ -81,7 +81,9 @@ def test_calculix_and_the_built_in_solver_identify_the_same_parameters(tmp_path,
     start = {f"material.SPECIMEN.{name}.value": own["parameters"][f"SPECIMEN.{name}"]["value"] * off
              for name, off in OFF.items()}
     theirs = identify_experiment(with_calculix(tmp_path / "theirs"), tmp_path / "run-theirs", overrides=OPTIONS | start)
-    assert theirs["status"] == "converged" and theirs["iterations"] > 1
+    assert theirs["status"] == "converged"
+    assert AGREEMENT < min(abs(off - 1.0) for off in OFF.values())  # it must have moved, in one iteration or several
     for name in OFF:
         ratio = theirs["parameters"][f"SPECIMEN.{name}"]["value"] / own["parameters"][f"SPECIMEN.{name}"]["value"]
+        print(name, ratio)
         assert abs(ratio - 1.0) < AGREEMENT, (name, ratio)
