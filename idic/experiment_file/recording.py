@@ -20,6 +20,8 @@ from idic.experiment_file.tables.further_cameras import camera_files, camera_ima
 from idic.experiment_file.tables.images_at_rest import check_depth
 from idic.experiment_file.tables.solver import solver_files
 from idic.experiment_file.tables.temperatures import temperature_images
+from idic.materials.core.law import all_laws
+from idic.materials.core.outside_values import code_of, outside_values
 from idic.materials.core.user_laws import source_of
 from idic.model.gauges import KINDS
 from idic.model.experiment import FieldPoints
@@ -289,7 +291,8 @@ class RecordedFolder:
         """The fingerprint of tables, files and images, and what earlier versions of idic made of them."""
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
         infrared = temperature_images(self.config, self.folder, self.file)
-        return fingerprints(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared])
+        return fingerprints(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared],
+                            outside_law_files(self.config.material))
 
 
 def laws_of_user(materials: Mapping[str, MaterialTable]) -> list[Path]:
@@ -298,15 +301,26 @@ def laws_of_user(materials: Mapping[str, MaterialTable]) -> list[Path]:
     return list(dict.fromkeys(path for path in found if path is not None))
 
 
+def outside_law_files(materials: Mapping[str, MaterialTable]) -> list[str]:
+    """What laws of the user are made of beside their files: helpers and tables of theirs, or all of a typed law."""
+    laws, found = all_laws(), []
+    for name in sorted({table.law for table in materials.values()} & set(laws)):
+        for update in laws[name].updates.values():
+            if not update.__module__.startswith("idic."):
+                found.append(code_of(update) if source_of(name) is None else outside_values(update))
+    return [text for text in found if text]
+
+
 def stage_times(stack: FieldStack) -> np.ndarray | None:
     """Times of the stages as their system has recorded them; None where one has none  # (n_stages,) s"""
     times = [entry.time_s for entry in stack.entries]
     return None if any(time is None for time in times) else np.array(times, float)
 
 
-def fingerprints(raw: Mapping, files: Iterable[Path], images: Iterable[Path]) -> tuple[str, str]:
-    """sha256 of the tables (without title, [setup] and gauges), the small files, and the name, size and ends of every
-    image.
+def fingerprints(raw: Mapping, files: Iterable[Path], images: Iterable[Path],
+                 laws: Iterable[str] = ()) -> tuple[str, str]:
+    """sha256 of the tables (without title, [setup] and gauges), the small files, the name, size and ends of every
+    image, and what laws are made of.
 
     Comments and spaces in an .inp file do not count; in the second one, that of earlier versions, they do.
     """
@@ -322,6 +336,8 @@ def fingerprints(raw: Mapping, files: Iterable[Path], images: Iterable[Path]) ->
         size, ends = read_once(ends_of, path) if facts is None else (facts.size, facts.ends_sha256)
         for own in (digest, earlier):
             own.update(f"\nimage {path.name} {size} ".encode() + bytes.fromhex(ends))
+    for text in laws:
+        digest.update(f"\nlaw {text}".encode())
     return digest.hexdigest(), earlier.hexdigest()
 
 

@@ -13,6 +13,8 @@ from numba import types
 
 from idic.errors import InputError
 from idic.materials.core.law import LawSpec, get_law
+from idic.materials.core.outside_values import outside_values
+from idic.materials.core.update_check import check_update
 
 MODES = {"solid": 0, "plane_strain": 1, "plane_stress": 2}
 
@@ -62,16 +64,22 @@ def has_code_on_disk(dispatcher) -> bool:
 
 
 def _dispatcher(function: Callable):
+    function = getattr(function, "py_func", function)  # decorated by its author
     dispatcher = numba.njit(nogil=True, error_model="numpy")(function)
     try:
         dispatcher.enable_caching()
-        # numba notices only changes of the file that holds `function`, not of files it takes helpers from; what it
-        # keeps names the module, and a file may be imported under another name the next time
-        cache_file = dispatcher._cache._cache_file
-        cache_file._source_stamp = (cache_file._source_stamp, _sources_stamp(), function.__module__)
+        # numba notices only changes of the file that holds `function`, not of files it takes helpers and tables from;
+        # what it keeps names the module, and a file may be imported under another name the next time
+        cache_file, outside = dispatcher._cache._cache_file, () if _is_own(function) else (outside_values(function),)
+        cache_file._source_stamp = (cache_file._source_stamp, _sources_stamp(), function.__module__, *outside)
     except (RuntimeError, AttributeError):  # typed at a prompt, or nowhere to write: compile without cache
         pass
     return dispatcher
+
+
+def _is_own(function: Callable) -> bool:
+    """Whether a function is of this package, whose tests check it and whose files `_sources_stamp` watches."""
+    return function.__module__.partition(".")[0] == "idic"
 
 
 def _no_complex_update(F, state, params, dt, P, state_new):
@@ -132,7 +140,8 @@ def compile(law: str, kinematics: str | None = None, derivative: str = "auto") -
     Raises
     ------
     InputError
-        Unknown law, or kinematics that it does not offer.
+        Unknown law, or kinematics that it does not offer; a law of another package that cannot be compiled or breaks
+        the rules (`idic.materials.core.update_check`).
     """
     spec = get_law(law)
     kinematics = kinematics or spec.kinematics[0]
@@ -140,16 +149,19 @@ def compile(law: str, kinematics: str | None = None, derivative: str = "auto") -
         raise InputError(f"law {law} does not offer these kinematics", key="kinematics",
                          expected=" or ".join(spec.kinematics), found=repr(kinematics),
                          remedy="choose one of these, or another law")
-    return _compile(spec.name, kinematics, derivative == "auto" and kinematics in spec.linearise)
+    by_hand = derivative == "auto" and kinematics in spec.linearise
+    return _compile(spec.name, kinematics, by_hand, spec.updates[kinematics])
 
 
 @cache
-def _compile(name: str, kinematics: str, by_hand: bool) -> CompiledLaw:
+def _compile(name: str, kinematics: str, by_hand: bool, update: Callable) -> CompiledLaw:
     spec = get_law(name)
-    update = spec.updates[kinematics]
+    linearise = spec.linearise[kinematics] if by_hand else _no_linearise
+    if not _is_own(update) and not (is_kept(update) and is_kept(linearise)):
+        check_update(spec, kinematics, by_hand, (UPDATE, LINEARISE if by_hand else UPDATE_COMPLEX))
     return CompiledLaw(
         spec, kinematics, by_hand,
         compile_cached(update, UPDATE),
-        compile_cached(spec.linearise[kinematics] if by_hand else _no_linearise, LINEARISE),
+        compile_cached(linearise, LINEARISE),
         compile_cached(_no_complex_update if by_hand else update, UPDATE_COMPLEX),
     )

@@ -23,6 +23,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.materials.core.crack_band import CrackBand
+from idic.materials.core.declaration_check import check_declaration
 from idic.materials.core.temperature import TemperatureDependence
 from idic.parameters import USUAL_MAX_STEP
 
@@ -183,6 +184,9 @@ class LawSpec:
     impossible: Callable[[Mapping[str, float]], str] | None = None
 
     def __post_init__(self):
+        if isinstance(self.state_names, str):
+            raise ValueError(f"law {self.name}: state_names is a tuple of names; one name alone is written "
+                             f"({self.state_names!r},)")
         if not self.initial_state:
             object.__setattr__(self, "initial_state", (0.0,) * len(self.state_names))
         if len(self.initial_state) != len(self.state_names):
@@ -193,6 +197,7 @@ class LawSpec:
         unknown = set(self.updates) - {"small", "finite"} | set(self.linearise) - set(self.updates)
         if unknown or not self.updates:
             raise ValueError(f"law {self.name}: kinematics are 'small' and/or 'finite', found {sorted(unknown)}")
+        check_declaration(self)
 
     @property
     def kinematics(self) -> tuple[str, ...]:
@@ -230,14 +235,29 @@ def _reads_time(update: Callable) -> bool:
                for own in dis.get_instructions(code) if own.opname.startswith("LOAD"))
 
 
+def _typed_in(spec: LawSpec) -> bool:
+    return all(update.__module__ in ("__main__", "__mp_main__") for update in spec.updates.values())
+
+
 _laws: dict[str, LawSpec] = {}
 
 
 def register(spec: LawSpec) -> LawSpec:
-    """Make a law known by its name; the contract test (``tests/laws``) covers it from then on."""
+    """Make a law known by its name; the contract test (``tests/laws``) covers it from then on.
+
+    A law of a notebook or prompt replaces that of the same name which was typed there before.
+
+    Raises
+    ------
+    ValueError
+        Another law has the name.
+    """
     known = _laws.get(spec.name)
     if known is not None and known.updates != spec.updates:
-        raise ValueError(f"a law named {spec.name} is registered already")
+        if not (_typed_in(known) and _typed_in(spec)):
+            raise ValueError(f"a law named {spec.name} is registered already")
+        _with_modes.cache_clear()
+        _with_terms.cache_clear()
     _laws[spec.name] = spec
     return spec
 
