@@ -28,16 +28,20 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
     xarray = optional("xarray")
     experiment = fields.experiment
     wanted = range(experiment.reference, experiment.n_frames) if frames is None else frames
+    if isinstance(wanted, str) or not hasattr(wanted, "__len__") or not len(wanted):
+        raise InputError("no frames to give", key="frames", expected="a list of numbers, as [0, -1]",
+                         found=repr(frames), remedy="write a list, or leave frames out for all of them")
     shown = [checked_frame(experiment, frame) for frame in wanted]
     u = np.array([fields.u(frame)[:, :experiment.n_dim] for frame in shown])
     pairs = PAIRS[experiment.n_dim]
+    factors = np.array([channel.shown_factor for channel in experiment.channels])  # (n_channels,) of their columns
     variables: dict[str, Any] = {
         "u": (("frame", "node", "component"), u,
               {"long_name": "simulated displacement", "units": experiment.length_unit}),
         "strain": (("frame", "node", "strain_component"), strains(experiment.mesh, u),
                    {"long_name": "Green-Lagrange strain of the simulation at the nodes", "units": "1"}),
-        "simulated": (("frame", "channel"), fields.simulated[shown], {"long_name": "simulated channels"}),
-        "measured": (("frame", "channel"), fields.measured[shown], {"long_name": "measured channels"}),
+        "simulated": (("frame", "channel"), fields.simulated[shown] / factors, {"long_name": "simulated channels"}),
+        "measured": (("frame", "channel"), fields.measured[shown] / factors, {"long_name": "measured channels"}),
     }
     if measured:
         variables |= _measured(fields, shown)
@@ -53,7 +57,7 @@ def dataset(content: Mapping, fields: Fields, frames: Sequence[int] | None, resi
         "component": list("xyz"[:experiment.n_dim]),
         "strain_component": ["xyz"[i] + "xyz"[j] for i, j in pairs],
         "channel": [channel.column for channel in experiment.channels],
-        "channel_units": ("channel", np.array([channel.unit for channel in experiment.channels], dtype=str)),
+        "channel_units": ("channel", np.array([channel.shown_unit for channel in experiment.channels], dtype=str)),
     }
     for axis in range(experiment.n_dim):
         coordinates["xyz"[axis]] = ("node", experiment.mesh.nodes[:, axis], {"units": experiment.length_unit})

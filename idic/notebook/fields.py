@@ -227,8 +227,12 @@ def checked_frame(experiment: Experiment, frame: int, later: bool = False) -> in
         There is no such frame.
     """
     first, n = experiment.reference + later, experiment.n_frames
-    number = int(frame) + (n if frame < 0 else 0)
+    try:
+        whole = int(frame) == frame  # a time of 2.7 s is no frame
+    except (TypeError, ValueError):
+        whole = False
+    number = int(frame) + (n if frame < 0 else 0) if whole else -1
     if not first <= number < n:
         raise InputError("no such frame", key="frame", expected=f"{first} to {n - 1}, or -1 for the last",
-                         found=str(frame), remedy="correct the number: frames count from 0")
+                         found=repr(frame), remedy="correct the number: frames count from 0")
     return number

@@ -115,7 +115,7 @@ class Result:
 
         ``u`` (frame, node, component) mm; ``strain`` (frame, node, strain_component), Green-Lagrange; ``residual``
         (frame, row, column) grey values, NaN where nothing is compared; ``simulated`` and ``measured`` (frame, channel)
-        in ``channel_units``.
+        in ``channel_units``, those of the columns.
 
         Parameters
         ----------

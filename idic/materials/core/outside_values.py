@@ -19,7 +19,8 @@ def outside_values(function: Callable) -> str:
     its machine code from the disk until the file of the function itself changes.
     """
     known: set[int] = set()
-    parts = list(_used(getattr(function, "py_func", function), known))
+    plain: FunctionType = getattr(function, "py_func", function)  # type: ignore[arg-type]
+    parts = list(_used(plain, known))
     return hashlib.sha256("\n".join(parts).encode()).hexdigest() if parts else ""
 
 

@@ -62,7 +62,8 @@ def check_update(spec: LawSpec, kinematics: str, by_hand: bool, signatures: tupl
         its derivative is not that of its stress.
     """
     functions = (spec.updates[kinematics], spec.linearise[kinematics] if by_hand else spec.updates[kinematics])
-    law = _Law(spec, *(_checked(spec, *pair) for pair in zip(functions, signatures, strict=True)), by_hand)
+    update, derivative = (_checked(spec, *pair) for pair in zip(functions, signatures, strict=True))
+    law = _Law(spec, update, derivative, by_hand)
     params = np.array([_typical(p) for p in spec.parameters])
     rng = np.random.default_rng(0)
     wrong: dict[str, list[bool]] = {}

@@ -36,6 +36,8 @@ class ArrayFrames:
     """
 
     def __init__(self, images: Sequence[np.ndarray] | np.ndarray, with_gaps: bool = False):
+        if not hasattr(images, "__getitem__"):
+            raise _refused("the images cannot be read one by one", type(images).__name__, "make a list of them")
         self._images, self.with_gaps = images, with_gaps
         kinds = _kinds(images)
         for k, (shape, dtype) in enumerate(kinds):
@@ -73,6 +75,11 @@ class ArrayFrames:
         """Frame `k`: uint8, uint16 or float32  # (ny, nx)"""
         if not 0 <= k < self.n_frames:
             raise IndexError(f"frame {k} of a stack of {self.n_frames}")
+        if np.ma.is_masked(self._images[k]):
+            raise InputError("the image has masked pixels", key=f"{KEY}, frame {k}", expected="a value in every pixel",
+                             found=f"{np.ma.count_masked(self._images[k])} pixels of a masked array",
+                             remedy="height images: filled(np.nan); else give the plain array, and as mask= where "
+                             "pixels may be correlated")
         image = np.ascontiguousarray(self._images[k], dtype=self._dtype)
         if image.dtype.kind == "f" and not (np.isfinite(image).any() if self.with_gaps else np.isfinite(image).all()):
             raise InputError("the image has pixels without a value", key=f"{KEY}, frame {k}",

@@ -39,7 +39,7 @@ def log_of(loads: Any, units: Mapping[str, str] | None = None, decimal: Decimal 
         raise InputError("not a log", key=KEY, expected="a pandas.DataFrame, a dict of columns, or the path of a CSV",
                          found=type(loads).__name__, remedy='give e.g. {"time_s": times, "force_N": force}')
     names = list(loads.keys())
-    columns = {str(name): np.asarray(loads[name]) for name in names}
+    columns = {str(name): np.ma.asarray(loads[name]) for name in names}  # a masked cell is None, and refused
     lengths = {name: np.shape(values) for name, values in columns.items()}
     if not columns or any(len(shape) != 1 for shape in lengths.values()) or len(set(lengths.values())) > 1:
         raise InputError("the columns of the log do not fit together", key=KEY,
