@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from idic.model.mode_names import is_mode
 from idic.report import words
+from idic.report.batch_table import in_one_unit
 from idic.report.design.page import short
 from idic.report.figures.style import CYCLE, GREY, Picture, look, new_figure, to_picture
 from idic.report.html import filled_in
@@ -57,9 +58,9 @@ def draw_batch(content: Mapping) -> Picture | None:
 
 
 def _points(rows: Sequence[Mapping], name: str) -> list[tuple[int, Mapping, Mapping]]:
-    """(place, run, entry) of the runs in which a parameter was determined."""
-    return [(i, row, row["parameters"][name]) for i, row in enumerate(rows)
-            if row["parameters"].get(name, {}).get("std") is not None]
+    """(place, run, entry) of the runs in which a parameter was determined, all in one unit."""
+    return [(i, row, entry) for i, (row, entry) in enumerate(zip(rows, in_one_unit(rows, name), strict=True))
+            if entry is not None and entry["std"] is not None]
 
 
 def _panel(axis, rows: Sequence[Mapping], name: str, experiments: Sequence[str]) -> None:

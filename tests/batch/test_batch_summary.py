@@ -13,6 +13,7 @@ import pytest
 from idic.errors import InputError
 from idic.run.batch.entries import BatchRun
 from idic.run.batch.runs import BatchOutcome
+from idic.report.batch_page import _points
 from idic.report.batch_table import batch_table, scatter
 from idic.run.batch.store import Batch
 
@@ -87,13 +88,27 @@ def test_scatter_is_of_converged_runs_over_all_and_per_experiment(batch):
     assert of_a["parameters"]["A.E"]["std"] == pytest.approx(1.0 / np.sqrt(2.0))
 
 
-def test_parameters_without_a_value_or_with_another_unit_have_no_scatter():
-    def row(std, unit):
-        entry = {"value": 1.0, "std": std, "unit": unit}
-        return {"status": "converged", "experiment": "x", "parameters": {"A.E": entry}}
+def row(value, std, unit, **more):
+    entry = {"value": value, "std": std, "unit": unit, "start": 2.0 * value}
+    return {"status": "converged", "experiment": "x", "parameters": {"A.E": entry}} | more
 
-    assert scatter([row(None, "GPa"), row(1.0, "GPa")])[0]["parameters"] == {}
-    assert scatter([row(1.0, "MPa"), row(1.0, "GPa")])[0]["parameters"] == {}
+
+def test_parameters_without_a_value_or_of_another_dimension_have_no_scatter():
+    assert scatter([row(1.0, None, "GPa"), row(1.0, 1.0, "GPa")])[0]["parameters"] == {}
+    assert scatter([row(1.0, 1.0, "px"), row(1.0, 1.0, "mm")])[0]["parameters"] == {}
+
+
+def test_two_files_with_one_modulus_in_gpa_and_mpa_are_compared_in_one_unit():
+    rows = [row(69.0, 1.0, "GPa", name="a", run="a"), row(71e3, 2e3, "MPa", name="b", run="b")]
+    found = scatter(rows)[0]["parameters"]["A.E"]
+    assert found["unit"] == "GPa"
+    assert [found[key] for key in ("mean", "min", "max", "formal_std")] == \
+        pytest.approx([70.0, 69.0, 71.0, 1.5], rel=1e-12)
+    drawn = [(entry["value"], entry["std"], entry["start"]) for _, _, entry in _points(rows, "A.E")]
+    np.testing.assert_allclose(drawn, [(69.0, 1.0, 138.0), (71.0, 2.0, 142.0)], rtol=1e-12)
+    plain = dict(reason="", iterations=1, image_chi2_dof=1.0, wall_s=1.0)
+    table = list(csv.DictReader(io.StringIO(batch_table({"runs": [one | plain for one in rows]}))))
+    assert [(one["A.E"], one["A.E.unit"]) for one in table] == [("69", "GPa"), ("71000", "MPa")]  # as in its result
 
 
 def test_the_folder_of_an_earlier_batch_asks_for_resume(batch):
