@@ -102,6 +102,9 @@ def test_image_files_are_saved_as_they_are_in_the_order_in_which_they_were_given
     ({"images": np.zeros((1, 95, 135), np.uint8)}, ("too few images",)),
     ({"images": "no/such/*.tif"}, ("no images match", "no/such/*.tif")),
     ({"images": None}, ("there are no images",)),
+    ({"images": (image for image in np.zeros((4, 95, 135), np.uint8))}, ("one by one", "generator", "list")),
+    ({"loads": {"force_N": np.ma.masked_less([0, 1, -9999, 3], 0), "grip_mm": np.zeros(4)}},
+     ("column force_N", "not a number")),
     ({"mesh": 3}, ("mesh", "meshio.Mesh", "int")),
     ({"mesh": "no-mesh.inp"}, ("no such file", "no-mesh.inp")),
     ({"mesh": meshio.Mesh(np.zeros((4, 2)), [("quad", np.array([[0, 1, 2, 7]]))])}, ("mesh", "beyond the 4")),
@@ -122,6 +125,11 @@ def test_images_with_pixels_without_a_value_are_refused_where_they_are_read():
     images[2, 10, 10] = np.nan
     with pytest.raises(InputError, match="pixels without a value"):
         made(images=images).record.stack.frame(2)
+    hidden = np.ma.masked_array(arrays.recorded().images)
+    hidden[2, 10, 10] = np.ma.masked  # the value below a mask is no grey value
+    assert made(images=hidden).record.stack.frame(1).dtype == arrays.recorded().images.dtype
+    with pytest.raises(InputError, match="masked pixels.*\n.*\n.*1 pixels"):
+        made(images=hidden).record.stack.frame(2)
 
 
 def test_laws_of_files_and_gauges_are_those_of_the_file(tmp_path):

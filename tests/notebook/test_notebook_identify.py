@@ -115,6 +115,11 @@ def test_a_channel_in_kN_is_told_in_kN(in_memory, tmp_path):
                                                                     "1700000000.375"]
     labels = [axis.get_ylabel() for axis in result.plot.channels().axes]
     assert labels == ["force [kN]", "difference [kN]"]
+    if find_spec("xarray"):
+        data = result.to_xarray(residual=False)
+        np.testing.assert_allclose(data.measured.sel(channel="force_kN"), loads["force_N"] / 1e3, rtol=1e-12)
+        np.testing.assert_allclose(data.simulated[:, 0], result.fields.simulated[:, 0] / 1e3, rtol=1e-12)
+        assert data.channel_units.values.tolist() == ["kN"]
 
 
 @pytest.mark.slow  # a further case of the bits in memory and on disk

@@ -54,6 +54,10 @@ def test_the_dataset_has_the_fields_with_coordinates_and_units(result, tmp_path)
     assert abs(data.measured - data.simulated).max() < 4.0 * arrays.FORCE_NOISE
     part = result.to_xarray(frames=[-1], residual=False)
     assert part.frame.values.tolist() == [3] and "residual" not in part and part.label.values.tolist() == ["frame_003"]
+    for frames in ([], 3, [2.7]):
+        with pytest.raises(InputError, match="frame"):
+            result.to_xarray(frames=frames, residual=False)
+    assert result.strain(data.frame[-1]).shape == (796, 2, 2)  # a number of the dataset
     pytest.importorskip("h5netcdf")
     data.to_netcdf(tmp_path / "fields.nc", engine="h5netcdf")
     xarray.testing.assert_identical(xarray.load_dataset(tmp_path / "fields.nc", engine="h5netcdf"), data)

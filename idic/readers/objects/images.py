@@ -36,10 +36,10 @@ class ArrayFrames:
     """
 
     def __init__(self, images: Sequence[np.ndarray] | np.ndarray, with_gaps: bool = False):
-        if not hasattr(images, "__getitem__"):
-            raise _refused("the images cannot be read one by one", type(images).__name__, "make a list of them")
         self._images, self.with_gaps = images, with_gaps
         kinds = _kinds(images)
+        if not hasattr(images, "__getitem__"):
+            raise _refused("the images cannot be read one by one", type(images).__name__, "make a list of them")
         for k, (shape, dtype) in enumerate(kinds):
             if len(shape) != 2:
                 colour = len(shape) == 3 and shape[-1] in (3, 4)
