@@ -110,6 +110,15 @@ def test_a_law_that_breaks_a_rule_is_refused(update, problem):
     assert refused.value.file == __file__ and update.__name__ in refused.value.key
 
 
+def test_a_law_that_is_declared_linear_and_is_not_is_refused():
+    """Its tangent would be computed once, and the simulation be that of another law."""
+    law = replace(SOFT, linear=True)
+    with pytest.raises(InputError, match=r"declared linear and is not(.*\n)*.*linear=True"):
+        check_update(law, "small", False, (UPDATE, UPDATE_COMPLEX))
+    elastic = get_law("elastic")
+    check_update(elastic, "small", True, (UPDATE, LINEARISE))
+
+
 def test_a_derivative_by_hand_is_compared_with_difference_quotients():
     with pytest.raises(InputError, match="derivative with respect to .* is wrong"):
         check(keeps, wrong_by_hand)

@@ -22,6 +22,7 @@ POINTS = 4  # paths of every size
 STEPS = (1e-3, 1e-4)  # of a difference quotient, relative to SIZES, parameters and changes of the state
 SMOOTH = 1e-3  # quotients of both steps that agree within this are compared: no kink, no rounding
 ASYMMETRY = 1e-6  # of the largest entry: rounding is 1e-8 where a bulk modulus is large
+NONLINEARITY = 1e-6  # of the stress: rounding is 1e-13 at the smallest size
 WRONG = 1e-2  # a derivative that differs by more than this from them is another one
 MIN_WRONG = 2  # points with a wrong derivative: one alone may be a kink
 COMPLEX_STEP = 1e-30
@@ -58,8 +59,8 @@ def check_update(spec: LawSpec, kinematics: str, by_hand: bool, signatures: tupl
     Raises
     ------
     InputError
-        It cannot be compiled, reads or writes beyond its arrays, writes into its inputs, leaves an output as it was, or
-        its derivative is not that of its stress.
+        It cannot be compiled, reads or writes beyond its arrays, writes into its inputs, leaves an output as it was,
+        has an unsymmetric stress, is declared linear and is not, or its derivative is not that of its stress.
     """
     functions = (spec.updates[kinematics], spec.linearise[kinematics] if by_hand else spec.updates[kinematics])
     update, derivative = (_checked(spec, *pair) for pair in zip(functions, signatures, strict=True))
@@ -76,6 +77,8 @@ def check_update(spec: LawSpec, kinematics: str, by_hand: bool, signatures: tupl
         if P is None or not np.isfinite(kept).all():
             continue
         _check_symmetry(law, P if kinematics == "small" else P @ middle.T)
+        if spec.linear and kinematics == "small":
+            _check_linearity(law, P, _called(law, 2.0 * middle - np.eye(3), kept, params)[0])
         F = middle + 0.3 * size * second / np.linalg.norm(second)
         for what, dF, dstate, dparams in _directions(spec, rng, size, kept - state, params):
             wrong.setdefault(what, []).extend(_differs(law, (F, kept, params), (dF, dstate, dparams)))
@@ -158,6 +161,15 @@ def _check_symmetry(law: _Law, kirchhoff: np.ndarray) -> None:
         raise law.refuse("its stress is not symmetric", "a symmetric P F^T (small strain: a symmetric P)",
                          f"{kirchhoff[i, j]:g} and {kirchhoff[j, i]:g} MPa in [{i}, {j}] and [{j}, {i}]",
                          "look for exchanged indices: P[i, j] takes F[i, j] and, of the inverse, Fi[j, i]")
+
+
+def _check_linearity(law: _Law, once: np.ndarray, twice: np.ndarray | None) -> None:
+    """once, twice : stress of a strain and of twice the strain after it  # (3, 3) MPa"""
+    if twice is not None and np.abs(twice - 2.0 * once).max() > NONLINEARITY * np.abs(twice).max():
+        grown = np.abs(twice).max() / np.abs(once).max()
+        raise law.refuse("it is declared linear and is not", "twice the stress at twice the strain, whatever happened "
+                         "before: its tangent is computed once", f"{grown:.4g} times the stress",
+                         "take linear=True out of its LawSpec")
 
 
 def _guarded(law: _Law, function: Callable, arguments: tuple) -> int:

@@ -34,7 +34,7 @@ def plot_law(name: str, path: Path | str, largest_strain: float | None = None) -
     Raises
     ------
     InputError
-        No such law, picture format or folder.
+        No such law, picture format or folder; a parameter without a typical value.
     """
     spec, path = get_law(name), Path(path)
     formats = Figure().canvas.get_supported_filetypes()
@@ -45,6 +45,10 @@ def plot_law(name: str, path: Path | str, largest_strain: float | None = None) -
     if not path.parent.is_dir():
         raise InputError("no such folder", file=path.parent, expected="an existing folder", found="nothing there",
                          remedy="make the folder, or choose another path")
+    without = next((p.name for p in spec.parameters if p.default is None), None)
+    if without is not None:
+        raise InputError(f"law {name} has no typical values to draw", key=without, expected="default=… of every "
+                         "LawParameter", found="none", remedy="add one in the file of the law")
     law, params = compile(name, spec.kinematics[0]), spec.defaults()
     memory = law.n_state(0) > 0
     if largest_strain is None:
