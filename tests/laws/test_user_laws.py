@@ -61,7 +61,8 @@ def test_a_file_that_a_program_has_imported_and_compiled_serves_as_a_file_of_law
     (tmp_path / "other.py").write_text((scratch / "my_law.py").read_text().replace("yeoh_2", "yeoh_other"))
     compiled = "from idic.materials.core.compilation import compile; compile('yeoh_2', 'finite')"
     done = subprocess.run([sys.executable, "-c", f"import mine; {compiled}"], cwd=tmp_path, capture_output=True,
-                          text=True, env=os.environ | {"PYTHONPATH": str(tmp_path)}, check=False)
+                          text=True, check=False, env=os.environ | {"PYTHONPATH": os.pathsep.join(
+                              [str(tmp_path), *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))])})
     assert done.returncode == 0, done.stderr
     for files in (["mine.py"], ["other.py", "mine.py"]):
         laws = os.pathsep.join(str(tmp_path / file) for file in files)
