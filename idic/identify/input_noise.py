@@ -26,6 +26,7 @@ MAD_TO_STD = 1.4826  # median absolute deviation -> standard deviation of a norm
 MIN_CHANNEL_NOISE_SHARE = 1e-4  # of the range of a series
 MIN_GAP_SHARE = 1e-9  # of the range of a series: readings that are closer are equal
 MAX_STEPS_OF_A_GAP = 6  # between its readings, the closest ones; finer steps do not make differences zero
+MIN_STEPS_OF_RANGE = 6  # of a rounded series; one of fewer is as well a load that is held, taken off, put on again
 MAX_OFF_STEP = 0.05  # of its steps: how far from whole ones the readings of a rounded series may be
 MIN_VALUES = 6  # of a series whose differences tell its noise
 MIN_VALUES_OF_A_LONG_LOG = 20  # a knee is in few of its third differences
@@ -72,7 +73,8 @@ def resolution(values: np.ndarray) -> float:
     """The step between the readings of a series (n,) that is rounded to whole ones, in its unit; 0 of another.
 
     All readings are whole steps apart, and the change from one to the next differs by one step and back, as that of a
-    smooth course does only by rounding.
+    smooth course does only by rounding. A range of a few steps tells nothing: a load that is held, taken off and put on
+    again has it, too.
     """
     levels = np.unique(values)
     gaps = np.diff(levels)
@@ -81,6 +83,8 @@ def resolution(values: np.ndarray) -> float:
         return 0.0
     for parts in range(1, MAX_STEPS_OF_A_GAP + 1):
         step = float(gaps.min()) / parts
+        if np.ptp(values) < (MIN_STEPS_OF_RANGE - 0.5) * step:
+            continue
         for distance in levels[levels - levels[0] > 0.5 * step] - levels[0]:  # files round, too: by longer distances
             step = float(distance) / max(np.rint(distance / step), 1.0)
         counts = (values - levels[0]) / step

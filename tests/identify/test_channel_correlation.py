@@ -184,6 +184,7 @@ def test_readings_of_a_coarse_load_cell_have_the_noise_of_rounding(n, step, scal
 def test_courses_without_noise_are_not_taken_for_rounded_ones():
     steady, held = np.arange(12.0), np.array([0, 1, 2, 3, 3, 3, 4, 5, 6, 6, 6, 4, 2, 0.0])
     fast_and_slow, constant = np.r_[0:6:2, 6:12], np.ones(9)
+    held_loads = np.repeat([0.0, 500.0, 0.0], 20), np.repeat(100.0 * np.arange(5), 8)  # creep; dead weights
     noisy = np.linspace(0.0, 100.0, 20) + np.random.default_rng(1).standard_normal(20)
-    for course in (steady, held, fast_and_slow, constant, noisy, np.zeros(0)):
+    for course in (steady, held, fast_and_slow, constant, noisy, np.zeros(0), *held_loads):
         assert resolution(course) == 0.0, course
