@@ -5,6 +5,7 @@ import pytest
 from scipy import ndimage
 
 from idic.errors import InputError
+from idic.images.quality.gap_marks import gap_mark
 from idic.images.quality.noise import image_noise, still_noise, still_noise_model
 from idic.images.stack import ArrayStack, Stack
 
@@ -68,3 +69,13 @@ def test_an_array_stack_is_a_stack():
 def test_a_stack_of_unequal_or_coloured_images_is_an_input_error(images):
     with pytest.raises(InputError):
         ArrayStack(images)
+
+
+def test_heights_in_whole_steps_are_no_mark_of_gaps():
+    """A flat surface of few levels, one of which no pixel has; a mark is far from all of them."""
+    rng = np.random.default_rng(9)
+    flat, inside = rng.choice([0.0, 2.0, 3.0], size=(40, 40)), np.ones((40, 40), dtype=bool)
+    assert gap_mark(flat, inside) is None
+    flat[:2, :3] = -9999.0
+    assert gap_mark(flat, inside) == (-9999.0, 6)
+    assert gap_mark(np.where(flat < 0.0, np.nan, flat), inside) is None

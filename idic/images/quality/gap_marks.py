@@ -5,19 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 MIN_MARKED = 3  # pixels of exactly one value
+MIN_LEVELS_AWAY = 10.0  # of the usual distance between neighbouring values: heights in whole steps may skip one
 
 
 def gap_mark(heights: np.ndarray, region: np.ndarray) -> tuple[float, int] | None:
     """A value that stands for a gap, and how many pixels have it: the lowest or the highest of all, in several pixels,
-    and further from the others than these are from each other. None where there is none.
+    further from the others than these are from each other, and many of their steps. None where there is none.
 
     heights, region : (ny, nx); region True on the specimen
     """
-    values, counts = np.unique(heights[region & np.isfinite(heights)].astype(float), return_counts=True)
-    if len(values) < 3:
-        return None
-    for at, inner in ((0, values[1:]), (-1, values[:-1])):
-        away = min(abs(values[at] - inner[0]), abs(values[at] - inner[-1]))
-        if counts[at] >= MIN_MARKED and away > inner[-1] - inner[0]:
-            return float(values[at]), int(counts[at])
+    values = heights[region & np.isfinite(heights)].astype(float)
+    for mark in (values.min(), values.max()) if len(values) else ():
+        others = values[values != mark]
+        marked = len(values) - len(others)
+        if marked < MIN_MARKED or not len(others) or np.ptp(others) == 0.0:
+            continue
+        away = np.abs(others - mark).min()
+        if away > np.ptp(others) and away > MIN_LEVELS_AWAY * np.median(np.diff(np.unique(others))):
+            return float(mark), marked
     return None
