@@ -50,6 +50,13 @@ def test_frames_of_another_clock_units_or_axes_are_refused(tmp_path, motion, sai
         gathered("csv", written(tmp_path, motion), "job", WANTED)
 
 
+def test_a_motion_below_the_decimals_of_the_file_is_not_compared(tmp_path):
+    """The noise of a grip that stands still, in a table that ends at 1e-6 mm."""
+    still = {"boundary.LEFT.y": (np.array([1]), np.array([0.0, 3e-8, -2e-8]))}
+    written(tmp_path, rows())
+    assert gathered("csv", tmp_path, "job", replace(WANTED, motions={**WANTED.motions, **still})).u[2, 1, 0] == 0.1
+
+
 def test_two_forces_at_one_time_are_refused(tmp_path):
     with pytest.raises(NotConverged, match="two different RIGHT.x at time 1"):
         gathered("csv", written(tmp_path, rows(), ("1,5", "2,10", "1,7")), "job", WANTED)

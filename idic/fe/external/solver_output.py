@@ -21,6 +21,7 @@ MAX_SHARE_OF_INTERVAL = 0.5  # of the shortest time between frames: a record fur
 MAX_DISPLACEMENT_AT_REFERENCE = 1e-3  # of the largest: the reference is undeformed
 MAX_REPEATED_CHANGE = 1e-3  # of the largest value: a step may repeat the last frame of the step before
 MIN_FOLLOWED, MAX_FOLLOWED = 0.02, 5.0  # of a prescribed motion: what the solver moves its set by
+MIN_COMPARED_MOTION = 1e-3  # of the largest motion: a file of a few decimals rounds smaller ones to zero
 MAX_DISPLACEMENT_RATIO = 100.0  # displacements beyond so many times the size of the mesh are rejected
 
 
@@ -167,7 +168,10 @@ def _check_reference(records: Records, u: np.ndarray, wanted: Wanted) -> None:
 def _check_motions(u: np.ndarray, wanted: Wanted) -> None:
     """Refuse a solution in which a set stands still, goes the other way or many times as far: other units, axes or
     frames. A smaller difference may be meant, such as a machine that yields."""
+    largest = max((float(np.abs(prescribed).max()) for _, prescribed in wanted.motions.values()), default=0.0)
     for name, (dofs, prescribed) in wanted.motions.items():
+        if np.abs(prescribed).max() < MIN_COMPARED_MOTION * largest:
+            continue
         frame = int(np.abs(prescribed).argmax())
         found = u[frame].ravel()[dofs].mean()
         if not MIN_FOLLOWED < found / prescribed[frame] < MAX_FOLLOWED:
