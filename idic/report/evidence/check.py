@@ -238,14 +238,14 @@ def _image_warnings(experiment: Experiment, reference: np.ndarray, roi: np.ndarr
     if gaps > _MAX_GAP_SHARE:
         yield (f"{100 * gaps:.0f} % of the reference image in the ROI has no value, and interpolation also loses the "
                "neighbours of each gap: fill the gaps, or mask them")
-    mean, before, last = float(reference[roi].mean()), -1, None
+    mean, before, last = float(reference[roi].mean()), -1, np.zeros(0)
     for k in range(experiment.stack.n_frames):
-        frame = experiment.stack.frame(k)  # decodes every image: damaged ones are found here
+        values = experiment.stack.frame(k)[roi]  # decodes every image: damaged ones are found here
         if k not in experiment.excluded:
-            if last is not None and np.array_equal(frame[roi], last[roi], equal_nan=frame.dtype.kind == "f"):
+            if before >= 0 and np.array_equal(values, last, equal_nan=values.dtype.kind == "f"):
                 yield from repeated_image(experiment, before, k)
-            before, last = k, frame
-        jump = abs(float(frame[roi].mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
+            before, last = k, values
+        jump = abs(float(values.mean()) - mean) > _MAX_BRIGHTNESS_CHANGE * abs(mean)
         if jump and k not in experiment.excluded and experiment.quantity == "grey":
             yield (f"{experiment.labels[k]}: the mean grey value differs by more than {100 * _MAX_BRIGHTNESS_CHANGE:g} "
                    "% from the reference: check lighting and exposure, or exclude the frame")

@@ -10,6 +10,7 @@ from scipy.ndimage import find_objects, label, maximum_filter, uniform_filter
 
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.solver.rigid_motion import bodies
+from idic.identify.noise.channel_noise import MIN_STEP_SHARE
 from idic.images.quality.compression import BLOCK_PX, compressed_at
 from idic.images.quality.speckle import edge_blur, speckle_size
 from idic.materials import law_for
@@ -29,7 +30,6 @@ MIN_HOLE_FILL = 0.6         # of its bounding box; a circle fills 0.79, a scratc
 PLAIN = 0.2                 # of the usual local standard deviation: less is no pattern
 MAX_OPPOSED = -0.5          # correlation of a force and the motion that it causes: below, the log has the other sign
 MAX_FIRST_FORCE = 0.02      # of the range of a force: a larger one at the reference frame is a load
-MIN_STEP_SHARE = 1e-3       # of the range of a motion: less from frame to frame is none
 SAME_PLACE = 1e-7           # of the size of a mesh: nodes that are closer were one
 NO_PATTERN = np.zeros(1, dtype=bool)
 

@@ -15,6 +15,7 @@ from idic.store.layout import BASE, group_name
 
 MAX_MOTION_ERROR = 0.01  # of the largest prescribed motion: output files hold five to seven digits
 
+
 def refuse_passed_point(context: RunContext, result: Mapping) -> None:
     """InputError where a run was resumed after an interruption and killed: its result is of a point before that."""
     number = _last_accepted(result)["evaluation"]
