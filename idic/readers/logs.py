@@ -18,6 +18,7 @@ from idic.readers.delimited.text_files import text_of
 from idic.readers.units import factor_between, parse_unit, unit_in_name, without_unit
 
 _MAX_VALUE = 1e60  # absolute; squares of squares stay floats
+_MAX_BEYOND_SHARE = 1e-6  # of the test: an image that is further outside the log is told
 _TIME_NAMES = ("time", "t", "zeit")
 _CLOCK = re.compile(r"[0-9]:[0-9]{2}|[0-9]{4}-[0-9]{2}-[0-9]{2}|[0-9]{1,2}\.[0-9]{1,2}\.[0-9]{4}")
 Decimal = Literal[".", ","]
@@ -184,8 +185,15 @@ class MatchedLog:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """How the file was read."""
-        return self.log.notes
+        """How the file was read, and where it does not reach to."""
+        if self.frame_rows is not None:
+            return self.log.notes
+        beyond = np.abs(self._beyond())
+        n = int(np.count_nonzero(beyond > _MAX_BEYOND_SHARE * np.ptp(self.times)))
+        return self.log.notes if not n else (*self.log.notes, (
+            f"{self.log.file.name}: read at the start value of time.offset, {self.late:.4g} s, {n} of {len(beyond)} "
+            f"images lie up to {beyond.max():.3g} s outside its times, and its columns are continued straight there: "
+            "give a longer log, or leave these images out"))
 
     def unit(self, name: str) -> str | None:
         """The unit of a column, by the units row or its name; None without."""
@@ -198,7 +206,7 @@ class MatchedLog:
             return values[self.frame_rows]
         times, at = self._read_at()
         found = np.interp(at, times, values)
-        beyond = self.times + self.late - at  # of the ends of the log
+        beyond = self._beyond()
         return found + beyond * self._slopes(values) if beyond.any() else found
 
     @property
@@ -214,6 +222,10 @@ class MatchedLog:
         """Times of the rows, and of the frames within them (s)"""
         times = self.log.times()
         return times, np.clip(self.times + self.late, times[0], times[-1])
+
+    def _beyond(self) -> np.ndarray:
+        """How far the frames lie outside the times of the rows; negative before them  # (n_frames,) s"""
+        return self.times + self.late - self._read_at()[1]
 
     def _slopes(self, values: np.ndarray) -> np.ndarray:
         times, at = self._read_at()

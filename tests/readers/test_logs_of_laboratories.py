@@ -201,3 +201,5 @@ def test_a_log_with_its_own_times_is_read_later_and_its_rates_are_those_of_its_r
     early = replace(on_time, late=-0.7)  # the first image lies before the log: on with its rate there
     np.testing.assert_allclose(early.column("force_N"), [-0.7, 0.3, 1.3, 2, 2], atol=1e-9)
     np.testing.assert_allclose(early.of_frames([1, 2]).column("force_N"), [0.3, 1.3], atol=1e-9)
+    assert not on_time.notes and not late.notes and not early.of_frames([1, 2]).notes
+    assert "1 of 5 images lie up to 0.7 s outside its times" in early.notes[0]
