@@ -69,6 +69,14 @@ def takes_abs(F, state, params, dt, P, state_new):
     return 0
 
 
+def softer_in_compression(F, state, params, dt, P, state_new):
+    """A spring that is 1 + a times as stiff in compression, and not less stiff where a is negative: a kink at 0."""
+    keeps_(F, state, np.array([params[0], 0.0 * params[1]]), dt, P, state_new)
+    if params[1].real > 0.0 and F[0, 0].real < 1.0:
+        P[:] = P * (1.0 + params[1])
+    return 0
+
+
 def compares_complex(F, state, params, dt, P, state_new):
     return keeps_(F, state, params, dt, P, state_new) if F[0, 0] > 0.0 else 1
 
@@ -96,6 +104,14 @@ def check(update, linearise=None):
 def test_a_law_that_keeps_the_rules_passes():
     check(keeps)
     check(njit(keeps))  # decorated by its author
+
+
+def test_a_law_with_a_kink_at_a_typical_value_passes():
+    """No derivative is that of both sides: it is not compared there."""
+    kinked = (SOFT.parameters[0], LawParameter("a", "-", "stiffer in compression", 0.0, bounds=(-1.0, 1.0),
+                                               positive=False))
+    check_update(replace(SOFT, parameters=kinked, updates={"small": softer_in_compression}), "small", False,
+                 (UPDATE, UPDATE_COMPLEX))
 
 
 @pytest.mark.parametrize(("update", "problem"), [

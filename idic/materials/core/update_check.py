@@ -23,6 +23,7 @@ STEPS = (1e-3, 1e-4)  # of a difference quotient, relative to SIZES, parameters 
 SMOOTH = 1e-3  # quotients of both steps that agree within this are compared: no kink, no rounding
 ASYMMETRY = 1e-6  # of the largest entry: rounding is 1e-8 where a bulk modulus is large
 NONLINEARITY = 1e-6  # of the stress: rounding is 1e-13 at the smallest size
+MAX_BEND = 0.1  # of the quotient: quotients of both sides that differ by more show a kink at the point itself
 WRONG = 1e-2  # a derivative that differs by more than this from them is another one
 MIN_WRONG = 2  # points with a wrong derivative: one alone may be a kink
 COMPLEX_STEP = 1e-30
@@ -196,23 +197,23 @@ def _directions(spec: LawSpec, rng: np.random.Generator, size: float, change: np
 
 def _differs(law: _Law, at: tuple, along: tuple) -> list[bool]:
     """Whether the derivative of the law is not the difference quotient; empty where there is none."""
-    quotients = []
+    here, found = _called(law, *at), _derivative(law, at, along)
+    if here[0] is None or found is None:
+        return []
+    quotients, bends = [], []
     for h in STEPS:
         ends = [_called(law, *(x + s * h * dx for x, dx in zip(at, along, strict=True))) for s in (1.0, -1.0)]
         if any(P is None for P, _ in ends):
             return []
         quotients.append([(one - other) / (2.0 * h) for one, other in zip(*ends, strict=True)])
-    found = _derivative(law, at, along)
-    if found is None:
-        return []
-    P, new = _called(law, *at)
-    if P is None:
-        return []
+        bends = [np.abs(one - 2.0 * middle + other).max(initial=0.0) / h
+                 for one, other, middle in zip(*ends, here, strict=True)]
     answers = []
-    for coarse, fine, own, value in zip(*quotients, found, (P, new), strict=True):
+    for coarse, fine, bend, own, value in zip(*quotients, bends, found, here, strict=True):
         scale = np.abs(fine).max(initial=0.0)
         rounding = 1e-13 * np.abs(value).max(initial=0.0) / STEPS[-1]
-        if np.abs(coarse - fine).max(initial=0.0) <= SMOOTH * scale and scale > 1e3 * rounding:
+        smooth = np.abs(coarse - fine).max(initial=0.0) <= SMOOTH * scale and bend <= MAX_BEND * scale
+        if smooth and scale > 1e3 * rounding:
             answers.append(not np.abs(own - fine).max(initial=0.0) <= WRONG * scale)
     return [any(answers)] if answers else []
 
