@@ -20,6 +20,7 @@ from idic.experiment_file.toml_file import locate, read_toml, to_toml, with_over
 from idic.fe.mesh.mesh import surface_cells
 from idic.images.placed_camera import AnyCamera, PlacedCamera
 from idic.images.quality.saturation import sensor_levels
+from idic.model.drives import rates_since_reference
 from idic.model.experiment import Column, Controlled, Experiment, Measured, Parametrised
 from idic.model.forward import ForwardModel, build_forward, solve
 from idic.readers.units import parse_unit, unit_in_name
@@ -39,6 +40,7 @@ HEIGHT_NOISE_SHARE = 0.01  # of the roughness
 MIN_NOISE = 1e-4  # of the roughness: error of float32 and a spline on noise-free heights
 SOLVER = "solver"  # folder of the template and files of an external solver
 BACKGROUND_SHARE = 0.1  # of the grey levels
+TIME_OFFSET = "time.offset"  # the new log is on time
 RECORDING_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times", "decimal")  # of the real files
 
 
@@ -107,7 +109,7 @@ def simulate(
     write_loads(folder, experiment.times, {name: values / _factor(name, stated) for name, values in columns.items()},
                 {name: stated[name] for name in columns if name in in_log and unit_in_name(name) is None})
     _write_toml(locate(path), overrides, experiment, sensors, folder)
-    truth = {p.name: p.shown for p in experiment.parameters.values() if p.free}
+    truth = {p.name: 0.0 if p.name == TIME_OFFSET else p.shown for p in experiment.parameters.values() if p.free}
     write_truth(folder, truth, sensor.total_noise_std, added_noise_std_gv=sensor.noise_std, seed=seed, bits=bits)
     return folder / "experiment.toml"
 
@@ -204,20 +206,33 @@ def _roughness(experiment: Experiment) -> float:
 def _columns(
     experiment: Experiment, forward: ForwardModel, simulated: np.ndarray, rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
-    """Every column of the new log in internal units: channels as simulated, drives as they were, with their noise."""
+    """Every column of the new log in internal units: channels and drives as simulated, with their noise."""
     columns: dict[str, np.ndarray] = {}
     drives = [entry.drive for entry in (*experiment.prescribed, *experiment.loads, *experiment.temperatures)]  # type: ignore[attr-defined]
-    for drive in drives:
+    for number, drive in enumerate(drives):
+        is_motion = number < len(experiment.prescribed)
         if isinstance(drive, Column):
-            columns[drive.column] = noisy_channel(drive.values, drive.noise_std, rng)
+            course = _on_time(experiment, drive.values, drive.rates, is_motion)
+            columns[drive.column] = noisy_channel(course, drive.noise_std, rng)
         elif isinstance(drive, Controlled):
-            columns[drive.column] = drive.course
+            columns[drive.column] = _on_time(experiment, drive.course, drive.rates, True)
     values = np.zeros((experiment.n_frames, len(experiment.channels)))
     for i, frame in enumerate(forward.frames):
         values[frame] = channel_values(experiment, experiment.parameters, simulated[i], frame)
     for i, channel in enumerate(experiment.channels):
         columns[channel.column] = noisy_channel(values[:, i], channel.noise_std or 0.0, rng)
     return columns
+
+
+def _on_time(experiment: Experiment, values: np.ndarray, rates: np.ndarray | None, is_motion: bool) -> np.ndarray:
+    """A logged course at `time.offset`; a motion counts from the reference frame  # (n_frames,)"""
+    shift = experiment.log_shift(experiment.parameters)
+    if rates is None or not shift:
+        return values
+    late = rates_since_reference(experiment, rates).copy() if is_motion else rates
+    if is_motion:
+        late[experiment.reference] = 0.0
+    return values + shift * late
 
 
 def _stated_units(tables: object) -> dict[str, str]:
@@ -255,6 +270,8 @@ def _write_toml(source: Path, overrides, experiment: Experiment, sensors: Sequen
     raw["experiment"] = table
     raw["boundary"] = with_copied_images(raw.get("boundary", []), source.parent, folder, source)
     raw["camera"] = _camera_tables(raw, experiment, sensors, source, folder)
+    if "dof" in raw:
+        raw["dof"] = [entry | {"value": 0.0} if entry["name"] == TIME_OFFSET else entry for entry in raw["dof"]]
     if "solver" in raw:
         raw["solver"] = _with_solver_files(raw["solver"], source.parent, folder)
     head = f"# Virtual experiment, simulated by idic from {experiment.title}. Its parameter values are the truth.\n\n"

@@ -16,6 +16,7 @@ from virtual_tests.small_strip import SMALL
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.experiment_file.toml_file import to_toml
+from idic.model.drives import build_drives
 from idic.model.experiment import Column
 from idic.readers.logs import read_log
 from idic.virtual_tests import examples
@@ -131,6 +132,24 @@ def test_the_new_log_is_in_the_units_of_its_columns(tmp_path):
         force = again.channels[0].values
         stiffness = 70e3 * 2.0 * 4.0 / 3.0  # N/mm, of the block without its clamps: within 20 % of it
         assert force[-1] == pytest.approx(stiffness * drives[0].values[-1], rel=0.2)
+
+
+@pytest.mark.parametrize("own_times", [False, True])
+def test_the_log_of_a_simulated_experiment_is_on_time(tmp_path, own_times):
+    """Its offset stayed in the file, and moved the grip a second time."""
+    folder = write_experiment(tmp_path / "test")
+    if own_times:
+        toml = (folder / "experiment.toml").read_text()
+        (folder / "experiment.toml").write_text(toml.replace("[experiment]", "[experiment]\nframe_interval_s = 1.0"))
+    (folder / "loads.csv").write_text("time_s,force_kN,grip_um\n0,0,0\n1,0.1,2\n2,0.2,8\n3,0.3,18\n")
+    late = {"dof": [{"name": "time.offset", "value": -0.25}], "boundary.1.uy": {"column": "grip_um"}}
+    first = load_experiment(folder, late)
+    path = simulate(folder, tmp_path / "out", late, noise_std_gv=0.0)
+    again = load_experiment(path)
+    moved = [build_drives(e).histories(e.parameters)[-1, -1] for e in (first, again)]
+    assert again.parameters["time.offset"].value == 0.0 != first.parameters["time.offset"].value
+    assert json.loads((path.parent / "truth.json").read_text())["parameters"]["time.offset"] == 0.0
+    np.testing.assert_allclose(moved[1], moved[0], rtol=1e-5)
 
 
 def test_a_law_with_a_memory_is_integrated_finely_unless_increments_are_given(tmp_path):
