@@ -175,8 +175,7 @@ def join(designs: Sequence[Design]) -> Joint:
     system = CorrelationSystem(names, M, b, 0.0, 0.0, noise, np.zeros((0, len(names))), ())
     with_force = next((d.experiment for d in designs if d.experiment.channels), designs[0].experiment)
     nothing_more = np.zeros_like(M)  # the reference images' noise is in `noise` already: every plan has its own
-    analysis = Analysis(with_force, ParameterSet(known.values(), joint), Evaluation(0, system, nothing_more), 0.0,
-                        planned=True)
+    analysis = Analysis(with_force, ParameterSet(known.values(), joint), Evaluation(0, system, nothing_more), 0.0)
     return Joint(analysis, tuple(dict.fromkeys(notes)))
 
 

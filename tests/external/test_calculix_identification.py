@@ -55,7 +55,7 @@ RF
 STRAINS = (0, 0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.5)
 OPTIONS = {"options.estimator": "ordinary", "options.element_order": "quadratic"}
 OFF = {"E": 1.01, "nu": 0.99, "yield_stress": 1.01, "hardening_modulus": 0.98}  # where the second one starts
-AGREEMENT = 0.003
+AGREEMENT = 0.003  # less than any start is off: all four have moved, in one iteration or several
 
 
 def with_calculix(folder):
@@ -82,8 +82,6 @@ def test_calculix_and_the_built_in_solver_identify_the_same_parameters(tmp_path,
              for name, off in OFF.items()}
     theirs = identify_experiment(with_calculix(tmp_path / "theirs"), tmp_path / "run-theirs", overrides=OPTIONS | start)
     assert theirs["status"] == "converged"
-    assert AGREEMENT < min(abs(off - 1.0) for off in OFF.values())  # it must have moved, in one iteration or several
     for name in OFF:
         ratio = theirs["parameters"][f"SPECIMEN.{name}"]["value"] / own["parameters"][f"SPECIMEN.{name}"]["value"]
-        print(name, ratio)
         assert abs(ratio - 1.0) < AGREEMENT, (name, ratio)

@@ -132,7 +132,7 @@ def test_the_same_numbers_with_a_measured_edge_and_noise_that_nobody_knows(tmp_p
     here, there = idic.identify(experiment), idic.identify(experiment, tmp_path / "run")
     assert here["noise"]["source"] == there["noise"]["source"] == "residual_of_free_dic"
     assert here["noise"]["std_gv"] == pytest.approx(there["noise"]["std_gv"], rel=1e-6)
-    of_noise = 2e-6  # chi2 is divided by the square of the noise, which is stored to seven digits
+    of_noise = 2e-6  # chi2 is divided by the square of the noise, whose bound is 1e-6
     assert here["residual"]["free_dic_chi2_dof"] == pytest.approx(there["residual"]["free_dic_chi2_dof"], rel=of_noise)
     for name, estimate in here.parameters.items():
         assert abs(there.parameters[name].value - estimate.value) < 1e-3 * estimate.std

@@ -25,7 +25,7 @@ def outside_values(function: Callable) -> str:
 
 
 def code_of(function: Callable) -> str:
-    """sha256 of a function and of what it takes from outside of itself."""
+    """sha256 of the code of a function, of its helpers, and of the constants and tables that they use."""
     plain = getattr(function, "py_func", function)
     return hashlib.sha256(f"{_text(plain.__code__)} {outside_values(plain)}".encode()).hexdigest()
 
