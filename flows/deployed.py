@@ -86,26 +86,7 @@ def systematic(run: str, bias: bool = True, spread: bool = True, workers: int | 
     return Completed(message=f"{write_report(folder)}")
 
 
-@flow(name="idic-study-deployed", persist_result=False)
-def study(name: str, out: str, size: str = "full", only: list[str] | None = None, workers: int | None = None,
-          scheduler: str | None = None) -> State:
-    """``idic study NAME --out DIR --resume`` on the worker; paths as of `identify`."""
-    from idic_flows.study import run_study
-
-    return Completed(message=f"{run_study(name, data_path(out, 'out'), size, only, workers, scheduler, resume=True)}")
-
-
-@flow(name="idic-trial-deployed", persist_result=False)
-def trial(out: str, size: str = "full", seed: int = 1, only: list[str] | None = None, workers: int | None = None,
-          scheduler: str | None = None) -> State:
-    """``idic trial --out DIR --resume`` on the worker; paths as of `identify`."""
-    from idic_flows.blind_trial import run_blind_trial
-
-    folder = run_blind_trial(data_path(out, "out"), size, seed, only, workers, scheduler, resume=True)
-    return Completed(message=f"{folder}")
-
-
-FLOWS = (identify, batch, diagnose, systematic, study, trial)
+FLOWS = (identify, batch, diagnose, systematic)
 
 
 def data_path(text: str, key: str) -> Path:

@@ -14,10 +14,8 @@ nothing.
 """
 
 from idic_flows.batch import run_batch as batch
-from idic_flows.blind_trial import run_blind_trial as trial
 from idic_flows.diagnose import run_diagnosis as diagnose
 from idic_flows.identify import run_identification as identify
-from idic_flows.study import run_study as study
 from idic_flows.systematic import run_systematic as systematic
 
-__all__ = ["batch", "diagnose", "identify", "study", "systematic", "trial"]
+__all__ = ["batch", "diagnose", "identify", "systematic"]

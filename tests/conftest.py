@@ -96,7 +96,7 @@ def _no_wait_for_the_disk(request):
     from idic.store import run_store
 
     with pytest.MonkeyPatch.context() as patch:
-        if request.path.relative_to(ROOT).parts[0] not in ("bench", "faults", "store"):
+        if request.path.relative_to(ROOT).parts[0] not in ("faults", "store"):
             patch.setattr(os, "fsync", lambda descriptor: None)
             patch.setattr(run_store, "_sync_tree", lambda folder: None)
         yield

@@ -8,7 +8,7 @@ from idic.cli import (  # noqa: F401 - they register their commands
     experiment_commands,
     identify_commands,
     result_commands,
-    validation_commands,
+    studies_commands,
 )
 from idic.cli.app import main
 

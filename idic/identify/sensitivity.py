@@ -10,7 +10,7 @@ from idic.errors import InputError
 from idic.model.experiment import Experiment
 
 DIRECT, PERTURBED, AUTO = "direct", "perturbed", "auto"
-DIRECT_SHARE = 0.12  # extra cost of one directly differentiated parameter in forward runs (tests/bench measures it)
+DIRECT_SHARE = 0.12  # extra cost of one directly differentiated parameter in forward runs (studies/bench measures it)
 
 
 def choose_sensitivity(wanted: str, n_moving: int, workers: int, n_shape: int = 0) -> str:

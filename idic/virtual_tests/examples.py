@@ -1,9 +1,9 @@
 """The built-in examples: complete experiment folders whose truth is known (`idic example`, `idic demo`).
 
 An example is a function ``(reduced, foreign) -> VirtualTest`` in `EXAMPLES`; one whose images are not grey writes its
-folder itself and stands in `WRITERS`, as do planned tests, which have no images yet. The truth is computed on
-another, finer mesh than the one the user gets (`bulge`, `polycarbonate`: with `foreign`), and the images are rendered
-by `idic.virtual_tests.render`, which shares no code with the correlator.
+folder itself and stands in `WRITERS`. The examples of the studies stand in two such tables of theirs. The truth is
+computed on another, finer mesh than the one the user gets (`bulge`, `polycarbonate`: with `foreign`), and the images
+are rendered by `idic.virtual_tests.render`, which shares no code with the correlator.
 """
 
 from __future__ import annotations
@@ -16,12 +16,10 @@ from string import Template
 import numpy as np
 
 from idic.errors import InputError
-from idic.virtual_tests.bulge import write_bulge
+from idic.studies import studies_module
 from idic.virtual_tests.demo import demo
 from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads, write_truth
 from idic.virtual_tests.meshes import write_inp
-from idic.virtual_tests.polycarbonate import polycarbonate
-from idic.virtual_tests.polycarbonate_plans import write_polycarbonate_plans
 from idic.virtual_tests.stereo.plate import write_stereo
 from idic.virtual_tests.render import Sensor, clean_image, noisy_channel, render
 from idic.virtual_tests.virtual_test import VirtualTest
@@ -29,13 +27,11 @@ from idic.virtual_tests.virtual_test import VirtualTest
 IMAGES_AT_A_TIME = 2  # rendered by threads; each takes some 50 MB
 EXAMPLES: dict[str, Callable[[bool, bool], VirtualTest]] = {
     "demo": lambda reduced, foreign: demo(reduced),
-    "polycarbonate": polycarbonate,
 }
 WRITERS = {  # (out, reduced, noise, seed, foreign) -> experiment.toml, or the folder of several
-    "bulge": write_bulge,
-    "polycarbonate-plans": write_polycarbonate_plans,
     "stereo": write_stereo,
 }
+OF_THE_STUDIES = ("bulge", "polycarbonate", "polycarbonate-plans")  # in the tables of their room examples
 
 
 def write_example(
@@ -52,7 +48,7 @@ def write_example(
     Parameters
     ----------
     name : str
-        One of `EXAMPLES` or `WRITERS`.
+        One of `EXAMPLES`, `WRITERS` or `OF_THE_STUDIES`.
     reduced : bool
         A smaller version for a quick look: fewer and smaller images, a coarser mesh.
     noise : float, optional
@@ -74,13 +70,14 @@ def write_example(
     Raises
     ------
     InputError
-        Unknown name, bits or negative noise; a folder that is not empty.
+        Unknown name, bits or negative noise; a folder that is not empty; an example of the studies without them.
     """
-    if name not in EXAMPLES and name not in WRITERS:
+    names = (*EXAMPLES, *WRITERS, *OF_THE_STUDIES)
+    if name not in names:
         raise InputError(
             f"there is no example {name}",
             key="NAME",
-            expected=f"one of {', '.join([*EXAMPLES, *WRITERS])}",
+            expected=f"one of {', '.join(names)}",
             found=name,
             remedy="correct the name, e.g.  idic example demo --out FOLDER",
         )
@@ -92,11 +89,15 @@ def write_example(
             found=str(noise),
             remedy="give a number from 0 (no noise) to below 1",
         )
-    if name in WRITERS:
-        return WRITERS[name](out, reduced, noise, seed, foreign)
+    examples, writers = EXAMPLES, WRITERS
+    if name in OF_THE_STUDIES:
+        of_the_studies = studies_module("examples", f"idic example {name}")
+        examples, writers = of_the_studies.EXAMPLES, of_the_studies.WRITERS
+    if name in writers:
+        return writers[name](out, reduced, noise, seed, foreign)
     Sensor((1, 1), bits=bits)  # complains about unusual bits before anything is written
     folder = empty_folder(out)
-    test = EXAMPLES[name](reduced, foreign)
+    test = examples[name](reduced, foreign)
     speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
     levels = 2.0**bits
     texture = test.texture(speckle_rng, levels)

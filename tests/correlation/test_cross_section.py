@@ -12,7 +12,7 @@ from idic.correlation.height.cross_section import (build_section_reference, sect
 from idic.correlation.height.section_map import RIM_PX, build_section_map
 from idic.errors import InputError
 from idic.images.camera import Camera
-from idic.virtual_tests.bulge_mesh import Columns, bulge_mesh
+from idic_studies.examples.bulge_mesh import Columns, bulge_mesh
 
 SURFACE = Surface()
 INNER = np.zeros(SHAPE, bool)

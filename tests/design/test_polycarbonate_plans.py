@@ -7,8 +7,8 @@ from idic.errors import InputError
 from idic.identify.plan.planned_test import load_plan
 from idic.run.design import write_design
 from idic.virtual_tests.examples import write_example
-from idic.virtual_tests.polycarbonate_model import REDUCED_MESH, strip_mesh
-from idic.virtual_tests.polycarbonate_plans import NOTCH_DEPTH, NOTCH_RADIUS, PLANS, notched
+from idic_studies.examples.polycarbonate_model import REDUCED_MESH, strip_mesh
+from idic_studies.examples.polycarbonate_plans import NOTCH_DEPTH, NOTCH_RADIUS, PLANS, notched
 
 
 @pytest.fixture(scope="module")

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.validation.trial.scenes.effects import centre_px, enlarged
-from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS, Geometry, Scene, elapsed, plain_scene
-from idic.validation.trial.scenes.setup import direction, late, turned, twice
-from idic.validation.trial.scenes.solve import solve
+from idic_studies.trial.scenes.effects import centre_px, enlarged
+from idic_studies.trial.scenes.recording import Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS, Geometry, Scene, elapsed, plain_scene
+from idic_studies.trial.scenes.setup import direction, late, turned, twice
+from idic_studies.trial.scenes.solve import solve
 
 
 @dataclass(frozen=True)

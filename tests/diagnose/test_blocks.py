@@ -24,10 +24,10 @@ from idic.experiment_file.load import load_experiment
 from idic.experiment_file.load import load_rendered
 from idic.identify.in_memory import identify
 from idic.identify.measured_start import measured_start
-from idic.validation.trial.scenes.effects import EFFECTS
-from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
-from idic.validation.trial.scenes.solve import solve
+from idic_studies.trial.scenes.effects import EFFECTS
+from idic_studies.trial.scenes.recording import Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic_studies.trial.scenes.solve import solve
 
 
 @pytest.mark.parametrize("shape", [(84, 132), (200, 90), (64, 64), (60, 100), (300, 1000), (512, 640)])

@@ -4,7 +4,7 @@ import pytest
 from confusion_scenes import CONFUSIONS, write_confusion
 from course_scenes import SCENES, write_scene
 
-from idic.validation.trial.tool_run import run_tool
+from idic_studies.trial.tool_run import run_tool
 
 VISIBLE = [name for name in CONFUSIONS if name != "load cell bent by 2 %"]
 SEEDS = (1, 2)

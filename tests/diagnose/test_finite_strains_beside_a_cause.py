@@ -9,12 +9,12 @@ from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.selection.finite_strains import finite, plain_if_enough
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival
 from idic.diagnose.selection.rivals import edits_of
-from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS
-from idic.validation.trial.scenes.setup import direction
-from idic.validation.trial.scenes.solve import solve
-from idic.validation.trial.scenes.worlds import world_scene
-from idic.validation.trial.tool_run import run_tool
+from idic_studies.trial.scenes.recording import Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS
+from idic_studies.trial.scenes.setup import direction
+from idic_studies.trial.scenes.solve import solve
+from idic_studies.trial.scenes.worlds import world_scene
+from idic_studies.trial.tool_run import run_tool
 
 WORLD = {"specimen": "hole", "columns": 132, "frames": 16, "programme": "unloading", "thickness": 0.5, "solid": False,
          "finite": False, "noise": "white"}

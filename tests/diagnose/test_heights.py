@@ -15,8 +15,8 @@ from idic.identify.in_memory import identify
 from idic.images.stack import ArrayStack
 from idic.report.diagnosis.where import pictures
 from idic.run.diagnosis.where import where_record
-from idic.virtual_tests.bulge import Size, write_bulge
-from idic.virtual_tests.bulge_mesh import REDUCED
+from idic_studies.examples.bulge import Size, write_bulge
+from idic_studies.examples.bulge_mesh import REDUCED
 
 SMALL = Size(1.328, (60, 192), 12, REDUCED, 5.0, 1, 3e-4)
 ELASTIC = """[material.strip]
@@ -92,7 +92,7 @@ def test_the_strip_is_said_to_yield_from_its_edge_on(tmp_path):
     import idic
     from idic.diagnose.screen.candidate import candidates
     from idic.run.diagnosis.diagnose import diagnose_run
-    from idic.virtual_tests.bulge import REDUCED_SIZE
+    from idic_studies.examples.bulge import REDUCED_SIZE
 
     names = ("plasticity", "creep", "hardening_curvature", "grip_slip", "heterogeneity", "magnification")
     write_elastic_strip(tmp_path / "bulge", REDUCED_SIZE)

@@ -37,10 +37,10 @@ from idic.model.forward import build_forward
 from idic.model.free_course import knot_name
 from idic.model.load_train import way_of
 from idic.model.temperature import nodal_temperature
-from idic.validation.trial.tool_run import FolderSource
-from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
-from idic.validation.trial.scenes.solve import solve
+from idic_studies.trial.tool_run import FolderSource
+from idic_studies.trial.scenes.recording import Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic_studies.trial.scenes.solve import solve
 
 SLIP = 0.004  # mm at the end of the test
 LENS_PX = 60.0  # in the corner of the image: a lens that takes the ends of the specimen out of it

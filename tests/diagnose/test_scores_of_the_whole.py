@@ -18,14 +18,14 @@ from idic.identify.in_memory import identify
 from idic.images.stack import ArrayStack
 from idic.model.experiment import CorrelatedNoise
 from idic.run.diagnosis.refits import run_refits
-from idic.validation.trial.kinds import LIBRARY
-from idic.validation.trial.scenes.recording import IMAGES, Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS
-from idic.validation.trial.scenes.solve import solve
-from idic.validation.trial.scenes.worlds import world_scene
-from idic.validation.trial.strength import FAINT, SEEN_OF
-from idic.validation.trial.tool_run import FolderSource
-from idic.validation.trial.world_strength import amplitude_in
+from idic_studies.trial.kinds import LIBRARY
+from idic_studies.trial.scenes.recording import IMAGES, Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS
+from idic_studies.trial.scenes.solve import solve
+from idic_studies.trial.scenes.worlds import world_scene
+from idic_studies.trial.strength import FAINT, SEEN_OF
+from idic_studies.trial.tool_run import FolderSource
+from idic_studies.trial.world_strength import amplitude_in
 from idic.workers.runner import SerialRunner
 
 WORLD = {"specimen": "hole", "columns": 132, "frames": 16, "programme": "hold", "thickness": 1.0, "solid": False,

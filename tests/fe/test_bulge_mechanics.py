@@ -17,8 +17,8 @@ from idic.fe.mesh.mesh import check_elements, face_set_nodes
 from idic.fe.model import Direction
 from idic.readers.meshes import read_mesh_file
 from idic.readers.raw_mesh import to_mesh
-from idic.virtual_tests.bulge_mesh import BASE, FULL, REDUCED, bulge_mesh
-from idic.virtual_tests.bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values
+from idic_studies.examples.bulge_mesh import BASE, FULL, REDUCED, bulge_mesh
+from idic_studies.examples.bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values
 from idic.virtual_tests.meshes import write_inp
 
 VIEW = 0.1275  # mm: half the width of the images

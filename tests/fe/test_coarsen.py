@@ -8,7 +8,7 @@ import pytest
 from idic.fe.mesh.coarsen import coarsen
 from idic.fe.mesh import element
 from idic.fe.mesh.mesh import boundary_faces, check_elements, make_mesh
-from idic.virtual_tests.polycarbonate_model import Divisions, strip_mesh
+from idic_studies.examples.polycarbonate_model import Divisions, strip_mesh
 
 
 def volume(mesh, only=None):

@@ -35,7 +35,7 @@ def test_help_lists_every_command_of_the_contract():
 def test_help_answers_at_once():
     code = "import sys, idic.__main__, idic.cli.app; print('numba' in sys.modules, 'prefect' in sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-    assert loaded.stdout.split() == ["False", "False"]  # what costs the seconds; tests/bench measures them
+    assert loaded.stdout.split() == ["False", "False"]  # what costs the seconds; studies/bench measures them
 
 
 def test_the_version_is_that_of_the_package():

@@ -7,8 +7,8 @@ from twin_runs import FORCE, GRIPS, TRUTH, Twin, solved, write_folder
 from idic.identify.covariance import Scaled
 from idic.identify.step.activation import MAX_REJECTED_ACTIVATIONS, active_parameters, activation_step
 from idic.parameters import Parameter, ParameterSet
-from idic.validation.studies.case import CaseJob, render, run_case
-from idic.validation.studies.store import StudyStore
+from idic_studies.cases.case import CaseJob, render, run_case
+from idic_studies.cases.store import StudyStore
 
 PLASTIC = """
 [material.BODY]

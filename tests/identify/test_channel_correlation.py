@@ -12,9 +12,9 @@ from idic.identify.joint import join
 from idic.identify.loop import parameters_at
 from idic.identify.noise.channel_correlation import channel_correlation
 from idic.identify.noise.channel_noise import estimated_channel_noise, with_channel_noise
-from idic.validation.studies.case import CaseJob, case_experiment, render
-from idic.validation.studies.registry import make_study
-from idic.validation.studies.store import StudyStore
+from idic_studies.cases.case import CaseJob, case_experiment, render
+from idic_studies.cases.registry import make_study
+from idic_studies.cases.store import StudyStore
 
 DRAWS = 80
 

@@ -11,10 +11,10 @@ from idic.identify.discrepancy.normal_equations import Component, DiscrepancySys
 from idic.identify.discrepancy.variances import estimate
 from idic.identify.in_memory import identify
 from idic.identify.result import Analysis
-from idic.validation.misfit.study import DISTURBANCE, NOISE_GV
-from idic.validation.misfit.worlds import draw, virtual_test
-from idic.validation.studies.open_hole_strip import write_clean
-from idic.validation.studies.realisation import realisation
+from idic_studies.misfit.study import DISTURBANCE, NOISE_GV
+from idic_studies.misfit.worlds import draw, virtual_test
+from idic_studies.cases.open_hole_strip import write_clean
+from idic_studies.cases.realisation import realisation
 from idic.virtual_tests.experiment_files import write_images
 
 

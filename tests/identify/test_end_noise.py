@@ -14,7 +14,7 @@ from idic.experiment_file.load import load_experiment
 from idic.identify.covariance import without_end_noise
 from idic.identify.in_memory import evaluate_at, identify
 from idic.model.experiment import Experiment
-from idic.validation.studies.case import with_measured_start
+from idic_studies.cases.case import with_measured_start
 
 E, NU, WIDTH, LENGTH, THICKNESS, STAGES, NOISE_MM, FORCE_NOISE_N = 70e3, 0.3, 12.0, 24.0, 2.0, 6, 0.5e-3, 3.0
 MARGIN = 0.5  # that the mesh leaves out on each side

@@ -19,7 +19,7 @@ from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
 from idic.model.forward import build_forward
-from idic.validation.studies.case import with_measured_start
+from idic_studies.cases.case import with_measured_start
 
 E, NU, RADIUS, HALF, THICKNESS, STRESS, N_STAGES = 70e3, 0.3, 3.0, 8.0, 4.0, 200.0, 4
 PLANE_UM, DEPTH_UM = 0.5, 0.6

@@ -19,9 +19,9 @@ from idic.fe.mesh.mesh import make_mesh
 from idic.fe.mesh.morph import find_holes
 from idic.identify.in_memory import identify
 from idic.identify.plan.planned_test import load_plan
-from idic.validation.studies.case import CaseJob, case_experiment, render, true_values, with_measured_start
-from idic.validation.studies.registry import make_study
-from idic.validation.studies.store import StudyStore
+from idic_studies.cases.case import CaseJob, case_experiment, render, true_values, with_measured_start
+from idic_studies.cases.registry import make_study
+from idic_studies.cases.store import StudyStore
 
 
 @pytest.fixture(scope="module")

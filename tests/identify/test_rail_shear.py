@@ -13,7 +13,7 @@ from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file.load import load_experiment
 from idic.identify.in_memory import identify
-from idic.validation.studies.case import with_measured_start
+from idic_studies.cases.case import with_measured_start
 
 LAW = '[material.ALL]\nlaw = "{}"\n{}\n\n'
 

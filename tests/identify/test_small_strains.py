@@ -12,10 +12,10 @@ from idic.identify.discrepancy.strain_error import with_finite_strains
 from idic.identify.in_memory import identify
 from idic.store.discrepancy_store import load_discrepancy, save_discrepancy
 from idic.store.run_store import RunStore
-from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS
-from idic.validation.trial.scenes.solve import solve
-from idic.validation.trial.scenes.worlds import world_scene
+from idic_studies.trial.scenes.recording import Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS
+from idic_studies.trial.scenes.solve import solve
+from idic_studies.trial.scenes.worlds import world_scene
 
 WORLD = {"specimen": "hole", "columns": 132, "frames": 5, "programme": "monotonic", "thickness": 1.5, "solid": False,
          "finite": False, "noise": "white"}

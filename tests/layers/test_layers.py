@@ -1,6 +1,7 @@
 """The architecture, enforced by reading the code: imports only downwards, no circles, rooms that a reader takes in."""
 
 import ast
+import re
 import subprocess
 import sys
 import tomllib
@@ -15,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 # Lower layers first. A room imports from lower layers and from itself; rooms of one layer do not see each other.
 LAYERS = [
-    ["idic.errors", "idic.expressions", "idic.parameters", "idic.read_once", "idic.remote_files"],
+    ["idic.errors", "idic.expressions", "idic.parameters", "idic.read_once", "idic.remote_files", "idic.studies"],
     ["idic.images", "idic.materials"],
     ["idic.fe"],
     ["idic.model", "idic.readers"],
@@ -26,11 +27,14 @@ LAYERS = [
     ["idic.report", "idic.workers"],
     ["idic.run"],
     ["idic.virtual_tests"],
-    ["idic.draw", "idic.notebook", "idic.validation"],
+    ["idic.draw", "idic.notebook"],
     ["idic_flows"],
     ["idic.cli", "idic.__main__"],
+    ["idic_studies"],
 ]
-WITHIN_A_LAYER = {("idic.parameters", "idic.errors"), ("idic.__main__", "idic.cli")}
+WITHIN_A_LAYER = {("idic.parameters", "idic.errors"), ("idic.studies", "idic.errors"), ("idic.__main__", "idic.cli")}
+DISTRIBUTIONS = {"idic": ".", "idic_flows": ".", "idic_studies": "studies"}  # package: folder of its pyproject.toml
+DOOR = "idic.studies"  # the one module of the product that knows of the studies
 BEFORE_THE_LAST = {"idic.fe": {"idic.images"}}  # rooms of lower layers that a room does not see
 LAWS = ("idic.materials.core", "idic.materials")  # what the finite elements see of the laws: their interface
 
@@ -45,21 +49,22 @@ THIRD_PARTIES = {
     "idic.virtual_tests": {"tifffile", "PIL", "meshio", "cv2"},
     "idic.draw": {"cv2", "pydantic", "starlette", "uvicorn"},
     "idic.notebook": {"arviz", "matplotlib", "pandas", "threadpoolctl", "xarray"},
-    "idic.validation": {"matplotlib", "jinja2", "zarr"},
     "idic_flows": {"fastapi", "httpx", "prefect"},
     "idic.cli": {"typer", "rich"},
+    "idic_studies": {"matplotlib", "prefect", "zarr"},
 }
 MAX_MODULES, MAX_LINE_SHARE = 16, 0.12  # of a folder, its own files only
 CATALOGUES = {"idic.diagnose.candidates", "idic.materials.plasticity"}  # like things side by side
 
 
 def modules():
-    """(module name, file) of everything in the package and the flows."""
-    for folder, package in (("idic", "idic"), ("flows", "idic_flows")):
+    """(module name, file) of everything in the packages; a folder without `__init__.py` holds scripts or tests."""
+    for folder, package in (("idic", "idic"), ("flows", "idic_flows"), ("studies", "idic_studies")):
         for file in sorted((ROOT / folder).rglob("*.py")):
-            parts = file.relative_to(ROOT / folder).with_suffix("").parts
-            parts = parts[:-1] if parts[-1] == "__init__" else parts
-            yield ".".join((package, *parts)), file
+            if (file.parent / "__init__.py").exists():
+                parts = file.relative_to(ROOT / folder).with_suffix("").parts
+                parts = parts[:-1] if parts[-1] == "__init__" else parts
+                yield ".".join((package, *parts)), file
 
 
 MODULES = dict(modules())
@@ -87,7 +92,7 @@ def _imports(name, file):
 
 def own_imports(name, file):
     """The modules of this project that a file imports."""
-    return {other for other in imports(name, file) if other.split(".")[0] in ("idic", "idic_flows") and other != "idic"}
+    return {other for other in imports(name, file) if other.split(".")[0] in DISTRIBUTIONS and other != "idic"}
 
 
 def room(name):
@@ -133,7 +138,7 @@ def test_a_module_imports_only_from_lower_layers():
 def test_third_parties_stay_where_they_belong():
     wrong = []
     for name, file in MODULES.items():
-        permitted = SCIENCE | THIRD_PARTIES.get(room(name), set()) | {"idic", "idic_flows"} | sys.stdlib_module_names
+        permitted = SCIENCE | THIRD_PARTIES.get(room(name), set()) | set(DISTRIBUTIONS) | sys.stdlib_module_names
         foreign = {other.split(".")[0] for other in imports(name, file)} - permitted
         wrong += [f"{name} must not import {other}" for other in sorted(foreign)]
     assert not wrong, "\n".join(wrong)
@@ -159,10 +164,10 @@ def test_a_folder_is_small_enough_to_be_taken_in():
     assert not heavy, f"more than {MAX_LINE_SHARE:.0%} of all lines: {heavy}"
 
 
-def test_the_product_does_not_know_of_its_validation():
-    product = [name for name in MODULES if not name.startswith(("idic.validation", "idic.cli", "idic_flows"))]
-    assert not [name for name in product
-                if any(other.startswith("idic.validation") for other in own_imports(name, MODULES[name]))]
+def test_the_product_opens_the_studies_at_one_door():
+    """Read as text: an import by name and the modules that workers load first are strings."""
+    assert [name for name, file in MODULES.items() if not name.startswith("idic_studies")
+            and "idic_studies" in file.read_text(encoding="utf-8")] == [DOOR]
 
 
 def test_the_rules_find_an_offender():
@@ -171,13 +176,29 @@ def test_the_rules_find_an_offender():
     assert not allowed("idic.fe.march", "idic.materials.elastic")
     assert not allowed("idic.run.tasks", "idic_flows.identify")
     assert not allowed("idic.report.page", "idic.workers.runner")
+    assert not allowed("idic.cli.studies_commands", "idic_studies.cases.gallery")
+    assert not allowed("idic_flows.public", "idic_studies.flows.study")
     assert allowed("idic.fe.march", "idic.materials.core.points") and allowed("idic.cli.app", "idic_flows.identify")
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}}) and not circles({"a": {"b"}, "b": {"c"}})
 
 
-def test_the_wheel_holds_every_package():
-    listed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
-    assert sorted(listed) == sorted(name for name, file in MODULES.items() if file.name == "__init__.py")
+def project(folder):
+    """The content of a pyproject.toml."""
+    return tomllib.loads((ROOT / folder / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("folder", sorted(set(DISTRIBUTIONS.values())))
+def test_a_wheel_holds_every_package_of_its_distribution(folder):
+    listed = project(folder)["tool"]["setuptools"]["packages"]
+    assert sorted(listed) == sorted(name for name, file in MODULES.items() if file.name == "__init__.py"
+                                    and DISTRIBUTIONS[name.split(".")[0]] == folder)
+
+
+def test_the_distribution_of_the_studies_names_its_third_parties():
+    stated = {re.match(r"[\w-]+", text).group() for text in project("studies")["project"]["dependencies"]}
+    needed = {other.split(".")[0] for name, file in MODULES.items() if name.startswith("idic_studies")
+              for other in imports(name, file)} - sys.stdlib_module_names - set(DISTRIBUTIONS)
+    assert needed | {"idic"} == stated
 
 
 @pytest.mark.parametrize("module", ["idic", "idic.cli"])
@@ -199,11 +220,11 @@ def test_the_flows_load_no_prefect_until_they_run_and_no_statistics():
 def test_the_table_of_the_readme_has_every_room():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     for entry in (entry for layer in LAYERS for entry in layer if entry != "idic.__main__"):
-        name = {"idic_flows": "flows"}.get(entry, entry.replace(".", "/"))
+        name = {"idic_flows": "flows", "idic_studies": "studies"}.get(entry, entry.replace(".", "/"))
         assert f"`{name}/`" in text or f"`{name}.py`" in text, f"{entry} is not in the README's table"
 
 
 def test_no_two_test_files_have_the_same_name():
     """pytest imports a test file by its name alone: of two with one name, the second is not run."""
-    names = Counter(file.name for file in (ROOT / "tests").rglob("*.py"))
+    names = Counter(file.name for folder in ("tests", "studies/bench") for file in (ROOT / folder).rglob("*.py"))
     assert not [name for name, times in names.items() if times > 1 and name != "conftest.py"]

@@ -12,8 +12,11 @@ from pathlib import Path
 from quality.called import called
 
 ROOT = Path(__file__).parents[2]
-MODULES = [".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-           for file in sorted((ROOT / "idic").rglob("*.py")) if file.name not in ("__main__.py", "guard.py")]
+FOLDERS = {"idic": "idic", "flows": "idic_flows", "studies": "idic_studies"}  # and their packages
+SOURCES = {folder: [file for file in sorted((ROOT / folder).rglob("*.py")) if (file.parent / "__init__.py").exists()]
+           for folder in FOLDERS}
+MODULES = [".".join((FOLDERS[folder], *file.relative_to(ROOT / folder).with_suffix("").parts)).removesuffix(".__init__")
+           for folder, files in SOURCES.items() for file in files if file.name not in ("__main__.py", "guard.py")]
 
 
 def named(pattern: str, *files: Path) -> set[str]:
@@ -31,7 +34,7 @@ def test_every_module_that_the_docs_start_exists():
 
 
 def test_every_module_that_the_workers_preload_exists():
-    names = named(r'\("(idic(?:\.\w+)+)",\)', *(ROOT / "idic").rglob("*.py"), *(ROOT / "flows").glob("*.py"))
+    names = named(r'\("(idic(?:\.\w+)+)",\)', *(file for files in SOURCES.values() for file in files))
     assert len(names) > 2 and [name for name in names if find_spec(name) is None] == []
 
 
@@ -50,5 +53,5 @@ def without_remedy(text: str) -> list[int]:
 def test_every_refusal_of_an_input_says_what_to_do():
     assert without_remedy("InputError('bad', found=1)") == [1] and not without_remedy("InputError('bad', remedy='x')")
     found = {str(file.relative_to(ROOT)): without_remedy(file.read_text(encoding="utf-8"))
-             for folder in ("idic", "flows") for file in sorted((ROOT / folder).rglob("*.py"))}
+             for files in SOURCES.values() for file in files}
     assert {file: lines for file, lines in found.items() if lines} == {}

@@ -16,7 +16,7 @@ from experiment_file.small_experiment import TOML, change, load_experiment, writ
 from idic.cli.app import app
 from idic.report.evidence.cost import Cost, expected_cost, memory_here, simulation_cost
 
-BENCH = Path(__file__).parents[1] / "bench"
+BENCH = Path(__file__).parents[2] / "studies" / "bench"
 ELASTOPLASTIC = """law = "j2_linear"
 E = { value = 70, unit = "GPa", identify = true }
 nu = 0.3

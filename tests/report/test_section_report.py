@@ -7,8 +7,8 @@ import pytest
 
 import idic
 from idic.run.reporting.write import load_record, write_report
-from idic.validation.studies.bulge import SKETCH_SIZE
-from idic.virtual_tests.bulge import write_bulge
+from idic_studies.cases.bulge import SKETCH_SIZE
+from idic_studies.examples.bulge import write_bulge
 
 
 @pytest.fixture(scope="module")

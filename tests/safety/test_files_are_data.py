@@ -27,8 +27,8 @@ STARTS_PROGRAMS = {  # each knows what it starts; the external solver: only with
     "idic/workers/precompiling.py",  # idic's own compiler
     "idic/run/reporting/second_process.py",  # idic itself, for figures
     "idic/draw/watch.py", "idic/draw/viewer.py",  # idic itself, on a folder that the user has opened
-    "deploy/slurm_cluster.py", "idic/validation/trial/scenes/calculix.py",  # ccx on decks of our own
-    "idic/validation/trial/seal.py"}  # git, for the commit that the tool is sealed at
+    "deploy/slurm_cluster.py", "studies/trial/scenes/calculix.py",  # ccx on decks of our own
+    "studies/trial/seal.py"}  # git, for the commit that the tool is sealed at
 OWN_PIPES = {"idic/run/reporting/second_process.py"}  # pickles between this process and its own child
 FORBIDDEN = {"cloudpickle", "dill", "marshal", "shelve", "joblib", "pty", "code"}
 BAD_CALLS = {"eval", "exec", "os.system", "os.popen", "np.load", "numpy.load", "yaml.load", "yaml.unsafe_load",

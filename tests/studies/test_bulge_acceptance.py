@@ -7,15 +7,15 @@ import sys
 import numpy as np
 import pytest
 
-from idic.validation.pages.bulge_page import ended_right
-from idic.validation.pages.study_charts import chance
-from idic.validation.studies.registry import make_study
-from idic.validation.studies.store import StudyStore
+from idic_studies.pages.bulge_page import ended_right
+from idic_studies.pages.study_charts import chance
+from idic_studies.cases.registry import make_study
+from idic_studies.cases.store import StudyStore
 from idic.workers.dask_settings import ONE_THREAD
 
 DRIVE = """
 import sys
-from idic_flows.study import run_study
+from idic_studies.flows.study import run_study
 if __name__ == "__main__":
     run_study("bulge", sys.argv[1], "reduced", sys.argv[2:], resume=True)
 """

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from idic.validation.pages.case_record import CaseRecord
-from idic.validation.pages.convergence_page import reached_truth, draw_convergence, success
-from idic.validation.studies.convergence import LARGEST_START, starts, virtual_tests
-from idic.validation.studies.registry import make_study
+from idic_studies.pages.case_record import CaseRecord
+from idic_studies.pages.convergence_page import reached_truth, draw_convergence, success
+from idic_studies.cases.convergence import LARGEST_START, starts, virtual_tests
+from idic_studies.cases.registry import make_study
 
 
 def test_every_schedule_begins_at_the_same_starts_at_the_stated_distance():

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.validation.pages.case_record import CaseRecord
-from idic.validation.pages.coverage_page import coverage_of, draw_coverage
-from idic.validation.studies.case import CaseJob, case_experiment, render, run_case
-from idic.validation.studies.realisation import Disturbance
-from idic.validation.studies.registry import make_study
-from idic.validation.studies.store import StudyStore
+from idic_studies.pages.case_record import CaseRecord
+from idic_studies.pages.coverage_page import coverage_of, draw_coverage
+from idic_studies.cases.case import CaseJob, case_experiment, render, run_case
+from idic_studies.cases.realisation import Disturbance
+from idic_studies.cases.registry import make_study
+from idic_studies.cases.store import StudyStore
 
 NAMES = ["sheet.E", "sheet.nu"]
 

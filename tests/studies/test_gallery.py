@@ -9,9 +9,9 @@ from typer.testing import CliRunner
 
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.validation.pages.gallery_page import render_gallery
-from idic.validation.studies.gallery import make_gallery
-from idic.validation.studies.gallery_examples import gallery_examples
+from idic_studies.pages.gallery_page import render_gallery
+from idic_studies.cases.gallery import make_gallery
+from idic_studies.cases.gallery_examples import gallery_examples
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from idic.validation.pages.polycarbonate_outcomes import ended_right
-from idic.validation.studies.registry import make_study
-from idic.validation.studies.store import StudyStore
+from idic_studies.pages.polycarbonate_outcomes import ended_right
+from idic_studies.cases.registry import make_study
+from idic_studies.cases.store import StudyStore
 from idic.workers.dask_settings import ONE_THREAD
 
 pytestmark = pytest.mark.slow  # two minutes on a quiet core
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow  # two minutes on a quiet core
 @pytest.fixture(scope="module")
 def record(tmp_path_factory):
     out = tmp_path_factory.mktemp("reduced") / "out"
-    command = [sys.executable, "-m", "idic.validation.studies.plain", "polycarbonate", "--out", out, "--size",
+    command = [sys.executable, "-m", "idic_studies.cases.plain", "polycarbonate", "--out", out, "--size",
                "reduced", "--only", "from110/08"]
     subprocess.run(command, env=dict(os.environ) | ONE_THREAD, check=True)
     (case,) = make_study("polycarbonate", "reduced").select(["from110/08"])

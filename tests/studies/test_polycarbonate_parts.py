@@ -8,16 +8,16 @@ from idic.identify.in_memory import identify
 from idic.identify.step.stages import resolve_stages
 from idic.images.stack import ArrayStack
 from idic.images.stack_views import RoundedStack
-from idic.validation.pages.case_record import CaseRecord
-from idic.validation.pages.polycarbonate_figures import Lattice
-from idic.validation.pages.polycarbonate_outcomes import ended_right
-from idic.validation.pages.polycarbonate_page import PAPER, draw_polycarbonate, rms_of_errors
-from idic.validation.pages.study_page import render_study
-from idic.validation.studies.polycarbonate import REJUVENATION, SKETCH, random_factors, scaled
-from idic.validation.studies.realisation import quantised
-from idic.validation.studies.registry import make_study
-from idic.virtual_tests.polycarbonate import Size, necking_strip
-from idic.virtual_tests.polycarbonate_model import Divisions
+from idic_studies.pages.case_record import CaseRecord
+from idic_studies.pages.polycarbonate_figures import Lattice
+from idic_studies.pages.polycarbonate_outcomes import ended_right
+from idic_studies.pages.polycarbonate_page import PAPER, draw_polycarbonate, rms_of_errors
+from idic_studies.pages.study_page import render_study
+from idic_studies.cases.polycarbonate import REJUVENATION, SKETCH, random_factors, scaled
+from idic_studies.cases.realisation import quantised
+from idic_studies.cases.registry import make_study
+from idic_studies.examples.polycarbonate import Size, necking_strip
+from idic_studies.examples.polycarbonate_model import Divisions
 from idic.virtual_tests.virtual_test import write_virtual_model
 
 NAMES = tuple(PAPER)

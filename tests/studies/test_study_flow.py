@@ -13,9 +13,9 @@ import pytest
 
 from idic.errors import InputError
 from idic.identify.in_memory import identify
-from idic.validation.studies.case import case_experiment
-from idic.validation.studies.registry import make_study
-from idic.validation.studies.store import StudyStore
+from idic_studies.cases.case import case_experiment
+from idic_studies.cases.registry import make_study
+from idic_studies.cases.store import StudyStore
 from idic.workers.dask_settings import ONE_THREAD
 
 # 30 s of CPU time; the parts of a study by default: test_study_parts.py
@@ -24,7 +24,7 @@ SECONDS = 400.0  # the two runs take 30 s on a quiet machine
 FIRST, SECOND = "guess/110", "noise/010"
 DRIVE = """
 import sys
-from idic_flows.study import run_study
+from idic_studies.flows.study import run_study
 if __name__ == "__main__":
     print(run_study("bulge", sys.argv[1], "sketch", ["reference", *sys.argv[2:]], workers=1, resume=True))
 """

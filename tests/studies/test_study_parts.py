@@ -10,12 +10,12 @@ from idic.images.stack import ArrayStack
 from idic.images.stack_views import LeadingFrames, NoisyStack
 from idic.model.forward import build_forward
 from idic.model.leading_frames import leading_frames
-from idic.validation.pages.bulge_page import ended_right
-from idic.validation.pages.case_record import CaseRecord
-from idic.validation.pages.study_charts import chance
-from idic.validation.studies.bulge import SKETCH_SIZE, elastic_strip, reference_form, scaled
-from idic.validation.studies.registry import make_study
-from idic.virtual_tests.bulge import write_bulge_model
+from idic_studies.pages.bulge_page import ended_right
+from idic_studies.pages.case_record import CaseRecord
+from idic_studies.pages.study_charts import chance
+from idic_studies.cases.bulge import SKETCH_SIZE, elastic_strip, reference_form, scaled
+from idic_studies.cases.registry import make_study
+from idic_studies.examples.bulge import write_bulge_model
 
 
 @pytest.fixture(scope="module")

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from idic.validation.pages.case_record import CaseRecord
-from idic.validation.pages.two_step_page import METHODS, PLAIN, draw_two_step, spread_of
-from idic.validation.studies.registry import make_study
-from idic.validation.studies.two_step import OVERRIDES
+from idic_studies.pages.case_record import CaseRecord
+from idic_studies.pages.two_step_page import METHODS, PLAIN, draw_two_step, spread_of
+from idic_studies.cases.registry import make_study
+from idic_studies.cases.two_step import OVERRIDES
 
 
 def test_every_method_sees_the_same_noise_from_the_same_start():

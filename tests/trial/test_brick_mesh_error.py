@@ -17,10 +17,10 @@ from idic.identify.systematic.real_thickness import thick
 from idic.identify.systematic.refinement import refined
 from idic.model.forward import build_forward, solve
 from idic.model.motion_error import MotionError
-from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS
-from idic.validation.trial.scenes.solve import Motion, true_mesh
-from idic.validation.trial.scenes.worlds import world_scene
+from idic_studies.trial.scenes.recording import Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS
+from idic_studies.trial.scenes.solve import Motion, true_mesh
+from idic_studies.trial.scenes.worlds import world_scene
 
 BEAM = {"specimen": "bending", "columns": 146, "frames": 4, "programme": "monotonic", "thickness": 3.0, "solid": True,
         "finite": False, "noise": "white"}

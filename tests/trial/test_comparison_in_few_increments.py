@@ -8,10 +8,10 @@ import pytest
 from idic.diagnose.discretisation import bricks, increments, mesh_error
 from idic.diagnose.refit import identification_at
 from idic.experiment_file.load import load_rendered
-from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS
-from idic.validation.trial.scenes.solve import Motion, true_mesh
-from idic.validation.trial.scenes.worlds import world_scene
+from idic_studies.trial.scenes.recording import Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS
+from idic_studies.trial.scenes.solve import Motion, true_mesh
+from idic_studies.trial.scenes.worlds import world_scene
 
 WORLD = {"specimen": "bending", "columns": 146, "frames": 4, "programme": "monotonic", "thickness": 2.81,
          "solid": True, "finite": False, "noise": "white"}

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
-from idic.validation.trial.scenes.solve import solve
-from idic.validation.trial.tool_run import run_tool
+from idic_studies.trial.scenes.recording import Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic_studies.trial.scenes.solve import solve
+from idic_studies.trial.tool_run import run_tool
 
 LEFT_OF_A_VOID = 0.04  # of the stiffness
 PLACE, RADIUS = np.array([-2.3, 1.0]), 1.1  # mm

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from idic.diagnose.screen.candidate import candidates
-from idic.validation.trial.scenes.effects import EFFECTS
-from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS
-from idic.validation.trial.scenes.solve import solve
-from idic.validation.trial.scenes.worlds import world_scene
-from idic.validation.trial.tool_run import run_tool
+from idic_studies.trial.scenes.effects import EFFECTS
+from idic_studies.trial.scenes.recording import Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS
+from idic_studies.trial.scenes.solve import solve
+from idic_studies.trial.scenes.worlds import world_scene
+from idic_studies.trial.tool_run import run_tool
 
 WORLD = {"specimen": "d_shape", "columns": 160, "frames": 14, "programme": "unloading", "thickness": 2.0,
          "solid": False, "finite": False, "noise": "white"}

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.validation.trial.scenes.effects import EFFECTS
-from idic.validation.trial.scenes.recording import BACKGROUND_GREY, Paint
-from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
-from idic.validation.trial.strength import Bench
+from idic_studies.trial.scenes.effects import EFFECTS
+from idic_studies.trial.scenes.recording import BACKGROUND_GREY, Paint
+from idic_studies.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic_studies.trial.strength import Bench
 
 
 @pytest.fixture(scope="module")

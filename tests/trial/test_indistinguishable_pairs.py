@@ -6,13 +6,13 @@ import pytest
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.screen.score import null_model, score
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
-from idic.validation.trial.plan import INDISTINGUISHABLE_PAIRS, Campaign, draw, effect_in
-from idic.validation.trial.scenes.indistinguishable import STRENGTH_OF
-from idic.validation.trial.scenes.recording import Paint, as_logged
-from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
-from idic.validation.trial.scenes.solve import solve
-from idic.validation.trial.strength import CLEAR, Bench
-from idic.validation.trial.strengths import strengths
+from idic_studies.trial.plan import INDISTINGUISHABLE_PAIRS, Campaign, draw, effect_in
+from idic_studies.trial.scenes.indistinguishable import STRENGTH_OF
+from idic_studies.trial.scenes.recording import Paint, as_logged
+from idic_studies.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic_studies.trial.scenes.solve import solve
+from idic_studies.trial.strength import CLEAR, Bench
+from idic_studies.trial.strengths import strengths
 
 SEEN = 20.0  # standard deviations: without doubt
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.validation.trial.scenes import recording
-from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS
-from idic.validation.trial.scenes.solve import solve, true_mesh
-from idic.validation.trial.scenes.worlds import world_scene
-from idic.validation.trial.tool_run import run_tool
+from idic_studies.trial.scenes import recording
+from idic_studies.trial.scenes.recording import Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS
+from idic_studies.trial.scenes.solve import solve, true_mesh
+from idic_studies.trial.scenes.worlds import world_scene
+from idic_studies.trial.tool_run import run_tool
 
 WORLD = {"specimen": "hole", "columns": 132, "frames": 16, "programme": "monotonic", "thickness": 1.5, "solid": False,
          "finite": False, "noise": "white"}

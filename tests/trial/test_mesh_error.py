@@ -15,10 +15,10 @@ from idic.identify.discrepancy.mesh_error import projection
 from idic.identify.in_memory import identify
 from idic.identify.systematic.refinement import refined
 from idic.model.forward import build_forward, solve
-from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS
-from idic.validation.trial.scenes.solve import solve as solve_scene
-from idic.validation.trial.scenes.worlds import world_scene
+from idic_studies.trial.scenes.recording import Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS
+from idic_studies.trial.scenes.solve import solve as solve_scene
+from idic_studies.trial.scenes.worlds import world_scene
 
 SHEAR = {"specimen": "shear", "columns": 166, "programme": "monotonic", "thickness": 1.5, "solid": False,
          "finite": False, "noise": "white"}

@@ -12,15 +12,15 @@ from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file.toml_file import read_toml
 from idic.images.pattern import dense_speckle
-from idic.validation.trial.kinds import is_unseen
-from idic.validation.trial.many import run_many
-from idic.validation.trial.plan import PICTURES, Campaign, Truth, draw, paint_of, scene_of
-from idic.validation.trial.scenes.photographs import SURFACES, Photograph, drawn_photograph
-from idic.validation.trial.scenes.recording import IMAGES, on_photograph, write_public
-from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
-from idic.validation.trial.scenes.solve import solve
-from idic.validation.trial.seal import Folder, answered, seal
-from idic.validation.trial.trial import NOT_GENERATED
+from idic_studies.trial.kinds import is_unseen
+from idic_studies.trial.many import run_many
+from idic_studies.trial.plan import PICTURES, Campaign, Truth, draw, paint_of, scene_of
+from idic_studies.trial.scenes.photographs import SURFACES, Photograph, drawn_photograph
+from idic_studies.trial.scenes.recording import IMAGES, on_photograph, write_public
+from idic_studies.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic_studies.trial.scenes.solve import solve
+from idic_studies.trial.seal import Folder, answered, seal
+from idic_studies.trial.trial import NOT_GENERATED
 
 NOISE_GV, SHIFT_PX = 1.2, 0.03
 SHAPE = {"stereo": (560, 1200), "composite": (480, 860), "necking": (1720, 540)}  # that hold the windows

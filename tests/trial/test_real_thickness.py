@@ -29,11 +29,11 @@ from idic.model.drives import boundary_parameters
 from idic.model.experiment import Column, Constant, Load, Measured, Parametrised, Prescribed
 from idic.model.forward import build_forward
 from idic.parameters import ParameterSet
-from idic.validation.trial.scenes.calculix import solve_with_calculix
-from idic.validation.trial.scenes.recording import Paint, write_public
-from idic.validation.trial.scenes.scene import NULLS
-from idic.validation.trial.scenes.solve import Motion, solve, true_mesh
-from idic.validation.trial.scenes.worlds import as_solid, world_scene
+from idic_studies.trial.scenes.calculix import solve_with_calculix
+from idic_studies.trial.scenes.recording import Paint, write_public
+from idic_studies.trial.scenes.scene import NULLS
+from idic_studies.trial.scenes.solve import Motion, solve, true_mesh
+from idic_studies.trial.scenes.worlds import as_solid, world_scene
 
 BENDING = {"specimen": "bending", "columns": 146, "frames": 3, "programme": "monotonic", "thickness": 2.81,
            "solid": True, "finite": False, "noise": "white"}

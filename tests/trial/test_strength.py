@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from idic.validation.trial.scenes.effects import EFFECTS
-from idic.validation.trial.scenes.recording import Paint
-from idic.validation.trial.scenes.scene import NULLS
-from idic.validation.trial.scenes.worlds import world_scene
-from idic.validation.trial.strength import Bench
+from idic_studies.trial.scenes.effects import EFFECTS
+from idic_studies.trial.scenes.recording import Paint
+from idic_studies.trial.scenes.scene import NULLS
+from idic_studies.trial.scenes.worlds import world_scene
+from idic_studies.trial.strength import Bench
 
 WORLD = {"specimen": "bending", "columns": 146, "frames": 6, "programme": "hold", "thickness": 2.0, "solid": False,
          "finite": False, "noise": "white"}

@@ -9,16 +9,16 @@ import pytest
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.screen.decoys import decoys
 from idic.errors import InputError
-from idic.validation.trial.evaluation import _onset, evaluated
-from idic.validation.trial.plan import GROUPS, SINGLES, Campaign, Truth, draw, scene_of
-from idic.validation.trial.scenes.effects import EFFECTS
-from idic.validation.trial.scenes.outside import OUTSIDE
-from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
-from idic.validation.trial.scenes.solve import solve, true_mesh
-from idic.validation.trial.scores import confusion, goals
-from idic.validation.trial.seal import Folder, opened, seal
-from idic.validation.trial.strength import STRENGTHS, Seen, calibrated
-from idic.validation.trial.strengths import strengths
+from idic_studies.trial.evaluation import _onset, evaluated
+from idic_studies.trial.plan import GROUPS, SINGLES, Campaign, Truth, draw, scene_of
+from idic_studies.trial.scenes.effects import EFFECTS
+from idic_studies.trial.scenes.outside import OUTSIDE
+from idic_studies.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic_studies.trial.scenes.solve import solve, true_mesh
+from idic_studies.trial.scores import confusion, goals
+from idic_studies.trial.seal import Folder, opened, seal
+from idic_studies.trial.strength import STRENGTHS, Seen, calibrated
+from idic_studies.trial.strengths import strengths
 
 TOOL = {"version": "0", "commit": "abc", "changed": False, "thresholds": {"LEVEL": 0.01}}
 

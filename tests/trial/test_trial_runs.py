@@ -6,14 +6,14 @@ import shutil
 import numpy as np
 import pytest
 
-from idic.validation.pages.trial_page import write_trial_page
-from idic.validation.trial.plan import Campaign, scene_of
-from idic.validation.trial.scenes.calculix import solve_with_calculix
-from idic.validation.trial.scenes.effects import EFFECTS
-from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
-from idic.validation.trial.scenes.solve import solve
-from idic.validation.trial.seal import Folder, answered, opened, seal, tool_state
-from idic.validation.trial.trial import TrialJob, run_trial
+from idic_studies.pages.trial_page import write_trial_page
+from idic_studies.trial.plan import Campaign, scene_of
+from idic_studies.trial.scenes.calculix import solve_with_calculix
+from idic_studies.trial.scenes.effects import EFFECTS
+from idic_studies.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic_studies.trial.scenes.solve import solve
+from idic_studies.trial.seal import Folder, answered, opened, seal, tool_state
+from idic_studies.trial.trial import TrialJob, run_trial
 
 KEYS = ("clean/1", "singles/grip_rotation-concealed-0")
 SEED = 900  # not one of the seeds that scores are reported for

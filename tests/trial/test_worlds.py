@@ -11,21 +11,21 @@ from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.errors import InputError
 from idic.experiment_file.load import load_rendered
 from idic.identify.in_memory import identify
-from idic.validation.trial.evaluation import TrialRecord, _implied, generated_values, told_as_cut
-from idic.validation.trial.kinds import BEYOND, LIBRARY, is_unseen
-from idic.validation.trial.plan import (CLEAR, KNOWN_WORLDS, WORLDS, Campaign, Truth, draw, effect_named,
+from idic_studies.trial.evaluation import TrialRecord, _implied, generated_values, told_as_cut
+from idic_studies.trial.kinds import BEYOND, LIBRARY, is_unseen
+from idic_studies.trial.plan import (CLEAR, KNOWN_WORLDS, WORLDS, Campaign, Truth, draw, effect_named,
                                        scene_of)
-from idic.validation.trial.pool import target_table
-from idic.validation.trial.scenes import solve as solve_module
-from idic.validation.trial.scenes.recording import MODEL, Paint, model_mesh, write_public
-from idic.validation.trial.scenes.scene import NULLS, Geometry, plain_scene
-from idic.validation.trial.scenes.solve import DIVISIONS, Motion, campaign_mesh, solve, true_mesh
-from idic.validation.trial.scenes.specimens import SPECIMENS, bricks, specimen_mesh
-from idic.validation.trial.scenes.worlds import as_solid, drawn_world, view_of, world_geometry, world_scene
-from idic.validation.trial.seal import Folder, seal
-from idic.validation.trial.tool_run import FolderSource
-from idic.validation.trial.world_scores import world_goals
-from idic.validation.trial.world_strength import amplitude_in
+from idic_studies.trial.pool import target_table
+from idic_studies.trial.scenes import solve as solve_module
+from idic_studies.trial.scenes.recording import MODEL, Paint, model_mesh, write_public
+from idic_studies.trial.scenes.scene import NULLS, Geometry, plain_scene
+from idic_studies.trial.scenes.solve import DIVISIONS, Motion, campaign_mesh, solve, true_mesh
+from idic_studies.trial.scenes.specimens import SPECIMENS, bricks, specimen_mesh
+from idic_studies.trial.scenes.worlds import as_solid, drawn_world, view_of, world_geometry, world_scene
+from idic_studies.trial.seal import Folder, seal
+from idic_studies.trial.tool_run import FolderSource
+from idic_studies.trial.world_scores import world_goals
+from idic_studies.trial.world_strength import amplitude_in
 
 WORLD = {"specimen": "hole", "columns": 132, "frames": 16, "programme": "monotonic", "thickness": 1.5, "solid": False,
          "finite": False, "noise": "white"}

@@ -11,9 +11,9 @@ from idic.correlation.experiment_reference import build_reference
 from idic.correlation.view import view_of
 from idic.experiment_file.load import load_experiment
 from idic.model.forward import build_forward
-from idic.virtual_tests.bulge import REDUCED_SIZE, Size, write_bulge
-from idic.virtual_tests.bulge_mesh import REDUCED, Columns
-from idic.virtual_tests.bulge_model import TRUTH
+from idic_studies.examples.bulge import REDUCED_SIZE, Size, write_bulge
+from idic_studies.examples.bulge_mesh import REDUCED, Columns
+from idic_studies.examples.bulge_model import TRUTH
 from idic.virtual_tests.section_images import Section, height_image, material_places, roughness
 from idic.virtual_tests.simulate import simulate
 

@@ -5,10 +5,10 @@ import json
 import pytest
 
 import idic
-from idic.validation.studies.polycarbonate import SKETCH, scaled
+from idic_studies.cases.polycarbonate import SKETCH, scaled
 from idic.virtual_tests import examples as example
-from idic.virtual_tests.polycarbonate import necking_strip
-from idic.virtual_tests.polycarbonate_model import TRUTH
+from idic_studies.examples.polycarbonate import necking_strip
+from idic_studies.examples.polycarbonate_model import TRUTH
 
 BASICS = {f"material.{name}.identify": False for name in ("strip.mu", "strip.eta0", "strip.kappa", "strip.r1")}
 FAR = {"strip.r0": 1.25, "strip.Sa": 1.25, "strip.tau0": 0.8, "strip.G1": 1.3, "strip.Gr": 0.8}  # over the truth

@@ -18,8 +18,8 @@ from idic.images.interpolate import prefilter
 from idic.images.stack import ArrayStack
 from idic.images.stack_views import RoundedStack
 from idic.virtual_tests.examples import write_example
-from idic.virtual_tests.polycarbonate import Size, necking_strip
-from idic.virtual_tests.polycarbonate_model import TRUTH, Divisions, directions, pull, strip_mesh, strip_model
+from idic_studies.examples.polycarbonate import Size, necking_strip
+from idic_studies.examples.polycarbonate_model import TRUTH, Divisions, directions, pull, strip_mesh, strip_model
 from idic.virtual_tests.render import Sensor, clean_image
 from idic.virtual_tests.virtual_test import write_virtual_model
 

@@ -1,7 +1,7 @@
 """Bias and scatter of the routes to one answer: whole specimen with grip log, measured edge, virtual boundaries.
 
     python tests/twins/virtual_boundary_study.py 10 [strip] [plate]     # 10 draws of all noise; rows of the table in
-    python docs/virtual_boundaries_picture.py                           # docs/evidence/virtual-boundaries.md, and its
+    python studies/evidence/virtual_boundaries_picture.py               # docs/evidence/virtual-boundaries.md, and its
                                                                         # figure
 """
 

@@ -15,7 +15,7 @@ from idic_flows.settings import connected
 
 pytestmark = pytest.mark.usefixtures("shared_server")
 register = runpy.run_path(str(Path(__file__).parents[2] / "deploy" / "prefect_deploy.py"))["main"]
-COMMANDS = {"identify", "batch", "diagnose", "systematic", "study", "trial"}
+COMMANDS = {"identify", "batch", "diagnose", "systematic"}
 
 
 @pytest.fixture

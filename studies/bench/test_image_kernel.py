@@ -1,0 +1,151 @@
+"""Speed of the image side, as ratios measured in the same run: minima of interleaved repeats, one core.
+
+    pytest studies/bench/test_image_kernel.py -m bench -s
+"""
+
+import time
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from idic.correlation.frame import nodal_equations
+from idic.correlation.image_kernel import N_SUMS, image_pass
+from idic.correlation.pixels.cells import N_NODES
+from idic.correlation.pixels.pixel_map import build_pixel_map, element_coefficients
+from idic.correlation.reference import build_reference
+from idic.fe.mesh.mesh import Block
+from idic.images.camera import Camera
+from idic.images.interpolate import prefilter
+
+pytestmark = [pytest.mark.bench, pytest.mark.slow]
+
+CASES = {  # image shape, elements along columns and rows, cell
+    "polycarbonate quad4, 26 px per element": ((193, 420), (120, 24), "quad4"),
+    "polycarbonate quad4, 550 px per element": ((193, 420), (17, 8), "quad4"),
+    "polycarbonate quad8, 550 px per element": ((193, 420), (17, 8), "quad8"),
+    "4 Mpx quad4, 1400 px per element": ((2000, 2000), (54, 54), "quad4"),
+}
+
+
+def best_of(functions, repeats):
+    """Minimum time (s) of each function, run in turn: a load on the machine meets all of them."""
+    times = [[] for _ in functions]
+    for function in functions:
+        function()  # compile, warm up
+    for _ in range(repeats):
+        for function, mine in zip(functions, times):
+            start = time.perf_counter()
+            function()
+            mine.append(time.perf_counter() - start)
+    return [min(mine) for mine in times]
+
+
+def quads(nx, ny, width, height, cell):
+    """A regular mesh that begins at (4.2, 4.2) px; for quad8 with the nodes on the middles of the edges."""
+    step = 2 if cell == "quad8" else 1
+    x, y = np.meshgrid(np.linspace(4.2, width - 5.2, nx * step + 1), np.linspace(4.2, height - 5.2, ny * step + 1))
+    number = np.arange(x.size).reshape(x.shape)
+    low, high = slice(0, -1, step), slice(step, None, step)
+    corners = [number[low, low], number[low, high], number[high, high], number[high, low]]
+    if step == 2:
+        corners += [number[:-1:2, 1::2], number[1::2, 2::2], number[2::2, 1::2], number[1::2, :-1:2]]
+    return np.column_stack([x.ravel(), y.ravel()]), np.stack([corner.ravel() for corner in corners], axis=1)
+
+
+def setting(name):
+    shape, (nx, ny), cell = CASES[name]
+    rng = np.random.default_rng(0)
+    f, g = (rng.integers(0, 256, shape).astype(np.uint8) for _ in range(2))
+    nodes, conn = quads(nx, ny, shape[1], shape[0], cell)
+    pm = build_pixel_map(nodes, [Block(cell, conn, 0)], Camera.from_table(1.0, axes=("+col", "+row")), shape)
+    u = 0.001 * (pm.nodes_px - np.array(shape[::-1]) / 2) + 0.3
+    return f, g, conn, build_reference(pm, f), u
+
+
+def kernel(reference, spline, u):
+    """The image pass alone, as `nodal_equations` calls it."""
+    pm, layout = reference.pixel_map, reference.layout("frame")
+    means, valid = layout.mean[layout.patch], np.ones(pm.n_pixels, dtype=np.uint8)
+    sums, lost = np.empty((pm.n_elements, N_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
+    c, no_matching = spline.coefficients, reference.matching(np.tile(np.eye(2), (pm.n_elements, 1, 1)))
+
+    def run():
+        image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, *no_matching,
+                   means, element_coefficients(pm, u), c.ravel(), c.shape[1], spline.degree, np.int32(0), valid, sums,
+                   lost)
+
+    return run
+
+
+def scipy_pipeline(reference, g, u, degree):
+    """What one writes without a kernel: sparse interpolation, map_coordinates, sparse assembly."""
+    pm = reference.pixel_map
+    weights, points = pm.shape_matrix(), pm.points()
+    transposed = weights.T.tocsr()
+    coefficients = ndimage.spline_filter(g.astype(float), degree, mode="mirror")
+    f, slopes = reference.f.astype(float), np.column_stack([reference.fx, reference.fy]).astype(float)
+
+    def run():
+        moved = points + weights @ u
+        r = f - ndimage.map_coordinates(coefficients, moved[:, ::-1].T, order=degree, mode="mirror", prefilter=False)
+        return transposed @ (slopes * r[:, None]), r @ r
+
+    return run
+
+
+@pytest.mark.parametrize("degree", [3, 5])
+@pytest.mark.parametrize("name", CASES)
+def test_the_fused_kernel_is_six_times_the_scipy_pipeline(name, degree):
+    _, g, _, reference, u = setting(name)
+    spline, n, large = prefilter(g, degree), reference.pixel_map.n_pixels, g.size > 1e6
+    q, rr = scipy_pipeline(reference, g, u, degree)()
+    share = nodal_equations(reference, spline, u, "none")
+    # the same job: equal but for float32 and, in q, the convected gradient (F = 1.001) against the plain one
+    assert abs(share.rr / rr - 1) < 1e-5
+    assert np.abs(share.q - q.ravel()).max() < 2e-3 * np.abs(q).max()
+    fused, whole, slow, own, its = best_of(
+        [kernel(reference, spline, u), lambda: nodal_equations(reference, spline, u),
+         scipy_pipeline(reference, g, u, degree), lambda: prefilter(g, degree),
+         lambda: ndimage.spline_filter(g.astype(float), degree, mode="mirror")],
+        3 if large else 15)
+    print(f"\n{name}, degree {degree}: kernel {n / fused / 1e6:.0f} Mpx/s, with H, brightness and assembly "
+          f"{n / whole / 1e6:.0f}, scipy {n / slow / 1e6:.1f} (ratios {slow / fused:.1f} and {slow / whole:.1f}); "
+          f"prefilter {g.size / own / 1e6:.0f} Mpx/s, scipy {g.size / its / 1e6:.0f}")
+    assert slow / fused >= 6.0
+
+
+def test_refilling_h_takes_a_millisecond_for_3000_elements():
+    _, g, _, reference, u = setting("polycarbonate quad4, 26 px per element")
+    spline = prefilter(g)
+    whole, fused = best_of([lambda: nodal_equations(reference, spline, u), kernel(reference, spline, u)], 30)
+    print(f"\nframe share {whole * 1e3:.2f} ms, of which pixels {fused * 1e3:.2f} ms")
+    assert whole - fused < 1e-3
+    assert N_NODES[reference.pixel_map.kind].max() == 4
+
+
+@pytest.mark.parametrize("name", ["polycarbonate quad4, 26 px per element", "polycarbonate quad4, 550 px per element"])
+def test_a_frame_is_twenty_times_pyxels_residual_and_assembly(name):
+    pyxel = pytest.importorskip("pyxel", reason="pyxel-dic is not installed (pip install ./studies[bench])")
+    f, g, conn, reference, u = setting(name)
+    nodes = reference.pixel_map.nodes_px
+    camera, mesh = pyxel.Camera(dim=2), pyxel.Mesh({3: conn}, nodes * [1, -1])  # its mesh y points up
+    mesh.Connectivity()
+    mesh.DICIntegrationPixel(camera)
+    one, two = pyxel.Image("f"), pyxel.Image("g")
+    one.pix, two.pix = f.astype(float), g.astype(float)
+    one.BuildInterp()
+    two.BuildInterp()
+    engine = pyxel.DICEngine()
+    engine.ComputeLHS(one, mesh, camera)
+    dofs = np.zeros(mesh.ndof)
+    dofs[mesh.conn] = u * [1, -1]
+    spline, n = prefilter(g), len(mesh.pgx)
+    ours, whole, theirs, theirs_whole = best_of(
+        [lambda: nodal_equations(reference, spline, u), lambda: nodal_equations(reference, prefilter(g), u),
+         lambda: engine.ComputeRHS(two, mesh, camera, dofs),
+         lambda: (two.BuildInterp(), engine.ComputeRHS(two, mesh, camera, dofs))], 30)
+    per_pixel = reference.pixel_map.n_pixels / n  # its points are not exactly our pixels
+    print(f"\n{name}: pyxel {n / theirs / 1e6:.2f} Mpx/s, ratio {theirs / ours * per_pixel:.0f}; "
+          f"with the spline of the frame {theirs_whole / whole * per_pixel:.0f}")
+    assert theirs / ours * per_pixel >= 20.0

@@ -1,0 +1,72 @@
+"""Held-out frames: residuals of a fit without them.
+
+    python studies/evidence/real_cameras/held_out.py EXPERIMENT FRAME [FRAME ...] [--set key=value ...]
+
+FRAME counts from 0. The table gives the residual (rms, grey values) of every frame: of the free FE-DIC, of the fit to
+all frames, of the fit without the held-out ones. Edges are measured in every frame from its own image in all three.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+
+from idic import load_experiment
+from idic.dic import dic_stack
+from idic.identify.in_memory import evaluate_at, identify
+from idic.identify.step.state import Evaluation
+from idic.model.experiment import Experiment, Noise
+from idic.identify.measured_start import measured_start
+
+
+def residuals(point: Evaluation, n_frames: int) -> np.ndarray:
+    """Root mean square of every frame  # (n_frames,) GV, NaN where it took no part"""
+    rms = np.full(n_frames, np.nan)
+    for record in point.system.frames:
+        rms[record.frame] = np.sqrt(record.rr / max(record.n_pixels, 1))
+    return rms
+
+
+def judged(experiment: Experiment, held: tuple[int, ...]) -> tuple[np.ndarray, list[dict]]:
+    """Residuals (n_frames, 3) of free FE-DIC, fit to all, fit without `held`; and the two fits' results."""
+    free = dic_stack(experiment)
+    excluded = [k for k, status in enumerate(free.status) if status != "ok"]
+    if experiment.noise.std_gv is None:
+        experiment = replace(experiment, noise=Noise(free.noise_gv, "residual_of_free_dic"))
+    local = measured_start(experiment, free.u_px, excluded)
+    experiment = replace(experiment, excluded=tuple(excluded))
+    whole = identify(experiment, local)
+    part = identify(replace(experiment, excluded=(*excluded, *held),
+                            parameters=experiment.parameters.with_values(whole.state.accepted.values)), local)
+    seen, _ = evaluate_at(experiment, part.state.accepted.values, whole.local)
+    n = experiment.n_frames
+    return (np.stack([free.rms_gv, residuals(whole.point, n), residuals(seen, n)], axis=1),
+            [whole.result, part.result])
+
+
+def main() -> None:
+    arguments, settings = sys.argv[1:], {}
+    while "--set" in arguments:
+        at = arguments.index("--set")
+        key, _, value = arguments[at + 1].partition("=")
+        settings[key] = value
+        del arguments[at:at + 2]
+    experiment, held = load_experiment(arguments[0], settings), tuple(int(k) for k in arguments[1:])
+    found, results = judged(experiment, held)
+    lines = ["| image | free FE-DIC | fit to all | fit without |", "| --- " * 4 + "|"]
+    for k, row in enumerate(found):
+        if np.isfinite(row[1]):
+            star = " (held out)" if k in held else ""
+            lines.append(f"| {experiment.labels[k]}{star} | " + " | ".join(f"{value:.3f}" for value in row) + " |")
+    for what, result in zip(("all frames", "without"), results, strict=True):
+        values = {name: (entry["value"], entry["std"]) for name, entry in result["parameters"].items()
+                  if entry["free"] and entry["std"] is not None}
+        values |= {name: (entry["value"], entry["std"]) for name, entry in result["derived"].items()}
+        lines.append(f"{what}: " + ", ".join(f"{name} {v:.4g} ± {std:.2g}" for name, (v, std) in values.items()))
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()

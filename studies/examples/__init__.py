@@ -1,0 +1,9 @@
+"""The examples of the paper: bulge test, necking polycarbonate strip and its planned tests (`idic example`).
+
+The tables are those of `idic.virtual_tests.examples`.
+"""
+
+from idic_studies.examples import bulge, polycarbonate, polycarbonate_plans
+
+EXAMPLES = {"polycarbonate": polycarbonate.polycarbonate}
+WRITERS = {"bulge": bulge.write_bulge, "polycarbonate-plans": polycarbonate_plans.write_polycarbonate_plans}

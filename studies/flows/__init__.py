@@ -1,0 +1,1 @@
+"""The studies and the blind trial as Prefect flows."""

@@ -1,0 +1,126 @@
+"""The tool on a folder without truth: identification of the user's model and its diagnosis.
+
+The functions are those of `idic identify` and `idic diagnose`; images stay in memory, one process does everything. The
+noise is what a RUN would count: the stated one, unless the images show more.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from idic.diagnose.blocks import block_judgements
+from idic.diagnose.chain import Diagnosis, diagnose
+from idic.diagnose.notes import Notes
+from idic.diagnose.screen.candidate import Candidate
+from idic.experiment_file.recording import Frames
+from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
+from idic.diagnose.selection.rounds import silent
+from idic.identify.in_memory import Identification, identify
+from idic.identify.input_noise import measured_noise
+from idic.images.stack import ArrayStack, Stack
+from idic.model.experiment import Experiment, Noise
+from idic.model.motion_error import MotionError
+from idic.run.diagnosis.files import diagnosis_content, free_parameters
+from idic.run.diagnosis.refits import run_refits
+from idic.run.diagnosis.source import EditedFolder
+from idic.run.diagnosis.spotless import without_spots
+from idic_studies.trial.ablations import ablations, omnibus
+from idic_studies.trial.scenes.recording import IMAGES
+from idic.workers.runner import SerialRunner
+
+READ_FOLDERS: dict[str, dict] = {}  # frames and meshes of a folder that this process has read
+
+
+@dataclass(frozen=True)
+class FolderSource:
+    """A folder of a trial with edits: the counterpart of `idic.run.diagnosis.source.Source` for a RUN.
+
+    noise : of the images, in the place of the stated one; None: the stated one
+    """
+
+    folder: str
+    stack: Stack = field(repr=False)
+    edits: Mapping[str, Any] = field(default_factory=dict)
+    noise: Noise | None = None
+    motion_error: MotionError | None = field(default=None, repr=False)
+
+    def document(self) -> dict:
+        """Tables of experiment.toml with the present edits."""
+        return with_overrides(read_toml(locate(self.folder)), self.edits)
+
+    def load(self, edits: Mapping[str, Any] | None = None) -> Experiment:
+        """The experiment with further edits."""
+        file = locate(self.folder)
+        raw = with_overrides(read_toml(file), {**self.edits, **(edits or {})})
+        kept = READ_FOLDERS.setdefault(self.folder, {})
+        stated = _Folder(file, file.parent.resolve(), validated(raw, file), raw, kept, self.stack).experiment()
+        return replace(stated, noise=self.noise or stated.noise, motion_error=self.motion_error)
+
+    def with_measured_noise(self) -> FolderSource:
+        """With the noise that a RUN of this folder would count (`idic.identify.input_noise`)."""
+        return replace(self, noise=measured_noise(self.load()))
+
+    def with_edits(self, edits: Mapping[str, Any]) -> FolderSource:
+        return replace(self, edits={**self.edits, **edits})
+
+    def with_motion_error(self, error: MotionError) -> FolderSource:
+        return replace(self, motion_error=error)
+
+
+@dataclass(frozen=True)
+class _Folder(EditedFolder):
+    stack: Stack
+
+    def frames(self) -> Frames:
+        labels = tuple(f"frame {k}" for k in range(self.stack.n_frames))
+        return Frames(self.stack, labels, None, 0, (), (), None, self.mask(self.stack), ())
+
+
+@dataclass(frozen=True, eq=False)
+class ToolRun:
+    """The answer of the tool and its basis.
+
+    content : as diagnosis.json, with ``identified``: status and parameters of the user's model; cost : CPU seconds
+    """
+
+    content: dict
+    found: Identification
+    diagnosis: Diagnosis
+
+
+def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_ablations: bool = False) -> ToolRun:
+    """Identify and diagnose a folder; with_ablations : ablations and decoys of the first screening, too."""
+    began = time.process_time()
+    source = FolderSource(str(folder), ArrayStack(np.load(folder / IMAGES, allow_pickle=False))).with_measured_noise()
+    found = identify(source.load())
+    identified = time.process_time() - began
+    ablated: list[dict] = []
+
+    def watch(*seen) -> None:
+        if with_ablations and not ablated:
+            ablated.append(ablations(*seen))
+
+    notes, as_found = Notes(), (source, found, None)
+    there, without, spots = notes.attempt("the search for spots in the images", without_spots, source, found, silent,
+                                          otherwise=as_found)
+    diagnosis = diagnose(there, without, partial(run_refits, SerialRunner(), None), library=library, watch=watch)
+    diagnosis = replace(diagnosis, spots=spots, notes=(*notes.told, *diagnosis.notes))
+    READ_FOLDERS.pop(str(folder), None)
+    before = free_parameters(found.result)
+    content = diagnosis_content(diagnosis, before, time.process_time() - began)
+    content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}
+    content["cost"] |= {"identify_cpu_s": round(identified, 2), "cpu_s": round(time.process_time() - began, 2)}
+    if with_ablations:
+        content["fit"]["blocks"] = [block.content() for block in block_judgements(diagnosis)]
+    if ablated:
+        content["ablations"] = ablated[0] | {"size": omnibus(content["mismatch"].get("tests", ()))}
+    content["identified"] = {"status": found.state.status, "parameters": {
+        name: {"value": entry["value"], "std": entry["std"]} for name, entry in before.items()}}
+    return ToolRun(content, found, diagnosis)
