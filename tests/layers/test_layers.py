@@ -11,6 +11,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from quality.sources import modules
 
 ROOT = Path(__file__).parents[2]
 
@@ -57,17 +58,7 @@ MAX_MODULES, MAX_LINE_SHARE = 16, 0.12  # of a folder, its own files only
 CATALOGUES = {"idic.diagnose.candidates", "idic.materials.plasticity"}  # like things side by side
 
 
-def modules():
-    """(module name, file) of everything in the packages; a folder without `__init__.py` holds scripts or tests."""
-    for folder, package in (("idic", "idic"), ("flows", "idic_flows"), ("studies", "idic_studies")):
-        for file in sorted((ROOT / folder).rglob("*.py")):
-            if (file.parent / "__init__.py").exists():
-                parts = file.relative_to(ROOT / folder).with_suffix("").parts
-                parts = parts[:-1] if parts[-1] == "__init__" else parts
-                yield ".".join((package, *parts)), file
-
-
-MODULES = dict(modules())
+MODULES = modules()
 
 
 @cache

@@ -10,13 +10,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from quality.called import called
+from quality.sources import modules
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = {"idic": "idic", "flows": "idic_flows", "studies": "idic_studies"}  # and their packages
-SOURCES = {folder: [file for file in sorted((ROOT / folder).rglob("*.py")) if (file.parent / "__init__.py").exists()]
-           for folder in FOLDERS}
-MODULES = [".".join((FOLDERS[folder], *file.relative_to(ROOT / folder).with_suffix("").parts)).removesuffix(".__init__")
-           for folder, files in SOURCES.items() for file in files if file.name not in ("__main__.py", "guard.py")]
+MODULES = modules()
 
 
 def named(pattern: str, *files: Path) -> set[str]:
@@ -24,8 +21,9 @@ def named(pattern: str, *files: Path) -> set[str]:
 
 
 def test_every_module_can_be_imported():
-    for module in MODULES:
-        importlib.import_module(module)
+    for name, file in MODULES.items():
+        if file.name not in ("__main__.py", "guard.py"):
+            importlib.import_module(name)
 
 
 def test_every_module_that_the_docs_start_exists():
@@ -34,7 +32,7 @@ def test_every_module_that_the_docs_start_exists():
 
 
 def test_every_module_that_the_workers_preload_exists():
-    names = named(r'\("(idic(?:\.\w+)+)",\)', *(file for files in SOURCES.values() for file in files))
+    names = named(r'\("(idic(?:\.\w+)+)",\)', *MODULES.values())
     assert len(names) > 2 and [name for name in names if find_spec(name) is None] == []
 
 
@@ -53,5 +51,5 @@ def without_remedy(text: str) -> list[int]:
 def test_every_refusal_of_an_input_says_what_to_do():
     assert without_remedy("InputError('bad', found=1)") == [1] and not without_remedy("InputError('bad', remedy='x')")
     found = {str(file.relative_to(ROOT)): without_remedy(file.read_text(encoding="utf-8"))
-             for files in SOURCES.values() for file in files}
+             for file in MODULES.values()}
     assert {file: lines for file, lines in found.items() if lines} == {}

@@ -6,7 +6,7 @@ import pytest
 
 import idic
 from idic_studies.cases.polycarbonate import SKETCH, scaled
-from idic.virtual_tests import examples as example
+from idic_studies.examples import EXAMPLES
 from idic_studies.examples.polycarbonate import necking_strip
 from idic_studies.examples.polycarbonate_model import TRUTH
 
@@ -17,9 +17,9 @@ FAR = {"strip.r0": 1.25, "strip.Sa": 1.25, "strip.tau0": 0.8, "strip.G1": 1.3, "
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(example.EXAMPLES, "polycarbonate", lambda reduced, foreign: necking_strip(SKETCH))
+        patch.setitem(EXAMPLES, "polycarbonate", lambda reduced, foreign: necking_strip(SKETCH))
         out = tmp_path_factory.mktemp("strip") / "strip"
-        example.write_example("polycarbonate", out)
+        idic.write_example("polycarbonate", out)
     return out
 
 

@@ -18,6 +18,7 @@ from idic.images.interpolate import prefilter
 from idic.images.stack import ArrayStack
 from idic.images.stack_views import RoundedStack
 from idic.virtual_tests.examples import write_example
+from idic_studies.examples import EXAMPLES
 from idic_studies.examples.polycarbonate import Size, necking_strip
 from idic_studies.examples.polycarbonate_model import TRUTH, Divisions, directions, pull, strip_mesh, strip_model
 from idic.virtual_tests.render import Sensor, clean_image
@@ -114,10 +115,8 @@ def test_the_images_show_both_sides_of_the_plane_of_symmetry():
 
 
 def test_the_folder_starts_at_110_percent_and_says_how_the_images_were_made(tmp_path, monkeypatch):
-    from idic.virtual_tests import examples as example
-
     size = Size(0.5, (36, 80), 5, 1, Divisions(20, 2), 2.0)
-    monkeypatch.setitem(example.EXAMPLES, "polycarbonate",
+    monkeypatch.setitem(EXAMPLES, "polycarbonate",
                         lambda reduced, foreign: necking_strip(size, *((1.5, 4) if foreign else ())))
     for foreign in (False, True):
         folder = write_example("polycarbonate", tmp_path / str(foreign), foreign=foreign, noise=None).parent
