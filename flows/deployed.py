@@ -64,13 +64,12 @@ def batch(experiments: list[str], out: str, starts: int | None = None, spread: f
 
 
 @flow(name="idic-diagnose-deployed", persist_result=False)
-def diagnose(run: str, workers: int | None = None, scheduler: str | None = None, blocks: bool = False,
-             quick: bool = False) -> State:
+def diagnose(run: str, workers: int | None = None, scheduler: str | None = None, quick: bool = False) -> State:
     """``idic diagnose RUN --resume`` on the worker; paths as of `identify`."""
     from idic_flows.diagnose import run_diagnosis
 
     folder = data_path(run, "run")
-    found = run_diagnosis(folder, workers, scheduler, resume=True, blocks=blocks, quick=quick)
+    found = run_diagnosis(folder, workers, scheduler, resume=True, quick=quick)
     return Completed(message=f"{found['verdict']}: {found['headline']}: {folder / 'diagnosis.html'}")
 
 

@@ -20,15 +20,13 @@ from idic_flows.stages import run_stage
 
 def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | None = None,
                   stage: Callable[[str], None] = lambda text: None, resume: bool = False,
-                  blocks: bool = False, memory_limit: str | None = None, quick: bool = False,
-                  store: str | None = None) -> dict:
+                  memory_limit: str | None = None, quick: bool = False, store: str | None = None) -> dict:
     """Diagnose a RUN; writes diagnosis.json, diagnosis.html and the enriched experiment, returns the content.
 
     Parameters
     ----------
     workers, scheduler : a LocalCluster of so many processes (0: none), or an existing Dask scheduler
     resume : refits that an interrupted diagnosis has finished are not repeated
-    blocks : with a judgement on parts of the recording that had no part in the fit
     memory_limit : memory of one worker process, "2GB"
     quick : screening and refit of the most promising candidate alone
     store : as of `idic_flows.identify.run_identification`
@@ -45,19 +43,19 @@ def run_diagnosis(run: str | Path, workers: int | None = None, scheduler: str | 
     with (run_lock(run), flow_server() as server,
           place.opened(run, experiments_of(run), ("idic.run.diagnosis.diagnose",)) as runner):
         with connected(server):
-            return _diagnose_in_prefect(str(run), ShownRunner(runner), stage, began, resume, blocks, quick)
+            return _diagnose_in_prefect(str(run), ShownRunner(runner), stage, began, resume, quick)
 
 
 def _diagnose_in_prefect(run: str, runner: TaskRunner, stage: Callable[[str], None], began: float, resume: bool,
-                         blocks: bool, quick: bool) -> dict:
+                         quick: bool) -> dict:
     """The flow; made here because importing Prefect takes seconds. Its parameters are what Prefect's pages show."""
     from prefect import flow
 
     @flow(name="idic-diagnose", flow_run_name=f"diagnose-{time.strftime('%H%M%S')}", validate_parameters=False,
           persist_result=False)
-    def whole(run: str, resume: bool, blocks: bool, quick: bool, workers: int) -> dict:
+    def whole(run: str, resume: bool, quick: bool, workers: int) -> dict:
         diagnosis = run_stage("diagnose", partial(diagnose, resume=resume, quick=quick), run, runner, stage)
         stage("writing figures and the enriched experiment")
-        return run_stage("write", write_all, run, diagnosis, began, blocks)
+        return run_stage("write", write_all, run, diagnosis, began)
 
-    return whole(run, resume, blocks, quick, runner.workers)
+    return whole(run, resume, quick, runner.workers)

@@ -26,10 +26,6 @@ def diagnose(
     memory_limit: MemoryLimit = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue an interrupted diagnosis.")] = False,
     quick: Annotated[bool, typer.Option("--quick", help="Refit the most promising candidate alone.")] = False,
-    blocks: Annotated[
-        bool, typer.Option("--blocks", help="Also fit squares of pixels and early frames and judge on the rest: for "
-                                            "real cameras.")
-    ] = False,
     prefect: UsePrefect = True,
     store: FileStore = None,
 ) -> None:
@@ -50,7 +46,7 @@ def diagnose(
             else:
                 from idic.run.diagnosis.plain import diagnose_plainly as run_it
 
-            content = run_it(run, workers, scheduler, view.stage, resume, blocks, memory_limit, quick, store)
+            content = run_it(run, workers, scheduler, view.stage, resume, memory_limit, quick, store)
         console = terminal()
         for text in told(content):
             console.print(text, highlight=False, markup=False)

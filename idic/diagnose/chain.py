@@ -96,7 +96,6 @@ class Diagnosis:
     spots : what was left out of the images before
     free_form : the free law, refitted where no named cause of the specimen fits
     free_end : the end whose free motion explains more than the causes that were selected, which are not told then
-    begun : the experiment as the diagnosis began with it
     """
 
     found: Identification
@@ -127,7 +126,6 @@ class Diagnosis:
     spots: LeftOut | None = None
     free_form: FreeForm | None = None
     free_end: FreeEnd | None = None
-    begun: ExperimentSource | None = None
 
     @property
     def enriched(self) -> Refit | None:
@@ -189,7 +187,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     NotConverged
         If the identified model finds no equilibrium on a copy of the recording.
     """
-    clock, given = Clock(), source
+    clock = Clock()
     stage("residual evidence of the identified model")
     with clock.step("gather_s"):
         source, here, before = with_error(source, found)
@@ -259,7 +257,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
     return Diagnosis(found, mismatch, tuple(rounds), verdict, before, after, final, source, whole, effect(whole, unit),
                      grid, clock.seconds, active, tuple(own), margin, tuple(notes.told), channels, excesses[0],
                      probability(verdict, rounds, excesses[0], channels), quick, blocks, without, corrected,
-                     last.other, free_form=curve, free_end=end, begun=given)
+                     last.other, free_form=curve, free_end=end)
 
 
 def _free_form(models: Sequence[tuple[ExperimentSource, Refit, ResidualEvidence]], setting: Setting,

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from idic.diagnose.blocks import block_judgements
 from idic.diagnose.chain import Diagnosis, diagnose
 from idic.diagnose.notes import Notes
 from idic.diagnose.screen.candidate import Candidate
@@ -117,8 +116,6 @@ def run_tool(folder: Path, library: Sequence[Candidate] | None = None, with_abla
     content = diagnosis_content(diagnosis, before, time.process_time() - began)
     content["cost"] = {name: round(seconds, 2) for name, seconds in content["cost"].items()}
     content["cost"] |= {"identify_cpu_s": round(identified, 2), "cpu_s": round(time.process_time() - began, 2)}
-    if with_ablations:
-        content["fit"]["blocks"] = [block.content() for block in block_judgements(diagnosis)]
     if ablated:
         content["ablations"] = ablated[0] | {"size": omnibus(content["mismatch"].get("tests", ()))}
     content["identified"] = {"status": found.state.status, "parameters": {

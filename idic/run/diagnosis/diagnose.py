@@ -8,13 +8,11 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from idic.diagnose.blocks import block_cautions, block_judgements
 from idic.diagnose.chain import SEED, Diagnosis
 from idic.diagnose.chain import diagnose as diagnose_identification
 from idic.diagnose.notes import Notes
 from idic.diagnose.residual.margin import Margin
 from idic.diagnose.screen.candidate import Candidate
-from idic.diagnose.selection.block_step import BlockJudgement
 from idic.diagnose.selection.rounds import Stage, silent
 from idic.read_once import files_read_once
 from idic.run.diagnosis.far import judged_by_images, on_measured_motion
@@ -67,16 +65,13 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
 
 
 def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,
-                 library: Sequence[Candidate] | None = None, resume: bool = False, blocks: bool = False,
-                 quick: bool = False) -> dict:
+                 library: Sequence[Candidate] | None = None, resume: bool = False, quick: bool = False) -> dict:
     """Diagnose a finished RUN without a Prefect server; writes diagnosis.json, diagnosis.html, the enriched experiment.
 
     Parameters
     ----------
     workers : 0 runs everything in this process, otherwise so many Dask processes
     stage, library, resume, quick : as in `diagnose`
-    blocks : fits to parts of the recording judge on the others (`idic.diagnose.blocks`), not one step from the finished
-    fit
 
     Returns
     -------
@@ -90,30 +85,27 @@ def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,
     began = time.perf_counter()
     open_source(run)
     with run_lock(run), open_cluster(workers) as runner:
-        return write_all(run, diagnose(run, runner, stage, library=library, resume=resume, quick=quick), began, blocks)
+        return write_all(run, diagnose(run, runner, stage, library=library, resume=resume, quick=quick), began)
 
 
-def write_all(run: str | Path, diagnosis: Diagnosis, began: float, blocks: bool = False) -> dict:
+def write_all(run: str | Path, diagnosis: Diagnosis, began: float) -> dict:
     """Write every file of a diagnosis into the RUN folder; returns the content of diagnosis.json.
 
     What fails beside the verdict becomes a note in it.
 
-    began : time.perf_counter() at its start; blocks : also judge on blocks of the recording
+    began : time.perf_counter() at its start
     """
     notes, verdict = Notes(diagnosis.notes), diagnosis_content(diagnosis, identified_parameters(run))
 
-    def write(enriched: Path | None = None, judged: Sequence[BlockJudgement] | None = None,
-              further: Sequence[str] = ()) -> dict:
-        return write_diagnosis(run, verdict, enriched, time.perf_counter() - began,
-                               None if judged is None else [block.content() for block in judged], further, notes.told)
+    def write(enriched: Path | None = None) -> dict:
+        return write_diagnosis(run, verdict, enriched, time.perf_counter() - began, notes.told)
 
     write()  # the verdict first: nothing that follows may cost it
     enriched = notes.attempt("the enriched experiment", _enriched, diagnosis)
-    judged, further = notes.attempt("blocks", _blocks, diagnosis, otherwise=(None, ())) if blocks else (None, ())
-    content = write(enriched, judged, further)
+    content = write(enriched)
     pictures = notes.attempt("the figures of the place", where_pictures, diagnosis, otherwise=())
     notes.attempt("the page", write_page, run, diagnosis, content, titles_of(diagnosis), notes, pictures)
-    return write(enriched, judged, further)
+    return write(enriched)
 
 
 def _enriched(diagnosis: Diagnosis) -> Path | None:
@@ -123,8 +115,3 @@ def _enriched(diagnosis: Diagnosis) -> Path | None:
             diagnosis.source, diagnosis.found.experiment, diagnosis.found.parameters.as_values(), diagnosis.spots.names)
     return write_enriched(diagnosis.source, diagnosis.residual_after.context.experiment, diagnosis.final.values,
                           diagnosis.verdict.selected)
-
-
-def _blocks(diagnosis: Diagnosis) -> tuple[Sequence[BlockJudgement], Sequence[str]]:
-    """Judgements on blocks of the recording, and their cautions."""
-    return block_judgements(diagnosis), block_cautions(diagnosis)

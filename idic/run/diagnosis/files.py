@@ -33,27 +33,23 @@ MAX_NEAREST = 2  # further candidates that are told beside a remaining residual
 
 
 def write_diagnosis(run: Path | str, verdict: Mapping, enriched: Path | None, wall_s: float,
-                    blocks: list[dict] | None = None, further: Sequence[str] = (), notes: Sequence[str] = ()) -> dict:
+                    notes: Sequence[str] = ()) -> dict:
     """Write ``RUN/diagnosis.json``; returns its content.
 
     verdict : what does not change any more (`diagnosis_content`)
-    blocks : judgement on blocks of the recording (`idic.diagnose.blocks`)
-    further : cautions that join those of the diagnosis
     notes : parts beside the verdict that failed
     """
     run = Path(run)
     model = verdict["model"] | {"experiment": None if enriched is None else enriched.relative_to(run).as_posix()}
-    judged = verdict["fit"] if blocks is None else verdict["fit"] | {"blocks": finite(blocks)}
     content = dict(verdict) | {
-        "model": model, "fit": judged, "cost": verdict["cost"] | {"wall_s": wall_s}, "notes": list(notes),
-        "cautions": [*verdict["cautions"], *further, *notes]}
+        "model": model, "cost": verdict["cost"] | {"wall_s": wall_s}, "notes": list(notes),
+        "cautions": [*verdict["cautions"], *notes]}
     write_json(run / DIAGNOSIS_FILE, content)
     return json.loads((run / DIAGNOSIS_FILE).read_text(encoding="utf-8"))
 
 
 def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_s: float = 0.0) -> dict:
-    """The content of ``RUN/diagnosis.json`` without what comes after the verdict: the enriched experiment, blocks that
-    were fitted, notes.
+    """The content of ``RUN/diagnosis.json`` without what comes after the verdict: the enriched experiment, notes.
 
     before : value, std, unit of the identified model's free parameters (`identified_parameters`)
     """

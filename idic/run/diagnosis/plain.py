@@ -16,7 +16,7 @@ from idic.workers.workplace import Workplace
 
 
 def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str | None = None,
-                     stage: Callable[[str], None] = lambda text: None, resume: bool = False, blocks: bool = False,
+                     stage: Callable[[str], None] = lambda text: None, resume: bool = False,
                      memory_limit: str | None = None, quick: bool = False, store: str | None = None) -> dict:
     """``idic diagnose --no-prefect``: the same refits, files and bits as `idic_flows.diagnose.run_diagnosis`.
 
@@ -25,7 +25,6 @@ def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str
     workers, scheduler : a LocalCluster of so many processes (0: none; default one per core), or an existing Dask
     scheduler
     resume : refits that an interrupted diagnosis has finished are not repeated
-    blocks : with a judgement on parts of the recording that had no part in the fit
     quick : screening and refit of the most promising candidate alone
     memory_limit : memory of one worker process, "2GB"
     store : as of `idic.run.plain.identify_plainly`
@@ -47,4 +46,4 @@ def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str
           place.opened(run, experiments_of(run), ("idic.run.diagnosis.diagnose",)) as runner):
         diagnosis = diagnose(str(run), runner, stage, resume=resume, quick=quick)
         stage("writing figures and the enriched experiment")
-        return write_all(str(run), diagnosis, began, blocks)
+        return write_all(str(run), diagnosis, began)
