@@ -148,7 +148,6 @@ class ExperimentFolder(RecordedFolder):
         warmth, warm_notes = temperatures(self.config, body, context, self.folder, parameters)
         noise, points, noise_notes = self.noise(frames, mesh, scale)
         stack = frames.stack if points is None else frames.stack.with_components(points.n_components)
-        identity, earlier = self.identities(frames)
         return checked_heights(told_references(with_stabilised_images(Experiment(
             title=table.title or self.folder.name, folder=str(self.folder), kind=table.kind, mesh=mesh,
             thickness=thickness, materials=materials,
@@ -160,7 +159,7 @@ class ExperimentFolder(RecordedFolder):
             symmetry=table.symmetry, quantity=table.quantity,
             height_unit=_HEIGHT_MM[table.height_unit] if table.height_unit else 1.0,
             noise=noise, stages=self.stages(parameters, known_times), options=self.options(), length_unit=scale.unit,
-            identity=identity, earlier_identity=earlier,
+            identity=self.identity(frames),
             camera_name=self.config.camera.name if self.config.camera else "camera", cameras=cameras,
             heterogeneities=varied, morphs=geometry.morphs, temperatures=warmth, solver=solver,
             notes=(*scale.notes, *lens.notes, *camera_notes, *frames.notes, *(log.notes if log is not None else ()),
@@ -424,5 +423,5 @@ class _RenderedFolder(ExperimentFolder):
         labels = tuple(f"frame {k}" for k in range(self.stack.n_frames))
         return Frames(self.stack, labels, None, 0, (), (), None, self.mask(self.stack), ())
 
-    def identities(self, frames: Frames) -> tuple[str, str]:
-        return "", ""
+    def identity(self, frames: Frames) -> str:
+        return ""

@@ -86,5 +86,5 @@ class _ObjectFolder(ExperimentFolder):
     def small_files(self) -> list[Path]:
         return []
 
-    def identities(self, frames) -> tuple[str, str]:
-        return "", ""
+    def identity(self, frames) -> str:
+        return ""

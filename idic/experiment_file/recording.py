@@ -287,12 +287,12 @@ class RecordedFolder:
                    for path in matching_files(self.folder, [one], file=self.file, key="camera")]
         return list(dict.fromkeys([*(entry.path for entry in own), *further]))
 
-    def identities(self, frames: Frames) -> tuple[str, str]:
-        """The fingerprint of tables, files and images, and what earlier versions of idic made of them."""
+    def identity(self, frames: Frames) -> str:
+        """The fingerprint of tables, files and images."""
         paths = dict.fromkeys(entry.path for entry in frames.stack.entries)
         infrared = temperature_images(self.config, self.folder, self.file)
-        return fingerprints(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared],
-                            outside_law_files(self.config.material))
+        return fingerprint(self.raw, self.small_files(), [*paths, *camera_images(self.config, self.folder), *infrared],
+                           outside_law_files(self.config.material))
 
 
 def laws_of_user(materials: Mapping[str, MaterialTable]) -> list[Path]:
@@ -317,28 +317,24 @@ def stage_times(stack: FieldStack) -> np.ndarray | None:
     return None if any(time is None for time in times) else np.array(times, float)
 
 
-def fingerprints(raw: Mapping, files: Iterable[Path], images: Iterable[Path],
-                 laws: Iterable[str] = ()) -> tuple[str, str]:
+def fingerprint(raw: Mapping, files: Iterable[Path], images: Iterable[Path], laws: Iterable[str] = ()) -> str:
     """sha256 of the tables (without title, [setup] and gauges), the small files, the name, size and ends of every
     image, and what laws are made of.
 
-    Comments and spaces in an .inp file do not count; in the second one, that of earlier versions, they do.
+    Comments and spaces in an .inp file do not count.
     """
     tables = {name: value for name, value in raw.items() if name not in ("setup", *KINDS)}
     tables["experiment"] = {key: value for key, value in dict(raw.get("experiment", {})).items() if key != "title"}
     digest = hashlib.sha256(b"idic.experiment/1\n" + json.dumps(tables, sort_keys=True, default=str).encode())
-    earlier = digest.copy()
     for path in files:
-        for own, read in zip((digest, earlier), read_once(_small_file, path), strict=True):
-            own.update(f"\nfile {path.name} ".encode() + read)
+        digest.update(f"\nfile {path.name} ".encode() + read_once(_small_file, path))
     for path in images:
         facts = image_facts(path)
         size, ends = read_once(ends_of, path) if facts is None else (facts.size, facts.ends_sha256)
-        for own in (digest, earlier):
-            own.update(f"\nimage {path.name} {size} ".encode() + bytes.fromhex(ends))
+        digest.update(f"\nimage {path.name} {size} ".encode() + bytes.fromhex(ends))
     for text in laws:
         digest.update(f"\nlaw {text}".encode())
-    return digest.hexdigest(), earlier.hexdigest()
+    return digest.hexdigest()
 
 
 def ends_of(path: Path) -> tuple[int, str]:
@@ -351,10 +347,9 @@ def ends_of(path: Path) -> tuple[int, str]:
     return size, hashlib.sha256(head + tail).hexdigest()
 
 
-def _small_file(path: Path) -> tuple[bytes, bytes]:
-    """sha256 of what of a file decides the result, and of its whole content."""
-    content = path.read_bytes()
-    return hashlib.sha256(_without_comments(path, content)).digest(), hashlib.sha256(content).digest()
+def _small_file(path: Path) -> bytes:
+    """sha256 of what of a file decides the result."""
+    return hashlib.sha256(_without_comments(path, path.read_bytes())).digest()
 
 
 def _without_comments(path: Path, content: bytes) -> bytes:

@@ -445,7 +445,6 @@ class Experiment:
     options: Options = field(default_factory=Options)
     length_unit: str = "mm"  # "px" where no scale is known: then mm in every docstring reads px
     identity: str = ""  # hash of everything that decides the result
-    earlier_identity: str = ""  # the same as earlier versions of idic made it, in which their RUN folders are kept
     notes: tuple[str, ...] = ()  # assumptions on reading; shown by `check` and in the report
     extras: Mapping[str, Any] = field(default_factory=dict)
     temperatures: tuple[Temperature, ...] = ()
@@ -477,10 +476,6 @@ class Experiment:
         values = {morph.name: parameters[morph.name].value for morph in self.morphs if morph.name in parameters}
         mesh = morphed(self.mesh, self.morphs, values)
         return self if mesh is self.mesh else replace(self, mesh=mesh)
-
-    def recognised(self, stored: str | None) -> Experiment:
-        """This experiment under the identity of a RUN that an earlier version of idic began; else unchanged."""
-        return replace(self, identity=stored) if stored and stored == self.earlier_identity else self
 
     @property
     def views(self) -> tuple[Experiment, ...]:

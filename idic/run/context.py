@@ -90,10 +90,11 @@ def _no_run(run: str) -> InputError:
 
 @lru_cache(maxsize=8)  # several experiments may be at work in turn
 def _open_run(run: str, content: bytes) -> RunContext:
+    store = RunStore(run)
+    store.refuse_other_version()
     settings = load_checkpoint(Path(run) / DESCRIPTION, DESCRIPTION_SCHEMA)
     settings = settings | {"experiment": _experiment_of(run, settings)}
-    store = RunStore(run)
-    experiment = load_experiment(settings["experiment"], settings["overrides"]).recognised(settings["identity"])
+    experiment = load_experiment(settings["experiment"], settings["overrides"])
     if experiment.identity != settings["identity"]:
         raise InputError("the experiment has changed since this run began", file=settings["experiment"],
                          expected=f"identity {settings['identity'][:16]}", found=f"identity {experiment.identity[:16]}",
@@ -123,9 +124,7 @@ def _experiment_of(run: str | Path, settings: Mapping) -> str:
 
 def stored_start(store: RunStore, settings: Mapping) -> BoundaryStart:
     """Starting values and modes of virtual boundaries from `prepare`."""
-    stored = settings.get("boundary")
-    if not stored:
-        return BoundaryStart()
+    stored = settings["boundary"]
     read = lambda name: read_array(store.group("prepared"), path_name(name))  # noqa: E731
     return BoundaryStart({name: from_hex(value) for name, value in stored["values"].items()},  # type: ignore[misc]
                          {name: (read(f"{name}.shapes"), read(f"{name}.courses")) for name in stored["modes"]},

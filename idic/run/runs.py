@@ -98,7 +98,7 @@ class SingleRun:
 
     @cached_property
     def experiment(self) -> Experiment:
-        return load_experiment(self.path, self.overrides).recognised(self.store.identity())
+        return load_experiment(self.path, self.overrides)
 
     def check(self, sensitivity: str) -> None:
         """Everything that can be wrong before something is written."""

@@ -11,7 +11,7 @@ from idic.store.layout import group_name
 from idic.store.run_store import RunStore
 
 LABEL = "discrepancy"
-SYMMETRIC = ("M", "noise")  # stored as their upper triangles, whole by earlier versions
+SYMMETRIC = ("M", "noise")  # stored as their upper triangles
 
 
 def save_discrepancy(store: RunStore, number: int, found: DiscrepancySystem | str) -> None:
@@ -46,7 +46,7 @@ def load_discrepancy(store: RunStore, number: int) -> DiscrepancySystem | str:
     mesh_error, strain_error = (read_array(folder, name) if (folder / name).exists() else None
                                 for name in ("mesh_column", "strain_column"))
     components = tuple(Component(name, read_array(folder, f"root_{name}")) for name in kind["components"])
-    M, noise = (upper + np.triu(upper, 1).T for upper in (np.triu(read_array(folder, name)) for name in SYMMETRIC))
+    M, noise = (upper + np.triu(upper, 1).T for upper in (read_array(folder, name) for name in SYMMETRIC))
     return DiscrepancySystem(tuple(kind["names"]), M, read_array(folder, "b"), noise, components,
                              dict(kind["motion_px"]), read_array(folder, "channel_rows"), mesh_error,
-                             bool(kind.get("may_be_rough", True)), strain_error)
+                             bool(kind["may_be_rough"]), strain_error)

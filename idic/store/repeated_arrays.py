@@ -1,8 +1,7 @@
 """Arrays of one record per frame where many frames share a record: each is stored once.
 
 The influence of frame-local unknowns is the largest record of a simulation, and that of an elastic model is the same in
-all frames. ``NAME`` holds the records that differ, ``NAME_of_frame`` the number of the record of every frame. Without
-the latter, as earlier versions wrote it, every frame has its own.
+all frames. ``NAME`` holds the records that differ, ``NAME_of_frame`` the number of the record of every frame.
 """
 
 from __future__ import annotations
@@ -47,8 +46,7 @@ class RepeatedReader:
 
     def __init__(self, group: Path | str, name: str):
         self._array = FrameArrays.open(group, name)
-        known = (Path(group) / (name + _SUFFIX)).exists()
-        self._numbers = read_array(group, name + _SUFFIX) if known else np.arange(self._array.n_frames)
+        self._numbers = read_array(group, name + _SUFFIX)
         self._first, self._block = 0, np.zeros((0, *self._array.shape))
         self._record: tuple[int, np.ndarray] | None = None
 

@@ -78,6 +78,6 @@ def _digest(content: Mapping) -> str:
 
 
 def _altered(file: Path, found: str) -> InputError:
-    return InputError("the result was altered, or an earlier version of idic wrote it", file=file,
+    return InputError("the result was altered", file=file,
                       expected="contents that fit their checksum", found=found,
                       remedy="run idic identify with --resume: the result is written again")

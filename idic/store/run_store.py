@@ -31,7 +31,8 @@ from idic.store.replace import replace_file
 
 STORE_NAME = "run.zarr"
 _SEAL = "descriptions"  # attribute of a group
-SCHEMA = "idic.run/1"
+SCHEMA = "idic.run/2"  # a new number where an older RUN would be misread
+_ANY_SCHEMA = re.compile(r"idic\.run/\d+")
 _ASIDE, _REMOVED = ".old", ".gone.old"  # endings of folders that are being replaced, and removed
 _SET_ASIDE = re.compile(r"\.(?P<name>.+)\.[0-9a-f]{12}\.old")
 _OWN_FILES = {LOCK_NAME, "log.txt", STORE_NAME, FROM_PYTHON}
@@ -59,6 +60,7 @@ class RunStore:
             The folder holds other files or the run of another experiment, or another process uses it.
         """
         self._refuse_foreign_folder()
+        self.refuse_other_version()
         with run_lock(self.run):
             stored = self.identity()
             if stored is None:
@@ -76,6 +78,13 @@ class RunStore:
             self._remove_leftovers()
             yield self
             self._remove_leftovers()  # of workers that were killed during the run
+
+    def refuse_other_version(self) -> None:
+        """InputError where another version of idic wrote the store: what it holds would be misread."""
+        schema = str(_attributes(self.path).get("schema", SCHEMA))
+        if schema != SCHEMA and _ANY_SCHEMA.fullmatch(schema):
+            raise InputError("another version of idic made this RUN", file=self.run, expected=SCHEMA, found=schema,
+                             remedy="identify the experiment again into a new RUN")
 
     def identity(self) -> str | None:
         """The identity of the experiment of this store; None without a store."""

@@ -13,10 +13,8 @@ from idic.store.run_store import RunStore
 
 LABEL = "system"
 _PER_FRAME = ("frame", "n_pixels", "n_lost", "rr", "channel_residual", "local_step", "local_slope", "brightness",
-              "cameras", "channel_columns")
-
+              "cameras", "channel_columns", "n_fitted", "channel_kept")
 _END_NOISE = "end_noise"
-_FITTED, _KEPT = "frame_n_fitted", "frame_channel_kept"  # missing in a RUN of an earlier version
 
 
 def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
@@ -25,8 +23,7 @@ def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
     ident = {"number": evaluation.number, "names": list(system.names) if system else [],
              "failed": system is None, "message": evaluation.message,
              "generalised": system is not None and system.generalised,
-             "predicts": system is not None and system.predicted is not None, "increments": evaluation.increments,
-             "channel_columns": True}
+             "predicts": system is not None and system.predicted is not None, "increments": evaluation.increments}
     with store.building(group_name(evaluation.number, LABEL), ident) as folder:
         if system is None:
             return
@@ -39,28 +36,21 @@ def save_evaluation(store: RunStore, evaluation: Evaluation) -> None:
             write_array(folder, _END_NOISE, system.end_noise)
         for name in _PER_FRAME:
             write_array(folder, f"frame_{name}", np.array([getattr(record, name) for record in system.frames]))
-        write_array(folder, _FITTED, np.array([record.n_fitted for record in system.frames]))
-        write_array(folder, _KEPT, np.array([record.channel_kept for record in system.frames]))
 
 
 def load_evaluation(store: RunStore, number: int, names: tuple[str, ...]) -> Evaluation:
     """The stored point `number`, its degrees of freedom in the order `names` of the run."""
     folder = store.group(group_name(number, LABEL))
     phi, kind = read_array(folder, "phi"), zarr.open_group(store=str(folder), mode="r").attrs["ident"]
-    columns = {name: read_array(folder, f"frame_{name}") for name in _PER_FRAME
-               if name != "channel_columns" or kind.get("channel_columns", False)}
-    if "channel_columns" not in columns:  # a RUN of an earlier version: the correlation of its channels is not known
-        columns["channel_columns"] = np.zeros((*columns["channel_residual"].shape, 0))
-    fitted = read_array(folder, _FITTED) if (folder / _FITTED).exists() else np.zeros(len(columns["frame"]))
-    kept = read_array(folder, _KEPT) if (folder / _KEPT).exists() else np.zeros((len(columns["frame"]), 0))
+    columns = {name: read_array(folder, f"frame_{name}") for name in _PER_FRAME}
     records = tuple(
         FrameRecord(int(columns["frame"][i]), int(columns["n_pixels"][i]), int(columns["n_lost"][i]),
-                    float(columns["rr"][i]), n_fitted=float(fitted[i]), channel_kept=kept[i],
-                    **{name: columns[name][i] for name in _PER_FRAME[4:]})
+                    float(columns["rr"][i]), n_fitted=float(columns["n_fitted"][i]),
+                    **{name: columns[name][i] for name in _PER_FRAME[4:] if name != "n_fitted"})
         for i in range(len(columns["frame"])))
     system = CorrelationSystem(names, read_array(folder, "M"), read_array(folder, "b"), float(phi[0]), float(phi[1]),
                                read_array(folder, "spread"), np.zeros((0, len(names))), records,
-                               generalised=bool(kind.get("generalised", False)),
-                               predicted=read_array(folder, "predicted") if kind.get("predicts", False) else None,
+                               generalised=bool(kind["generalised"]),
+                               predicted=read_array(folder, "predicted") if kind["predicts"] else None,
                                end_noise=read_array(folder, _END_NOISE) if (folder / _END_NOISE).exists() else None)
-    return Evaluation(number, system, read_array(folder, "reference_gram"), increments=int(kind.get("increments", 0)))
+    return Evaluation(number, system, read_array(folder, "reference_gram"), increments=int(kind["increments"]))

@@ -31,12 +31,7 @@ def success(records: Sequence[CaseRecord]) -> dict[tuple[str, str, float], tuple
         test, _, schedule = record.group.partition("-")
         counted.setdefault((test, schedule, int(record.name.partition("-")[0]) / 100), []).append(record)
     return {key: (sum(map(reached_truth, own)), len(own), float(np.mean([r.facts["cpu_s"] for r in own])),
-                  float(np.mean([_rounds(r) for r in own]))) for key, own in counted.items()}
-
-
-def _rounds(record: CaseRecord) -> int:
-    """Points evaluated in parallel count as one; older records have evaluations only."""
-    return record.facts["rounds"] if "rounds" in record.facts else record.facts["evaluations"]
+                  float(np.mean([r.facts["rounds"] for r in own]))) for key, own in counted.items()}
 
 
 def draw_convergence(records: Mapping[str, CaseRecord]) -> StudyPage:

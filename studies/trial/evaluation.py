@@ -137,8 +137,7 @@ def told_as_cut(scene: Scene, answer: Mapping) -> bool:
 
 def _last(model: Mapping) -> Mapping:
     """Parameters of the last model; of a body of real thickness and finite strains where the answer states them."""
-    return model.get("parameters_after", {}) | model.get("parameters_of_real_thickness", {}) | model.get(
-        "parameters_of_real_body", {})  # the first name of the key: answers of earlier versions
+    return model.get("parameters_after", {}) | model.get("parameters_of_real_body", {})
 
 
 def _implied(truth: Truth) -> set[str]:

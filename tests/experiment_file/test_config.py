@@ -77,18 +77,11 @@ def test_a_comment_in_the_mesh_makes_no_other_experiment(folder):
     lines = mesh.read_text().splitlines()
     mesh.write_text("** exported anew\n" + "\n".join(line.replace(",", " ,\t") + "  " for line in lines) + "\n\n")
     same = load_experiment(folder)
-    assert same.identity == first.identity and same.earlier_identity != first.earlier_identity
+    assert same.identity == first.identity
     moved = [line.replace("1.", "1.0001", 1) if line[:1].isdigit() else line for line in lines]
     assert moved != lines
     mesh.write_text("\n".join(moved))
     assert load_experiment(folder).identity != first.identity
-
-
-def test_a_run_of_an_earlier_version_is_recognised(folder):
-    experiment = load_experiment(folder)
-    assert experiment.recognised(experiment.earlier_identity).identity == experiment.earlier_identity
-    for other in (None, "", experiment.identity, "another"):
-        assert experiment.recognised(other) is experiment
 
 
 def test_overrides_reach_every_kind_of_key(folder):

@@ -45,12 +45,11 @@ def test_a_run_interrupted_before_its_end_has_a_report_with_its_channels(small, 
 def test_channels_of_a_pause_are_not_shown_beside_later_parameters(small, tmp_path):
     store, number = interrupted(small.run, tmp_path / "run")
     own = load_record(small.run).channels[0].simulated
-    for ident in ({"evaluation": number - 1}, {}):  # {}: as earlier versions wrote it
-        with store.building("channels", ident) as folder:
-            for name in ("simulated", "measured"):
-                write_array(folder, name, np.zeros((len(own), 1)))
-        np.testing.assert_array_equal(load_record(tmp_path / "run").channels[0].simulated, own)
-        np.testing.assert_array_equal(idic.load_result(tmp_path / "run").fields.simulated[:, 0], own)
+    with store.building("channels", {"evaluation": number - 1}) as folder:
+        for name in ("simulated", "measured"):
+            write_array(folder, name, np.zeros((len(own), 1)))
+    np.testing.assert_array_equal(load_record(tmp_path / "run").channels[0].simulated, own)
+    np.testing.assert_array_equal(idic.load_result(tmp_path / "run").fields.simulated[:, 0], own)
 
 
 def test_a_result_that_is_older_than_the_last_step_of_a_killed_run_says_how_to_finish_it(small, tmp_path):

@@ -58,12 +58,6 @@ def test_an_image_is_only_read_where_size_or_time_have_changed(ingested, monkeyp
     refuse_changed(open_stack(paths), stack.files)  # what a file system says is believed: a resume costs no reading
 
 
-def test_a_run_of_an_earlier_version_knows_no_files(ingested):
-    paths, _ = ingested
-    change_the_middle(paths[1])
-    refuse_changed(open_stack(paths), ())
-
-
 def test_pages_of_one_file_are_described_once(tmp_path):
     path = tmp_path / "pages.tif"
     tifffile.imwrite(path, np.zeros((4, *SHAPE), np.uint8), photometric="minisblack")

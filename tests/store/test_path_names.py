@@ -27,7 +27,6 @@ def test_different_labels_have_different_names():
 @pytest.mark.parametrize("label",
                          ["base", "SPECIMEN.E", "boundary.RIGHT.x.slip", "local-0", "a part of steel", "Stück_1"])
 def test_usual_labels_stay_as_they_are(label):
-    """A RUN of an earlier version is resumed by its old names."""
     assert path_name(label) == label and group_name(7, label) == f"evaluations/007/{label}"
 
 

@@ -1,18 +1,12 @@
-"""The state of a run comes back to the last bit, whichever version wrote it."""
-
-import json
-import shutil
-from pathlib import Path
+"""The state of a run comes back to the last bit."""
 
 import pytest
 
 from idic.errors import InputError
 from idic.identify.step.state import (GENERALISED_REJECTED, AcceptedPoint, Activation, EstimatorChoice, LoopState,
                                       ParallelTrial, SchedulePosition, Trial, TrustRegion)
-from idic.store.checkpoint import save_checkpoint
 from idic.store.state_file import STATE_FILE, load_state, save_state
 
-FLAT = Path(__file__).with_name("state-flat.json")  # written by a version whose state had no groups
 ENTRY = {"evaluation": 0, "stage": 0, "accepted": True, "passed_over": False, "damping": 0.0, "phi": 12.5,
          "phi_image": 10.25, "rms_gv": 1.5, "values": {"BODY.E": 1 / 3, "BODY.nu": 0.1}, "message": ""}
 STATE = LoopState(
@@ -31,24 +25,10 @@ def test_a_state_comes_back_to_the_last_bit(state, tmp_path):
     assert load_state(tmp_path) == state
 
 
-def test_a_state_without_groups_is_read_as_it_was_meant(tmp_path):
-    shutil.copy(FLAT, tmp_path / STATE_FILE)
-    assert load_state(tmp_path) == STATE
-
-
-def test_a_state_of_the_first_versions_lacks_later_keys(tmp_path):
-    flat = json.loads(FLAT.read_text())["state"]
-    for name in ("fresh", "beside", "extra", "reach", "felt", "sought", "refused", "again", "arrived", "estimator"):
-        del flat[name]
-    save_checkpoint(tmp_path / STATE_FILE, "idic.state/1", flat | {"predicted": 1.0})
-    found = load_state(tmp_path)
-    assert found == LoopState(Trial(STATE.trial.values), STATE.accepted, TrustRegion(1.0, 1e-3 / 3, 2), STATE.schedule,
-                              evaluations=7, iteration=3, history=STATE.history)
-
-
 def test_an_altered_state_is_refused_and_a_missing_one_is_none(tmp_path):
     assert load_state(tmp_path) is None
-    text = FLAT.read_text().replace('"evaluations": 7', '"evaluations": 8')
-    (tmp_path / STATE_FILE).write_text(text)
+    save_state(tmp_path, STATE)
+    file = tmp_path / STATE_FILE
+    file.write_text(file.read_text().replace('"evaluations": 7', '"evaluations": 8'))
     with pytest.raises(InputError, match="the checkpoint cannot be used"):
         load_state(tmp_path)

@@ -255,8 +255,8 @@ class PlannedFolder(ExperimentFolder):
     def small_files(self) -> list[Path]:
         return [path for path in super().small_files() if path.is_file()]
 
-    def identities(self, frames: Frames) -> tuple[str, str]:
-        return super().identities(frames) if self.recorded else ("", "")
+    def identity(self, frames: Frames) -> str:
+        return super().identity(frames) if self.recorded else ""
 
     def _times(self, n_frames: int) -> np.ndarray:
         given = super().image_times(n_frames)

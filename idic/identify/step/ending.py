@@ -97,8 +97,6 @@ def end_entry(state: LoopState) -> dict:
     None."""
     if state.status == "interrupted":
         return {"reason": "the run was interrupted", "limit": None}
-    if state.end is None:  # runs of earlier versions
-        return {"reason": "", "limit": None}
     return {"reason": state.end.reason, "limit": state.end.limit}
 
 

@@ -134,7 +134,7 @@ class LoopState:
 
     evaluations : evaluated points, parallel_evaluations : how many of them were parallel versions of a step;
     iteration : accepted steps; status : "running" until the loop ends; history : one entry per evaluation;
-    end : why it ended, None while it runs and in states of earlier versions
+    end : why it ended, None while it runs
     """
 
     trial: Trial

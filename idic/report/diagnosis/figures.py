@@ -244,7 +244,7 @@ def courses(record: DiagnosisRecord) -> Picture | None:
         axes = np.atleast_1d(figure.subplots(len(found), 1, sharex=True, squeeze=False).ravel())
         for axis, one in zip(axes, found, strict=True):
             value, std = np.array(one["value"]), np.array(one["std"])
-            jumps = bool(one.get("jumps"))  # not in diagnoses of earlier versions
+            jumps = one["jumps"]
             axis.fill_between(record.abscissa, value - 1.96 * std, value + 1.96 * std, color=BLUE, alpha=0.25, lw=0,
                               label="95 %", step="post" if jumps else None)
             axis.plot(record.abscissa, value, "-o", color=BLUE, ms=3, label="amplitude",

@@ -12,7 +12,7 @@ WIDTH_95 = 1.96
 
 def free_curve(record: DiagnosisRecord) -> Picture | None:
     """Values at the knots with their 95 % band; None where no free law was offered."""
-    entry = record.content.get("free_form")  # not in diagnoses of earlier versions
+    entry = record.content["free_form"]
     if not entry:
         return None
     at, value = np.asarray(entry["at"]), np.asarray(entry["value"], dtype=float)

@@ -37,7 +37,7 @@ def headline(content: Mapping, titles: Mapping[str, str]) -> str:
         return f"{said}: the residual of images and channels is {_nothing(content)}{body}{seen}{doubt}."
     if word == "blind":
         return "This test says nothing about missing physics."
-    if content.get("free_end"):  # not in diagnoses of earlier versions
+    if content.get("free_end"):
         return free_end_words(content["free_end"])
     if word == "outside_library" and not (content["named"] and (share or 0.0) > MOSTLY):
         where = when_and_where(content)
@@ -69,7 +69,7 @@ def free_end_words(end: Mapping) -> str:
 
 def free_form_words(content: Mapping) -> str:
     """Whether a free curve describes what no name does, "" where none was offered."""
-    entry = content.get("free_form")  # not in diagnoses of earlier versions
+    entry = content.get("free_form")
     if not entry:
         return ""
     curve, share = f"{entry['title']} of {entry['material']}", per_cent(entry["share"] or 0.0)
@@ -90,7 +90,7 @@ def _begun(content: Mapping, said: str) -> str:
 
 
 def _of_what(content: Mapping) -> str:
-    """What is not explained; "" in diagnoses of earlier versions."""
+    """What is not explained."""
     left = content.get("unexplained", ())
     return f" of {_joined(left)}" if left else ""
 

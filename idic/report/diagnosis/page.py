@@ -53,12 +53,11 @@ def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
 def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = None) -> str:
     """The HTML text; `sections` from `draw_sections`, drawn here if not given."""
     content = record.content
-    detail, _, rest = content["sentence"].partition(" Next: ")  # the headline in diagnoses of earlier versions
+    rest = content["sentence"].partition(" Next: ")[2]
     bounded = {entry["name"] for entry in content["excluded"]}
-    first = content.get("headline", detail)
     return filled_in(
-        "diagnosis.html.j2", title=record.title, first=first, rest=[rest.removesuffix(".")] if rest else [],
-        left_over=content.get("left_over"),
+        "diagnosis.html.j2", title=record.title, first=content["headline"],
+        rest=[rest.removesuffix(".")] if rest else [], left_over=content.get("left_over"),
         not_excluded=content.get("not_excluded", ()),
         facts=_facts(content), sure=is_sure(content),
         cautions=content.get("cautions", ()),
@@ -80,11 +79,10 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
     if content.get("probability") is not None:
         facts.insert(1, ("probability that this is the cause" if content["named"] else "probability of no cause",
                          f"{two_digits(100.0 * content['probability'])} %", _good_or_bad(content["probability"])))
-    if (margin := content.get("margin")) is not None:  # not in diagnoses of earlier versions
-        floor = margin["camera_floor_px"]
-        source = ("assumed: no frame is at rest" if floor is None else "from images at rest"
-                  if margin["px"] > margin["assumed_px"] else "assumed, above that of the images at rest")
-        facts.append(("practical margin", f"{margin['px']:.2g} px, {source}", None))
+    margin = content["margin"]
+    source = ("assumed: no frame is at rest" if margin["camera_floor_px"] is None else "from images at rest"
+              if margin["px"] > margin["assumed_px"] else "assumed, above that of the images at rest")
+    facts.append(("practical margin", f"{margin['px']:.2g} px, {source}", None))
     if content["named"]:
         shown = fit["heldout_excess_before"] > 5.0 * std  # of noise nothing is gained
         facts.append(("held-out excess after", number(after, std),
@@ -116,7 +114,7 @@ def _within_margin(mismatch: Mapping) -> str:
 
 def _parameters(content: Mapping) -> list[dict]:
     before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
-    real = content["model"].get("parameters_of_real_body", {})  # not in diagnoses of earlier versions
+    real = content["model"]["parameters_of_real_body"]
     shown = short_names({**before, **after})
     rows = []
     for name in {**before, **after}:

@@ -51,7 +51,7 @@ def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
 
 def is_sure(content: Mapping) -> bool:
     """Whether the verdict is good news: one set of causes, or none, probable enough, and nothing left over."""
-    probable = content.get("probability")  # null in diagnoses of earlier versions
+    probable = content.get("probability")  # null where it was not estimated
     return (content["verdict"] in ("none", "single", "multiple") and not content.get("left_over")
             and (probable is None or probable > MIN_GOOD_PROBABILITY))
 

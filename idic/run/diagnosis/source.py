@@ -120,9 +120,9 @@ class EditedFolder(ExperimentFolder):
         """See `ExperimentFolder.log`."""
         return self._once(("log", repr(self.config.experiment)), lambda: super(EditedFolder, self).log(frames))
 
-    def identities(self, frames: Frames) -> tuple[str, str]:
+    def identity(self, frames: Frames) -> str:
         """None: an edited experiment is not stored under a separate name."""
-        return "", ""
+        return ""
 
     def _once(self, key, make):
         if key not in self.kept:

@@ -32,9 +32,7 @@ def channels_of(context: RunContext, result: Mapping) -> tuple[np.ndarray, np.nd
     The stored ones where they are of that point; those of an earlier one, before a pause, are not.
     """
     last, folder = _last_accepted(result), context.store.finished("channels")
-    stored = {} if folder is None else context.store.ident(folder)  # without a number: of an earlier version
-    known = stored.get("evaluation") == last["evaluation"] if stored else result.get("status") != "interrupted"
-    if folder is None or not known:
+    if folder is None or context.store.ident(folder).get("evaluation") != last["evaluation"]:
         return channel_table(context, last["values"], last["evaluation"])
     return read_array(folder, "simulated"), read_array(folder, "measured")
 

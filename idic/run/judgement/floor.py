@@ -56,7 +56,7 @@ def measure_floor(job: PointJob) -> None:
 
 
 def read_floor(store: RunStore) -> CameraFloor | None:
-    """What `measure_floor` stored; None where no frame is at rest, or in runs of earlier versions."""
+    """What `measure_floor` stored; None where no frame is at rest or nothing was measured."""
     folder = store.finished(FLOOR)
     if folder is None:
         return None

@@ -10,7 +10,6 @@ import numpy as np
 from idic.fields.free import seen_by
 from idic.parameters import ParameterSet
 from idic.report.evidence.free_dic import FreeMotions, free_motions
-from idic.report.record import FreeFields
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, simulated_motion
 from idic.run.judgement.shown_frames import shown_frames
@@ -22,7 +21,7 @@ from idic.workers.runner import TaskRunner
 DIGITS = 17  # binary ones of a measured motion: 1e-4 px of ten; its noise is 1e-3 px and more
 
 
-def measured_free(job: PointJob, runner: TaskRunner) -> FreeMotions | FreeFields | None:
+def measured_free(job: PointJob, runner: TaskRunner) -> FreeMotions | None:
     """The free FE-DIC at an accepted point, from the store or measured now; None where there is none of this kind."""
     store = RunStore(job.run)
     if store.finished(FREE, {"evaluation": job.evaluation}) is None:
@@ -44,9 +43,8 @@ def measure_free(job: PointJob) -> None:
             write_array(folder, "length_px", np.array([found.length_px]))
 
 
-def read_free(store: RunStore, evaluation: int) -> FreeMotions | FreeFields | None:
-    """What `measure_free` stored for this point, with residual maps in runs of earlier versions; None where nothing was
-    measured."""
+def read_free(store: RunStore, evaluation: int) -> FreeMotions | None:
+    """What `measure_free` stored for this point; None where nothing was measured."""
     folder = store.finished(FREE, {"evaluation": evaluation})
     if folder is None:
         return None
@@ -54,13 +52,11 @@ def read_free(store: RunStore, evaluation: int) -> FreeMotions | FreeFields | No
     if not frames:
         return None
     difference, chi2, length = (read_array(folder, name) for name in ("difference_px", "chi2_dof", "length_px"))
-    if (folder / "residuals").exists():
-        return FreeFields(frames, difference, read_array(folder, "residuals"), chi2, float(length[0]))
     return FreeMotions(frames, difference, read_array(folder, "u_full_px"), read_array(folder, "brightness"), chi2,
                        float(length[0]))
 
 
-def free_summary(found: FreeMotions | FreeFields | None, model_chi2: Mapping[int, float]) -> dict | None:
+def free_summary(found: FreeMotions | None, model_chi2: Mapping[int, float]) -> dict | None:
     """The entry ``residual.free_dic_shown`` of result.json: mean χ² of both over the same frames.
 
     model_chi2 : of the frames that show the specimen; the others are left out

@@ -11,7 +11,7 @@ from idic.correlation.frame_equations import correlated_frames
 from idic.correlation.view import view_of
 from idic.fields.free import seen_by
 from idic.parameters import ParameterSet
-from idic.report.evidence.free_dic import FreeMotions, free_motions, noise_floor, with_residuals
+from idic.report.evidence.free_dic import free_motions, noise_floor, with_residuals
 from idic.report.evidence.law import law_curves
 from idic.report.evidence.points import point_maps_of
 from idic.report.evidence.practice import frame_views, practice_of
@@ -56,15 +56,14 @@ def evidence(context: RunContext, result: Mapping, point: int, parameters: Param
     views = frame_views(experiment, frames, lambda frame: at_rest + plane(frame),
                         residuals_of(context, last_accepted(result)))
     free = None if seen is None else read_free(context.store, point) or free_motions(seen, shown, plane)
-    if seen is not None and isinstance(free, FreeMotions):
-        free = with_residuals(seen, free)
+    free = None if free is None else with_residuals(seen, free)
     if reference.is_section:
         views = with_profiles(views, reference, motion)
         if experiment.noise.std_gv:
             free = section_fields(experiment, reference, at_rest[:, 0], shown, motion)
             floor = with_section_floor(floor, experiment, reference, at_rest[:, 0])
     sources = ["given" if source == "given" else f"{source} of the log"
-               for source in context.settings.get("channel_noise_source", ())]
+               for source in context.settings["channel_noise_source"]]
     points, motions = None, np.array([simulated(k) for k in shown])
     if isinstance(reference, FieldReference):
         points = point_maps_of(experiment, shared.camera, reference, shown, motion)

@@ -19,7 +19,7 @@ from idic.workers.runner import SerialRunner
 
 
 def series_of(run: Path, context: RunContext, result: Mapping, there: Experiment) -> FieldSeries | None:
-    """The fields over the frames, made now for a RUN of an earlier version; None where nothing was accepted.
+    """The fields over the frames, made now where the RUN was interrupted before; None where nothing was accepted.
 
     there : the experiment at the geometry that was identified
     """

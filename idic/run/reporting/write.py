@@ -15,7 +15,6 @@ from idic.correlation.frame_equations import at_fixed_pixels
 from idic.correlation.view import SPACE, is_section, view_of
 from idic.errors import InputError
 from idic.fe.mesh.mesh import surface_cells
-from idic.identify.result import at_bound
 from idic.identify.systematic.spread import ratios_of
 from idic.model.experiment import Experiment
 from idic.model.mode_names import is_mode
@@ -120,7 +119,6 @@ def load_record(run: Path | str) -> RunRecord:
     history = _history(result, experiment.parameters)
     accepted = [entry["evaluation"] for entry in result.get("history", ()) if entry["accepted"]]
     parameters = accepted_parameters(result, experiment.parameters)
-    result.setdefault("at_bound", at_bound(parameters))  # of runs of earlier versions
     there = experiment.at_geometry(parameters)  # the mesh as it was identified
     names, M = without_modes(result.get("M", {}))
     common = dict(
@@ -264,7 +262,7 @@ def _words(treatment: Mapping) -> str:
 
 def _notes(context: RunContext, result: Mapping) -> tuple[str, ...]:
     notes = [*result["notes"], *_estimators(result), *_spreads(result)]
-    sources = context.settings.get("channel_noise_source", ())
+    sources = context.settings["channel_noise_source"]
     units = {channel.column: channel.shown_unit for channel in context.experiment.channels}
     for (name, std), source in zip(result["residual"].get("channel_noise_std", {}).items(), sources, strict=False):
         notes.append(f"Noise of {name}: {std:.3g} {units[name]}, {CHANNEL_NOISE.get(source, 'from its ' + source)}.")
