@@ -1,15 +1,9 @@
 """The blown-up membrane at full size: what 200 frames and five exact sensitivities cost."""
 
-from itertools import islice
-
 import numpy as np
 import pytest
 from bench_jobs import best_of
-from scipy.linalg.lapack import dgbtrf, dgbtrs
 
-from idic.fe.solver import linear
-from idic.fe.assembly.assembly import discretise, evaluate, stiffness_values
-from idic.fe.boundary import drives_at
 from idic.fe.march import march
 from idic_studies.examples.bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values
 
@@ -25,32 +19,6 @@ def test_five_sensitivities_of_the_membrane_cost_less_than_a_run(measured):
     measured("bulge, 643 quad8, 200 frames, 5 exact sensitivities", f"{direct:.2f} s",
              f"one forward run {plain:.2f} s: {direct / plain:.2f} runs (perturbed runs: 6)")  # fmt: skip
     assert direct / plain < 2.0
-
-
-def test_the_narrow_factorisation_beats_lapack(measured):
-    test = bulge_test()
-    model = bulge_model(test)
-    values, system = law_values(FIXED | TRUTH, model), discretise(model)
-    *_, state = islice(march(model, values, test.times), 6)
-    at = evaluate(system, values, state.u, [p.state for p in state.points], 0.005,
-                  drives_at(model, test.times, state.time))  # fmt: skip
-    stored, pattern = stiffness_values(system, at), system.pattern
-    kl = pattern.half_bandwidth
-
-    def lapack():
-        return dgbtrf(np.array(stored).reshape((3 * kl + 1, pattern.n), order="F"), kl, kl, overwrite_ab=1)
-
-    own, theirs = best_of([lambda: linear.factorise(pattern, stored.copy()), lapack], 20)
-    measured(f"LU of {pattern.n} equations, half bandwidth {kl}", f"{1e3 * own:.2f} ms",
-             f"LAPACK dgbtrf {1e3 * theirs:.2f} ms: {theirs / own:.2f} times as long")  # fmt: skip
-    assert own < 0.8 * theirs
-    factor, (lu, pivots, _) = linear.factorise(pattern, stored.copy()), lapack()
-    five = np.random.default_rng(0).standard_normal((pattern.n, 5))
-    own, theirs = best_of([lambda: factor.solve(five),
-                           lambda: dgbtrs(lu, kl, kl, np.asfortranarray(five), pivots)], 20)  # fmt: skip
-    measured("five solutions with it", f"{1e3 * own:.2f} ms",
-             f"LAPACK dgbtrs {1e3 * theirs:.2f} ms: {theirs / own:.2f} times as long")  # fmt: skip
-    assert own < 0.8 * theirs
 
 
 def test_a_warm_start_saves_iterations(measured):

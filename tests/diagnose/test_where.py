@@ -312,7 +312,7 @@ def test_every_side_is_told_from_the_others(tmp_path, side, truth):
 
 @pytest.mark.parametrize("widest", [0, 10, 1000])
 def test_transposed_solution_solves_the_transposed_system(widest):
-    """Compressed columns, and bands that are wide enough for LAPACK or narrow enough for the own LU."""
+    """Compressed columns, and bands."""
     rng = np.random.default_rng(13)
     n = 40 if widest < 1000 else 90
     width = 2 if widest < 1000 else 40

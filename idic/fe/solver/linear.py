@@ -17,13 +17,11 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.fe.solver import band, cholesky, dissection, krylov, multifrontal, substitution
+from idic.fe.solver import cholesky, dissection, krylov, multifrontal, substitution
 from idic.fe.assembly import kernels
 from idic.fe.solver.lapack import factorise_band, solve_band
 
 MAX_HALF_BANDWIDTH_OF_BAND_LU = {2: 180, 3: 400}  # by dimension; beyond, fronts are faster (10 000 dofs)
-
-MAX_HALF_BANDWIDTH_OF_OWN_LU = 100  # faster than LAPACK (twice at 27): rare row exchanges
 
 MIN_OPERATIONS_PER_ENTRY = 250  # of a factorisation by fronts: from here on kept factors cost less (cubes, a plate)
 
@@ -109,13 +107,13 @@ class Pattern:
 class Factor:
     """A factorised matrix.
 
-    lu : band of LAPACK with pivots, fronts, or SuperLU
+    lu : band of LAPACK with its row exchanges (from 1), fronts, or SuperLU
     matrix : where the factors are those of a similar one: of its symmetric part, or (``kept``) of an earlier tangent
     """
 
     pattern: Pattern
     lu: np.ndarray | tuple[multifrontal.FrontFactor, ...] | cholesky.SymmetricFactor | SuperLU
-    pivots: np.ndarray | None = None
+    exchanges: np.ndarray | None = None
     matrix: csc_array | None = field(default=None, repr=False)
     kept: bool = False
 
@@ -141,18 +139,13 @@ class Factor:
             return substitution.solve(self.pattern.fronts, self.lu, columns).reshape(rhs.shape)
         if isinstance(self.lu, cholesky.SymmetricFactor):
             return self.lu.solve(rhs.reshape(self.pattern.n, -1)).reshape(rhs.shape)
-        if self.pivots is None:
+        if self.exchanges is None:
             return self.lu.solve(np.ascontiguousarray(rhs))
-        kl = self.pattern.half_bandwidth
-        if kl <= MAX_HALF_BANDWIDTH_OF_OWN_LU:
-            x = np.array(np.atleast_2d(rhs.T), dtype=float, order="C")
-            band.solve(self.lu.ravel(order="K"), kl, self.pivots, x)
-            return x.T.reshape(rhs.shape)
         return self._by_lapack(rhs, transposed=False)
 
     def _by_lapack(self, rhs: np.ndarray, transposed: bool) -> np.ndarray:
         x = np.array(rhs.reshape(self.pattern.n, -1), dtype=float, order="F")
-        solve_band(self.lu, self.pattern.half_bandwidth, self.pivots + np.int32(1), x, transposed)
+        solve_band(self.lu, self.pattern.half_bandwidth, self.exchanges, x, transposed)
         return x.reshape(rhs.shape)
 
     def solve_transposed(self, rhs: np.ndarray) -> np.ndarray:
@@ -276,17 +269,11 @@ def factorise(pattern: Pattern, values: np.ndarray, symmetric: bool = True) -> F
         similar = _symmetric_factor(pattern, values) if symmetric and pattern.costs_much else None
         return _sparse_factor(pattern, values) if similar is None else similar
     kl = pattern.half_bandwidth
-    if kl <= MAX_HALF_BANDWIDTH_OF_OWN_LU:
-        pivots = np.empty(pattern.n, dtype=np.int32)
-        info = band.factor(values, kl, pivots)
-        if info != 0:
-            raise SingularMatrix(f"pivot {info} of {pattern.n} is zero")
-        return Factor(pattern, values.reshape((3 * kl + 1, pattern.n), order="F"), pivots)
     lu = values.reshape((3 * kl + 1, pattern.n), order="F")
     exchanges, info = factorise_band(lu, kl)
     if info != 0:
         raise SingularMatrix(f"pivot {info} of {pattern.n} is zero")
-    return Factor(pattern, lu, exchanges - np.int32(1))
+    return Factor(pattern, lu, exchanges)
 
 
 def _symmetric_factor(pattern: Pattern, values: np.ndarray) -> Factor | None:
