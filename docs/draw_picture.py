@@ -1,4 +1,4 @@
-"""Makes draw.png and draw-run.png: the page of `idic draw` on images and log of the demo, before and after the run.
+"""Makes draw.png: the page of `idic draw` on images and log of the demo.
 
     python docs/draw_picture.py
 """
@@ -44,12 +44,6 @@ def main() -> None:
                 page.value('document.getElementById("show-floor").click()')
                 page.value('document.getElementById("panel").scrollTo(0, 0)')
                 save(page, "draw.png")
-                page.choose("#law", "j2_linear")
-                page.click("#go")
-                page.wait('document.getElementById("run-status").textContent.includes("converged")', 900)
-                page.wait('document.querySelectorAll("#charts canvas").length === 1')
-                page.value('document.getElementById("card-run").scrollIntoView({behavior: "instant", block: "start"})')
-                save(page, "draw-run.png")
         finally:
             program.terminate()
 

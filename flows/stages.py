@@ -48,16 +48,17 @@ def publish_residual(run: Path) -> None:
     """
     from prefect.artifacts import create_image_artifact
 
-    from idic.draw.point import RANGE, accepted_point
+    from idic.report.residual_png import RANGE
+    from idic.run.reporting.accepted_residual import accepted_residual
 
-    point = accepted_point(run)
-    if point is None:
+    residual = accepted_residual(run)
+    if residual is None:
         return
-    chi2 = "" if point.chi2 is None else f", chi2 per pixel {point.chi2:.3g}"
+    chi2 = "" if residual.chi2 is None else f", chi2 per pixel {residual.chi2:.3g}"
     create_image_artifact(  # type: ignore[unused-coroutine]
-        key=RESIDUAL, image_url=f"data:image/png;base64,{base64.b64encode(point.picture).decode('ascii')}",
-        description=f"Residual of frame {point.frame} after evaluation {point.evaluation}{chi2}; full colour: "
-                    f"{RANGE:g} standard deviations of the noise")
+        key=RESIDUAL, image_url=f"data:image/png;base64,{base64.b64encode(residual.picture).decode('ascii')}",
+        description=f"Residual of frame {residual.frame} after evaluation {residual.evaluation}{chi2}; full "
+                    f"colour: {RANGE:g} standard deviations of the noise")
 
 
 def schedule_table(experiment: Experiment) -> list[dict[str, str]]:

@@ -1,4 +1,4 @@
-"""`idic draw`: a local page to draw the mesh, write experiment.toml, identify and watch."""
+"""`idic draw`: a local page to draw the mesh, write experiment.toml and identify."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def draw(
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port of this machine; 0: a free one.")] = 0,
     browser: Annotated[bool, typer.Option(help="--no-browser: only print the address.")] = True,
 ) -> None:
-    """Draw the mesh on the reference image in a browser, write experiment.toml, identify and watch."""
+    """Draw the mesh on the reference image in a browser, write experiment.toml and identify."""
     with outcome():
         import webbrowser
 

@@ -15,7 +15,6 @@ from idic.draw.pictures import Pictures
 from idic.draw.plan import Plan, Sketch, first_sketch, read_plan
 from idic.draw.speckled_area import speckled_area
 from idic.draw.texture import Texture, noise_floor, texture_of
-from idic.draw.viewer import Viewer
 from idic.errors import InputError
 from idic.fe.mesh.outline import is_circle, segments_of
 from idic.fe.mesh.polygon import smallest_angle
@@ -49,15 +48,11 @@ class Desk:
     """One folder, opened in the page; what it read last is kept."""
 
     folder: Path
-    viewer: Viewer = field(init=False)
     _written: str = ""
     _pictures: dict[str, Pictures] = field(default_factory=dict)
     _recordings: dict[str, Recording] = field(default_factory=dict)
     _pictures_lock: threading.Lock = field(default_factory=threading.Lock)
     _recordings_lock: threading.Lock = field(default_factory=threading.Lock)
-
-    def __post_init__(self):
-        self.viewer = Viewer(self.folder)
 
     def listing(self) -> Listing:
         return list_folder(self.folder)

@@ -72,8 +72,3 @@ def as_bytes(image: np.ndarray, low: float, high: float) -> np.ndarray:
 def jpeg(image: np.ndarray) -> bytes:
     """(ny, nx) or (ny, nx, 3 blue, green, red) uint8."""
     return cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
-
-
-def png(image: np.ndarray) -> bytes:
-    """(ny, nx, 4 blue, green, red, opacity) uint8."""
-    return cv2.imencode(".png", image)[1].tobytes()

@@ -24,7 +24,7 @@ from starlette.routing import Route
 
 from idic.draw.desk import Desk
 from idic.draw.folder import run_folder
-from idic.draw.watch import is_at_work, state_of
+from idic.draw.watch import state_of
 from idic.errors import InputError
 
 HOST = "127.0.0.1"
@@ -61,10 +61,7 @@ def serve(folder: Path, place: socket.socket, token: str) -> None:
     threading.Thread(target=desk.read_ahead, daemon=True).start()
     config = uvicorn.Config(application(desk, token, port), log_level="critical", lifespan="off", access_log=False,
                             timeout_graceful_shutdown=2)
-    try:
-        uvicorn.Server(config).run(sockets=[place])
-    finally:
-        desk.viewer.close()
+    uvicorn.Server(config).run(sockets=[place])
 
 
 def new_token() -> str:
@@ -88,10 +85,7 @@ def application(desk: Desk, token: str, port: int) -> Callable:
         Route("/{token}/api/write", guard(answer(lambda r: desk.write(r["plan"], r["replace"] is True))),
               methods=["POST"]),
         Route("/{token}/api/identify", guard(answer(lambda r: desk.identify(r["name"]))), methods=["POST"]),
-        Route("/{token}/api/run",
-              guard(answer(lambda r: state_of(folder, r["name"]) | {"at_work": is_at_work(folder, r["name"])}))),
-        Route("/{token}/api/point", guard(answer(lambda r: _point(desk, r)))),
-        Route("/{token}/api/residual", guard(residual(desk))),
+        Route("/{token}/api/run", guard(answer(lambda r: state_of(folder, r["name"])))),
         Route("/{token}/report/{name}", guard(report(folder))),
     ])
 
@@ -181,41 +175,14 @@ def picture(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
             raise ValueError("no part of an image")
         return desk.pictures(query["images"]).part(int(query.get("frame", 0)), (x0, y0, x1, y1), int(query["width"]))
 
-    return _as_picture(made, "image/jpeg")
-
-
-def residual(desk: Desk) -> Callable[[Request], Awaitable[Response]]:
-    """The residual map of the accepted point of a run as a PNG: name, frame."""
-    def made(query: dict) -> bytes:
-        point = desk.viewer.point(query["name"], _frame(query))
-        if point is None:
-            raise ValueError("no point yet")
-        return point.picture
-
-    return _as_picture(made, "image/png")
-
-
-def _as_picture(made: Callable[[dict], bytes], kind: str) -> Callable[[Request], Awaitable[Response]]:
     async def answered(request: Request) -> Response:
         try:
-            return Response(await run_in_threadpool(made, dict(request.query_params)), media_type=kind)
+            return Response(await run_in_threadpool(made, dict(request.query_params)), media_type="image/jpeg")
         except InputError as error:
             return _refusal(error)
         except (KeyError, ValueError):
             return Response("not found", 404)
     return answered
-
-
-def _frame(query: dict) -> int | None:
-    return int(query["frame"]) if query.get("frame", "").isdecimal() else None
-
-
-def _point(desk: Desk, query: dict) -> dict:
-    point = desk.viewer.point(query["name"], _frame(query))
-    if point is None:
-        return {}
-    return {"evaluation": point.evaluation, "frame": point.frame, "channels": point.channels, "chi2": point.chi2,
-            "box": point.box}
 
 
 def report(folder: Path) -> Callable[[Request], Awaitable[Response]]:

@@ -1,4 +1,4 @@
-"""Starts `idic identify` as a process of its own, and looks at its RUN while it is at work.
+"""Starts `idic identify` as a process of its own, and tells how its RUN stands; what came out is in its report.
 
 The page only reads: a RUN goes on, to the same numbers, whether anybody watches or not.
 """
@@ -8,16 +8,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-
 
 from idic.draw.folder import run_folder
 from idic.errors import InputError
-from idic.identify.step.state import LoopState
 from idic.store.result_file import read_result
 from idic.store.run_lock import is_held
-from idic.store.state_file import load_state
+from idic.store.state_file import STATE_FILE
 from idic.workers.working_folder import empty_folder
 
 CONSOLE = ".console.txt"  # FOLDER/runs/NAME.console.txt: what the command says
@@ -49,41 +46,20 @@ def next_name(taken: tuple[str, ...]) -> str:
 
 
 def state_of(folder: Path, name: str) -> dict:
-    """Where a RUN stands: its history, the last lines of its log, whether it has a report. Cheap; asked twice a
-    second."""
+    """How a RUN stands: at work, starting, stopped, or the status of its result; the last lines of its log; whether it
+    has a report. Cheap; asked every second."""
     run = run_folder(folder, name)
-    try:
-        state = load_state(run)
-    except (InputError, OSError, ValueError):  # just being replaced
-        state = None
     lines = _tail(run / "log.txt") or _tail(run.parent / f"{name}{CONSOLE}")
-    return {"name": name, "status": state.status if state else "starting", "iteration": state.iteration if state else 0,
-            "evaluations": state.evaluations if state else 0,
-            "accepted": state.accepted.number if has_accepted(state) else None,
-            "history": [_entry(entry) for entry in state.history] if state else [], "log": lines,
-            "result": _result(run), "report": (run / "report.html").is_file()}
+    return {"name": name, "status": _status(run), "log": lines, "report": (run / "report.html").is_file()}
 
 
-def has_accepted(state: LoopState | None) -> bool:
-    """Whether a point of the identification has been accepted."""
-    return state is not None and state.accepted is not None and state.accepted.number >= 0
-
-
-def _entry(entry: Mapping) -> dict:
-    return {key: entry.get(key) for key in ("evaluation", "accepted", "phi", "rms_gv", "values", "message")}
-
-
-def _result(run: Path) -> dict | None:
-    """Status, parameters and chi² of a finished RUN."""
-    if not (run / "result.json").is_file():
-        return None
+def _status(run: Path) -> str:
+    if is_held(run):
+        return "at work"
     try:
-        result = read_result(run)
-    except (InputError, OSError):
-        return None
-    return {"status": result["status"], "parameters": result["parameters"],
-            "chi2": result["residual"].get("image_chi2_dof"),
-            "derived": result.get("derived", {}), "not_identifiable": result.get("not_identifiable", [])}
+        return read_result(run)["status"]
+    except (InputError, OSError):  # none yet
+        return "stopped" if (run / STATE_FILE).is_file() else "starting"
 
 
 def _tail(file: Path) -> list[str]:

@@ -16,9 +16,11 @@ from drawn_folder import make_folder, plan  # noqa: E402
 from idic.draw.desk import Desk  # noqa: E402
 from idic.draw.document import KEPT, drawn_before  # noqa: E402
 from idic.draw.folder import list_folder, run_folder  # noqa: E402
-from idic.draw.watch import next_name  # noqa: E402
+from idic.draw.watch import next_name, state_of  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 from idic.experiment_file.load import load_experiment  # noqa: E402
+from idic.store.result_file import write_result  # noqa: E402
+from idic.store.run_lock import run_lock  # noqa: E402
 
 TYPED = """
 [experiment]
@@ -180,6 +182,21 @@ def test_runs_are_named_within_the_folder(desk, tmp_path):
     with pytest.raises(InputError):
         run_folder(desk.folder, "run-1")
     assert list_folder(desk.folder).runs == ()
+
+
+def test_the_page_says_how_a_run_stands_and_where_its_report_is(tmp_path):
+    run = tmp_path / "runs" / "run-1"
+    run.mkdir(parents=True)
+    (run.parent / "run-1.console.txt").write_text("reading\n")
+    assert state_of(tmp_path, "run-1") == {"name": "run-1", "status": "starting", "log": ["reading"], "report": False}
+    (run / "state.json").write_text("{}")
+    assert state_of(tmp_path, "run-1")["status"] == "stopped"
+    with run_lock(run):
+        assert state_of(tmp_path, "run-1")["status"] == "at work"
+    write_result(run, {"status": "converged"})
+    (run / "report.html").write_text("<p>done</p>")
+    (run / "log.txt").write_text("done\n")
+    assert state_of(tmp_path, "run-1") == {"name": "run-1", "status": "converged", "log": ["done"], "report": True}
 
 
 def test_a_folder_without_images_is_refused(tmp_path):

@@ -107,7 +107,6 @@ _changes = st.lists(st.tuples(st.floats(0, 1, exclude_max=True), _how, _value), 
 _words = st.one_of(st.sampled_from(["images/*.tif", "loads.csv", "run", "0", "1", "-1", "1e9", "nan", "240", "", "../x"]
                                    ), st.text(max_size=8))
 _QUESTIONS = {"size": ["images"], "area": ["images"], "log": ["name", "images"], "run": ["name"],
-              "point": ["name", "frame"], "residual": ["name", "frame"],
               "part": ["images", "frame", "x0", "y0", "x1", "y1", "width"]}
 _question = st.sampled_from(sorted(_QUESTIONS)).flatmap(lambda to: st.tuples(
     st.just(to), st.fixed_dictionaries({}, optional={name: _words for name in _QUESTIONS[to]})))

@@ -13,6 +13,7 @@ import pytest
 import zarr
 from PIL import Image
 from quality.called import called
+from quality.sources import modules
 
 from idic.errors import InputError
 from idic.readers.images import open_stack
@@ -21,12 +22,12 @@ from idic.readers.paths import existing_file, inside, matching_files
 from idic.store.arrays import FrameArrays, open_array, read_array, write_array
 
 ROOT = Path(__file__).parents[2]
-SOURCES = [file for folder in ("idic", "flows", "deploy") for file in sorted((ROOT / folder).rglob("*.py"))]
+SOURCES = [*modules().values(), *sorted((ROOT / "deploy").rglob("*.py"))]
 STARTS_PROGRAMS = {  # each knows what it starts; the external solver: only with the user's leave, see docs/safety.md
     "idic/workers/prefect_server.py", "idic/fe/external/process.py", "idic/fe/external/guard.py",
     "idic/workers/precompiling.py",  # idic's own compiler
     "idic/run/reporting/second_process.py",  # idic itself, for figures
-    "idic/draw/watch.py", "idic/draw/viewer.py",  # idic itself, on a folder that the user has opened
+    "idic/draw/watch.py",  # idic itself, on a folder that the user has opened
     "deploy/slurm_cluster.py", "studies/trial/scenes/calculix.py",  # ccx on decks of our own
     "studies/trial/seal.py"}  # git, for the commit that the tool is sealed at
 OWN_PIPES = {"idic/run/reporting/second_process.py"}  # pickles between this process and its own child

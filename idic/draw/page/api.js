@@ -13,8 +13,3 @@ async function read(answer) {
 const lost = () => { throw new Refused({ what: "idic draw does not answer. A started run continues; start idic draw again to watch it." }); };
 export const get = (name, query = {}) => fetch(`api/${name}?${new URLSearchParams(query)}`).catch(lost).then(read);
 export const post = (name, content) => fetch(`api/${name}`, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(content) }).catch(lost).then(read);
-
-export async function bitmap(name, query) {
-  const answer = await fetch(`api/${name}?${new URLSearchParams(query)}`).catch(() => null);
-  return answer?.ok ? createImageBitmap(await answer.blob()) : null;
-}

@@ -1,7 +1,7 @@
 // The page: fields and what follows from them. The drawing is in sketch.js, the canvas in view.js, tools.js and paint.js.
 
 import { Refused, get, post } from "./api.js";
-import { short, sparkline } from "./chart.js";
+import { short, sparkline } from "./sparkline.js";
 import { colourOf, paintAll } from "./paint.js";
 import { RunWatch, element } from "./run.js";
 import { Sketch } from "./sketch.js";
@@ -16,27 +16,23 @@ const page = { files: null, images: "", log: null, mesh: null, scale: null, axes
 let queued = false;
 const paint = () => { if (!queued) { queued = true; requestAnimationFrame(() => { queued = false; draw(); }); } };
 const view = new View($("canvas"), paint);
-const watch = new RunWatch(() => { legend(); paint(); });
+const watch = new RunWatch();
 const tools = new Tools(view, sketch, { paint, drawn, lineChosen, scaled, axes: setAxes, notchRadius: () => 1.5 * elementSize() });
 
 function draw() {
-  paintAll(context, { view, sketch, tools, mesh: page.mesh, residual: residualShown(), scale: page.scale, axes: axesNow(), showFloor: $("show-floor").checked, holeNames: holeNames() });
+  paintAll(context, { view, sketch, tools, mesh: page.mesh, scale: page.scale, axes: axesNow(), showFloor: $("show-floor").checked, holeNames: holeNames() });
 }
 
-function residualShown() { return $("show-residual").checked ? watch.residual : null; }
-
 function legend() {
-  const residual = residualShown(), box = $("legend"), floor = page.mesh && $("show-floor").checked && !residual;
-  box.hidden = !floor && !residual;
-  if (residual) box.replaceChildren("residual −4σ", element("i", [], "residual"), "+4σ of the noise");
-  else if (floor) { const known = page.mesh.floor.filter((v) => v !== null).sort((a, b) => a - b); box.replaceChildren(`${short(known[0], 2)}`, element("i", [], "floor"), `${short(known.at(Math.floor(known.length * 0.98)) ?? known.at(-1), 2)} px`); }
+  const box = $("legend"), floor = page.mesh && $("show-floor").checked;
+  box.hidden = !floor;
+  if (floor) { const known = page.mesh.floor.filter((v) => v !== null).sort((a, b) => a - b); box.replaceChildren(`${short(known[0], 2)}`, element("i", [], "floor"), `${short(known.at(Math.floor(known.length * 0.98)) ?? known.at(-1), 2)} px`); }
 }
 
 // the drawing ---------------------------------------------------------------------------------------------
 let meshTimer = 0;
 function drawn(done) {
   page.drawn++;
-  watch.residual = null;
   page.mesh = null;
   paint();
   edgeTable();
@@ -263,7 +259,7 @@ async function go() {
     const name = $("run-name").value.trim();
     await post("identify", { name });
     $("message").textContent = `experiment.toml is written. idic identify was started in runs/${name}; it goes on when this page is closed.`;
-    watch.watch(name, page.files.frames);
+    watch.watch(name);
     await listRuns(name);
     $("card-run").scrollIntoView({ behavior: "smooth", block: "start" });
   } catch (error) { tell(error); } finally { $("go").disabled = false; }
@@ -280,7 +276,6 @@ async function listRuns(chosen) {
 async function showImages(images) {
   page.images = images;
   const { width, height, frames, reference } = await get("size", { images });
-  page.files.frames = frames;
   $("facts").textContent = `${frames} images, ${width} × ${height} px; reference ${reference}`;
   await view.show(images, 0, width, height);
 }
@@ -303,7 +298,7 @@ async function begin() {
   take(files.drawn_before || found);
   await readLog();
   await listRuns(files.at_work);
-  if (files.at_work) watch.watch(files.at_work, page.files.frames);
+  if (files.at_work) watch.watch(files.at_work);
   document.body.dataset.ready = "yes";
 }
 
@@ -318,7 +313,6 @@ listen("pixel", "input", () => { page.scale = null; pixelChanged(); paint(); });
 listen("thickness", "input", wanted);
 listen("size", "input", () => { sizeText(); drawn(false); });
 for (const id of ["elements", "mesher"]) listen(id, "change", () => drawn(true));
-listen("show-residual", "change", () => { legend(); paint(); });
 listen("show-floor", "change", () => { legend(); paint(); });
 listen("edge-name", "change", nameLine);
 listen("log", "change", readLog);
@@ -328,8 +322,7 @@ listen("force-component", "change", () => { page.componentChosen = true; });
 listen("law", "change", showLaw);
 listen("write", "click", write);
 listen("go", "click", go);
-listen("runs", "change", () => { if ($("runs").value) watch.watch($("runs").value, page.files.frames); });
-listen("frame", "input", () => { $("frame-text").textContent = $("frame").value; });
+listen("runs", "change", () => { if ($("runs").value) watch.watch($("runs").value); });
 tools.choose("select");
 begin().catch((error) => tell(error));
 

@@ -1,14 +1,13 @@
-// What is drawn over the image: mesh, noise floor or residual, lines with their names, handles, scale and axes.
+// What is drawn over the image: mesh, noise floor, lines with their names, handles, scale and axes.
 
 import { middle, points } from "./sketch.js";
 
 const COLOURS = ["#ff7a1a", "#21c7d9", "#e05ad6", "#a5d020", "#ffd21f", "#8f8bff"];
 export const colourOf = (name, names) => COLOURS[Math.max(names.indexOf(name), 0) % COLOURS.length];
 
-export function paintAll(context, { view, sketch, tools, mesh, residual, scale, axes, showFloor, holeNames }) {
+export function paintAll(context, { view, sketch, tools, mesh, scale, axes, showFloor, holeNames }) {
   view.paint(context);
-  if (residual) { context.globalAlpha = 0.85; view.paste(context, residual.bitmap, residual.box); context.globalAlpha = 1; }
-  if (mesh && !residual) paintMesh(context, view, mesh, showFloor);
+  if (mesh) paintMesh(context, view, mesh, showFloor);
   const names = sketch.names;
   paintLoop(context, view, sketch.corners, names);
   if (sketch.circle) paintCircle(context, view, sketch.circle);
@@ -16,7 +15,7 @@ export function paintAll(context, { view, sketch, tools, mesh, residual, scale, 
   if (tools.line) stroke(context, view, points(tools.line.corners, tools.line.k), "#fff", 6, 0.6);
   paintNames(context, view, sketch, names);
   holeNames.forEach((name, k) => { const [x, y] = view.toScreen(middle(sketch.holes[k])); label(context, view, name, x, y + 18, "#ff3b3b"); }); // below the point in its middle
-  if (!residual) sketch.handles().forEach((handle, k) => paintHandle(context, view, handle, k === tools.selected));
+  sketch.handles().forEach((handle, k) => paintHandle(context, view, handle, k === tools.selected));
   if (scale) { stroke(context, view, scale, "#ffe14d", 2); scale.forEach((at) => cross(context, view, at, "#ffe14d")); }
   if (axes) paintAxes(context, view, axes);
   if (tools.points.length) {
