@@ -7,7 +7,7 @@ mkdir -p "${1:-site}"
 out="$(cd "${1:-site}" && pwd)"
 
 [ -x "$out/venv/bin/python" ] || python3 -m venv "$out/venv"
-"$out/venv/bin/pip" install --quiet "$here[docs]"
+"$out/venv/bin/pip" install --quiet "$here[docs]" "$here/studies"   # the gallery is one of the studies
 gallery="${IDIC_GALLERY:-$out/gallery}"
 [ -f "$gallery/index.html" ] || "$out/venv/bin/idic" gallery --out "$gallery"
 "$out/venv/bin/python" "$here/docs/site_pages.py" "$out" --gallery "$gallery"
