@@ -27,7 +27,7 @@ def experiments(tmp_path_factory):
     """Folders of the short and of the long test."""
     root = tmp_path_factory.mktemp("memory")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(example.EXAMPLES, "frames", lambda reduced: strip(SIZE))
+        patch.setitem(example.EXAMPLES, "frames", lambda reduced, foreign: strip(SIZE))
         short = example.write_example("frames", root / "short").parent
     long = root / "long"
     (long / "images").mkdir(parents=True)
