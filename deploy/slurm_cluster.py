@@ -22,7 +22,7 @@ import dask
 from dask_jobqueue import SLURMCluster
 from distributed.security import Security
 
-from idic.workers.dask_settings import KEEP_MEMORY, ONE_THREAD
+from idic.run.workers.dask_settings import KEEP_MEMORY, ONE_THREAD
 
 LOOK_SECONDS = 10.0  # between looks at the queue
 MARGIN_SECONDS = 120.0  # before the walltime a worker hands over what it holds, and ends

@@ -18,7 +18,7 @@ sys.path.insert(0, str(HERE.parent / "tests" / "draw"))
 
 from driver import Browser  # noqa: E402
 
-from idic.virtual_tests.examples import write_example  # noqa: E402
+from idic.virtual_tests import write_example  # noqa: E402
 
 COLOURS = 256  # of the pictures: half of the bytes
 

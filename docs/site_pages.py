@@ -30,16 +30,16 @@ REPOSITORY_PAGES = {"README.md": "readme", "CONTRIBUTING.md": "contributing", "C
 LAW_PAGES = {"elastoplastic": "composed-law", "free_rubber": "free-rubber", "free_relaxation": "free-relaxation"}
 WRAPPED = ".highlight-text pre { white-space: pre-wrap; }"
 PYTHON = {  # title -> modules of the reference
-    "From Python objects": ("idic.notebook.experiment", "idic.notebook.identify", "idic.notebook.result",
+    "From Python objects": ("idic.notebook.experiment", "idic.notebook.identification", "idic.notebook.result",
                             "idic.notebook.estimates"),
     "From folders": ("idic.experiment_file.load", "idic.run.plain", "idic.run.reporting.write",
                      "idic.run.reporting.export", "idic.run.design"),
     "Experiment and simulation": ("idic.model.experiment", "idic.model.gauges", "idic.model.forward", "idic.parameters",
                                   "idic.images.camera"),
-    "Fields": ("idic.fields.strain", "idic.fields.series", "idic.fields.readings", "idic.fields.free"),
-    "Free FE-DIC": ("idic.dic.stack", "idic.dic.frame"),
+    "Fields": ("idic.measure.fields.strain", "idic.measure.fields.series", "idic.measure.fields.readings", "idic.measure.fields.free"),
+    "Free FE-DIC": ("idic.measure.dic.stack", "idic.measure.dic.frame"),
     "The equation": ("idic.correlation.normal_equations",),
-    "To extend idic": ("idic.materials.core.law", "idic.diagnose.screen.candidate"),
+    "To extend idic": ("idic.laws.core.law", "idic.diagnose.screen.candidate"),
 }
 
 
@@ -61,12 +61,12 @@ def write_source(folder: Path, gallery: Path | None = None, pictures: bool = Tru
         text = text.replace("# idic\n", "# What idic does\n", 1) if target == "readme" else text
         (folder / f"{target}.md").write_text(_with_links(text, (ROOT / name).parent), encoding="utf-8")
     commands = list(_command_pages(folder / "commands"))
-    laws, candidates = list(_law_pages(folder / "laws", pictures)), list(_candidate_pages(folder / "candidates"))
+    laws, candidate_library = list(_law_pages(folder / "laws", pictures)), list(_candidate_pages(folder / "candidates"))
     examples = list(_example_pages(folder / "examples", pictures))
     _write_gallery(folder, gallery)
     for title, modules in PYTHON.items():
         _write(folder / "python" / f"{_slug(title)}.md", f"# {title}\n\n" + "\n\n".join(map(_reference, modules)))
-    _write(folder / "index.md", _index(commands, laws, candidates, examples))
+    _write(folder / "index.md", _index(commands, laws, candidate_library, examples))
 
 
 def _with_links(text: str, place: Path, at: Path = Path()) -> str:
@@ -93,8 +93,8 @@ def _with_links(text: str, place: Path, at: Path = Path()) -> str:
 
 def _law_pages(folder: Path, pictures: bool) -> Iterator[str]:
     """One page per registered law; yields their names."""
-    from idic.materials import all_laws, get_law
-    from idic.report.figures.law_curve import plot_law
+    from idic.laws import all_laws, get_law
+    from idic.report import plot_law
 
     folder.mkdir(parents=True)
     for name in all_laws():
@@ -125,7 +125,7 @@ def _law_pages(folder: Path, pictures: bool) -> Iterator[str]:
 
 def _terms() -> str:
     """The terms of the composed law, from their registration."""
-    from idic.materials.composed.terms import TEMPERATURE_TERMS, TERMS
+    from idic.laws import TEMPERATURE_TERMS, TERMS
 
     rows = [(term.group.replace("_", " "), f"`{term.kind}`", ", ".join(
                 f"`{p.name}`" + (f" ({p.unit})" if p.unit not in ("", "-") else "") for p in term.parameters),
@@ -194,9 +194,9 @@ def _toml(name: str, parameters: Sequence) -> str:
 
 def _candidate_pages(folder: Path) -> Iterator[str]:
     """One page per registered candidate physics; yields their names."""
-    from idic.diagnose.screen.candidate import candidates
+    from idic.diagnose import candidate_library
 
-    known = {candidate.name: candidate for candidate in candidates()}
+    known = {candidate.name: candidate for candidate in candidate_library()}
     for name, one in known.items():
         rivals = [(f"[{rival}]({rival}.md)" if rival in known else f"`{rival}`", why)
                   for rival, why in one.rivals.items()]
@@ -284,7 +284,7 @@ def _index(commands: Sequence[str], laws: Sequence[str], candidates: Sequence[st
     parts += [_toctree("Commands", [f"commands/{name}" for name in commands]),
               _toctree("Examples", [f"examples/{name}" for name in examples]),
               _toctree("Laws", [f"laws/{name}" for name in laws]),
-              _toctree("Candidate physics", [f"candidates/{name}" for name in candidates]),
+              _toctree("Candidate physics", [f"candidates/{name}" for name in candidate_library]),
               _toctree("Python", [f"python/{_slug(title)}" for title in PYTHON]),
               _toctree("More", ["gallery-of-reports",
                                 *(name for page, name in REPOSITORY_PAGES.items() if page != "README.md")])]

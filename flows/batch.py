@@ -13,12 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from idic.run.batch.entries import read_batch
-from idic.run.batch.runs import ERROR, BatchJob, BatchOutcome, identify_job, identify_whole
-from idic.run.batch.starts import with_starts
-from idic.run.batch.store import Batch
-from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.workers.runner import JobKillsWorkers, TaskRunner
+from idic.run import (
+    Batch, BatchJob, BatchOutcome, ERROR, JobKillsWorkers, TaskRunner, check_scheduler, checked_memory_limit,
+    identify_job, identify_whole, open_cluster, read_batch, with_starts,
+)
 # before Prefect: it reads its settings from the environment
 from idic_flows.settings import connected, flow_server, show_dashboards
 from idic_flows.shown_runner import ShownRunner

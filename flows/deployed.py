@@ -32,7 +32,7 @@ def identify(experiment: str, out: str, workers: int | None = None, scheduler: s
     """
     from prefect.flow_runs import suspend_flow_run
 
-    from idic.run.reporting.write import write_report
+    from idic.run import write_report
     from idic_flows.identify import run_identification
 
     source, run = data_path(experiment, "experiment"), data_path(out, "out")
@@ -50,8 +50,8 @@ def batch(experiments: list[str], out: str, starts: int | None = None, spread: f
           workers: int | None = None, scheduler: str | None = None, sensitivity: str = "auto",
           overrides: dict[str, str] | None = None) -> State:
     """``idic batch FILE_OR_EXPERIMENT... --out DIR --resume`` on the worker; paths and states as of `identify`."""
-    from idic.report.batch_page import headline
-    from idic.run.batch.entries import read_batch
+    from idic.report import batch_headline
+    from idic.run import read_batch
     from idic_flows.batch import run_batch
 
     paths, folder = [data_path(path, "experiments") for path in experiments], data_path(out, "out")
@@ -59,7 +59,7 @@ def batch(experiments: list[str], out: str, starts: int | None = None, spread: f
         data_path(one.experiment, "experiments")
     content = run_batch(paths, folder, starts=starts, spread=spread, seed=seed, resume=True, workers=workers,
                         scheduler=scheduler, sensitivity=sensitivity, overrides=overrides)
-    message = f"{headline(content)} {folder / 'batch.html'}"
+    message = f"{batch_headline(content)} {folder / 'batch.html'}"
     return (Completed if content["converged"] == len(content["runs"]) else Failed)(message=message)
 
 
@@ -77,7 +77,7 @@ def diagnose(run: str, workers: int | None = None, scheduler: str | None = None,
 def systematic(run: str, bias: bool = True, spread: bool = True, workers: int | None = None,
                scheduler: str | None = None) -> State:
     """``idic systematic RUN`` on the worker; paths as of `identify`."""
-    from idic.run.reporting.write import write_report
+    from idic.run import write_report
     from idic_flows.systematic import run_systematic
 
     folder = data_path(run, "run")

@@ -7,12 +7,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from idic.run.context import experiments_of
-from idic.run.diagnosis.diagnose import diagnose, write_all
-from idic.run.diagnosis.source import open_source
-from idic.store.run_lock import run_lock
-from idic.workers.runner import TaskRunner
-from idic.workers.workplace import Workplace
+from idic.run import TaskRunner, Workplace, diagnose, experiments_of, open_source, run_lock, write_all
 from idic_flows.settings import connected, flow_server  # before Prefect: it reads its settings from the environment
 from idic_flows.shown_runner import ShownRunner
 from idic_flows.stages import run_stage

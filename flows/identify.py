@@ -1,4 +1,4 @@
-"""The identification as a Prefect flow around the one driver of the loop (`idic.identify.driver`).
+"""The identification as a Prefect flow around the one driver of the loop (`idic.identification.driver`).
 
 One Prefect task per stage of an iteration; inside a stage the simulations and the chunks of frames are Dask tasks with
 names such as ``simulate-it003-SPECIMEN.E``, which Prefect shows as task runs (`idic_flows.shown_runner`). A killed run
@@ -17,13 +17,11 @@ from idic_flows.settings import connected, flow_server, server_is_gone, show_das
 from idic_flows.shown_runner import ShownRunner
 from idic_flows.stages import publish_evaluations, publish_residual, publish_schedule, run_stage
 
-from idic.identify.driver import StageHook, run_loop
-from idic.identify.step.state import LoopState
-from idic.run.plain import Console, OpenRun, on_workers, plan_run, workplace_for
-from idic.run.runs import check_pause
-from idic.run.session import Timing
-from idic.run.warm_up import compile_image_kernels, compile_stress_kernel
-from idic.workers.runner import TaskRunner
+from idic.identification import LoopState, StageHook, run_loop
+from idic.run import (
+    Console, OpenRun, TaskRunner, Timing, check_pause, compile_image_kernels, compile_stress_kernel, on_workers,
+    plan_run, workplace_for,
+)
 
 
 def run_identification(paths: Sequence[str | Path], out: str | Path, resume: bool = False, workers: int | None = None,

@@ -8,9 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from idic.run.context import open_run
-from idic.run.tasks import CorrelationJob, SimulationJob
-from idic.store.layout import BASE
+from idic.run import BASE, CorrelationJob, SimulationJob, open_run
 
 
 def titles_of(jobs: Sequence[Any], names: Sequence[str], name_run: bool = False) -> list[str]:

@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from idic.errors import InputError
-from idic.store.run_lock import process_lives, this_process
-from idic.workers.prefect_server import PASSWORD, PrefectServer, start_server
+from idic.run import PASSWORD, PrefectServer, process_lives, start_server, this_process
 
 TAG = "idic-process:"
 REFUSED = (401, 403)  # status of a request without the right password, or without the right

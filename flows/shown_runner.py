@@ -14,7 +14,7 @@ from contextvars import copy_context
 from datetime import datetime, timedelta
 from typing import Any
 
-from idic.workers.runner import TaskRunner
+from idic.run import TaskRunner
 from idic_flows.job_runs import Budget, JobRun, JobRuns
 from idic_flows.job_titles import titles_of
 

@@ -7,9 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from idic.identify.step.stages import resolve_stages
-from idic.identify.step.state import LoopState
-from idic.model.experiment import Experiment
+from idic.identification import LoopState, resolve_stages
+from idic.model import Experiment
 
 SCHEDULE, EVALUATIONS, RESIDUAL = "idic-schedule", "idic-evaluations", "idic-residual"  # keys of the artifacts
 
@@ -48,8 +47,8 @@ def publish_residual(run: Path) -> None:
     """
     from prefect.artifacts import create_image_artifact
 
-    from idic.report.residual_png import RANGE
-    from idic.run.reporting.accepted_residual import accepted_residual
+    from idic.report import RANGE
+    from idic.run import accepted_residual
 
     residual = accepted_residual(run)
     if residual is None:

@@ -10,9 +10,7 @@ from idic_flows.settings import connected, flow_server  # before Prefect: it rea
 from idic_flows.shown_runner import ShownRunner
 from idic_flows.stages import run_stage
 
-from idic.run.systematic import assessed_experiments, systematic
-from idic.workers.runner import Progress, TaskRunner
-from idic.workers.workplace import Workplace
+from idic.run import Progress, TaskRunner, Workplace, assessed_experiments, systematic
 
 
 def run_systematic(run: str | Path, bias: bool = True, spread: bool = True, workers: int | None = None,
@@ -33,11 +31,11 @@ def run_systematic(run: str | Path, bias: bool = True, spread: bool = True, work
     Raises
     ------
     InputError
-        As `idic.run.systematic.systematic`.
+        As `idic.run.systematic_run.systematic`.
     """
     place = Workplace(workers, scheduler, memory_limit, store)
     place.check(run, say=stage)
-    with flow_server() as server, place.opened(run, assessed_experiments(run), ("idic.run.systematic",)) as runner:
+    with flow_server() as server, place.opened(run, assessed_experiments(run), ("idic.run.systematic_run",)) as runner:
         with connected(server):
             return _assess_in_prefect(str(run), ShownRunner(runner), bias, spread, progress)
 

@@ -17,32 +17,26 @@ from __future__ import annotations
 
 __version__ = "0.1.0"
 
-_LAZY = {
-    "Experiment": "idic.notebook.experiment",
-    "load_result": "idic.notebook.identify",
-    "identify_experiment": "idic.run.plain",
-    "load_experiment": "idic.experiment_file.load",
-    "write_example": "idic.virtual_tests.examples",
-    "write_design": "idic.run.design",
-    "write_report": "idic.run.reporting.write",
-    "build_forward": "idic.model.forward",
-    "solve": "idic.model.forward",
-    "dic_stack": "idic.dic",
+_ROOMS = {
+    "Experiment": "notebook", "identify": "notebook", "load_result": "notebook",
+    "load_experiment": "experiment_file",
+    "build_forward": "model", "solve": "model",
+    "dic_stack": "measure",
+    "identify_experiment": "run", "write_design": "run", "write_report": "run",
+    "write_example": "virtual_tests",
 }
 
-__all__ = ["__version__", "flow", "identify", *_LAZY]  # noqa: PLE0604  (ruff does not see that the keys are strings)
+__all__ = ["__version__", "flow", *_ROOMS]  # noqa: PLE0604  (ruff does not see that the keys are strings)
 
 
 def __getattr__(name: str):
     from importlib import import_module
 
-    if name == "identify":  # a package that can be called
-        return import_module("idic.identify")
     if name == "flow":
         return import_module("idic_flows.public")
-    if name not in _LAZY:
+    if name not in _ROOMS:
         raise AttributeError(f"module 'idic' has no attribute {name!r}")
-    return getattr(import_module(_LAZY[name]), name)
+    return getattr(import_module(f"idic.{_ROOMS[name]}"), name)
 
 
 def __dir__():

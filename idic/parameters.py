@@ -33,7 +33,7 @@ class Parameter:
     max_step : float
         Largest scaled step of one iteration.
     start_values : tuple of float
-        Where the global search starts (`idic.identify.search`).
+        Where the global search starts (`idic.identification.start_search`).
     stabilising_factor, activation_factor : float
         As in `LawParameter`.
     shared : bool
@@ -61,7 +61,7 @@ class Parameter:
         """Change of a linear parameter by a unit of its scaled value.
 
         What a prior states is known: where it is wider than the scale, the unit is `PRIOR_STDS_PER_STEP` of its
-        standard deviations, so that the parameter counts as determined (`idic.identify.covariance`).
+        standard deviations, so that the parameter counts as determined (`idic.identification.parameter_covariance`).
         """
         return max(self.scale, PRIOR_STDS_PER_STEP * (self.prior_std or 0.0))
 

@@ -1,7 +1,8 @@
 """Files of the driver in a process that does not see its disk: where they lie here, and how one comes when it is read.
 
 A worker without a common disk has a local folder in place of the RUN folder and of every experiment (a mirror,
-`idic.store.mirror`). Those who read files ask here: `here` for the local path of a path of the driver, `fetch` before
+`idic.run.store.mirror`). Those who read files ask here: `here` for the local path of a path of the driver, `fetch`
+before
 they open a file that may not have come yet, `image_facts` for what the driver read from an image that never comes.
 Without a mirror, which is the ordinary case, all three do nothing.
 """

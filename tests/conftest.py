@@ -93,7 +93,7 @@ def shared_data():
 def _no_wait_for_the_disk(request):
     """What is written in this process is not synchronised, which is a third of the time of a small identification.
     Power cuts are tested in faults/ and store/, and every command in a process of its own synchronises."""
-    from idic.store import run_store
+    from idic.run.store import run_store
 
     with pytest.MonkeyPatch.context() as patch:
         if request.path.relative_to(ROOT).parts[0] not in ("faults", "store"):
@@ -125,7 +125,7 @@ def _session_server(tmp_path_factory):
 def _held(folder):
     """The lock of a folder, as soon as it is free."""
     from idic.errors import InputError
-    from idic.store.run_lock import run_lock
+    from idic.run import run_lock
 
     while True:
         lock = run_lock(folder)
@@ -142,7 +142,7 @@ def _held(folder):
 
 def _start_session_server(folder, settings):
     """A server whose home is the folder; what it sets is written as JSON."""
-    from idic.workers.prefect_server import start_server
+    from idic.run import start_server
 
     before = dict(os.environ)
     try:

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from idic.images.pinhole import PinholeCamera
-from idic.readers.calibration.rig import CameraRig
-from idic.readers.targets.view import TargetView
+from idic.images import PinholeCamera
+from idic.readers import CameraRig, TargetView
 
 Views = tuple[tuple[TargetView | None, ...], ...]  # per image number: what every camera sees
 
@@ -20,7 +19,7 @@ class Lens:
     Attributes
     ----------
     free : tuple of str
-        Names of `idic.images.pinhole.INTRINSIC`.
+        Names of `idic.images.pinhole.INTRINSIC_PARAMETERS`.
     """
 
     free: tuple[str, ...] = ("fx", "fy", "cx", "cy", "k1", "k2")

@@ -11,7 +11,7 @@ from idic.calibrate.bundle import Adjusted, adjust
 from idic.calibrate.homography import focal_length, homography, mirrored, pose_of
 from idic.calibrate.records import Lens, State, Views
 from idic.errors import InputError
-from idic.images.pinhole import PinholeCamera
+from idic.images import PinholeCamera
 
 MAX_POSE_SPREAD = 0.1       # of the second camera's pose between pairs, in rad and of the distance: else no one rig
 NO_LENS = Lens(())

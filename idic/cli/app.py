@@ -15,13 +15,13 @@ from typer.core import TyperGroup
 from idic.cli.command import Program
 from idic.cli.outcomes import DONE, INTERRUPTED, NOT_CONVERGED
 from idic.errors import InputError
-from idic.fe.external.process import PERMISSION
-from idic.workers.dask_settings import use_one_thread
+from idic.fe import PERMISSION
+from idic.run import use_one_thread
 
 ORDER = ("demo", "draw", "calibrate", "init", "check", "design", "identify", "systematic", "diagnose", "compare",
          "report", "fields", "clean", "batch", "simulate", "example", "gallery", "laws", "physics", "study",
          "trial")  # of a user's work, for --help
-LAW_FILES = "IDIC_LAWS"  # read by idic.materials.core.user_laws, which must not be imported before it is set
+LAW_FILES = "IDIC_LAWS"  # read by idic.laws.core.user_laws, which must not be imported before it is set
 PIPE_COLUMNS = 140  # width of a table that goes to a file or a pipe
 
 

@@ -42,8 +42,7 @@ def batch(
     """Identify many experiments, or one from many starts."""
     with outcome(resume=True):
         from idic.cli.progress import progress_view
-        from idic.workers.mirrored_runner import refuse_store
-        from idic.workers.prefect_server import start_server
+        from idic.run import refuse_store, start_server
 
         refuse_store(store, "batch")
         settings = read_overrides(overrides)
@@ -59,10 +58,10 @@ def batch(
 
 
 def _show(content: Mapping, out: Path) -> None:
-    from idic.report.batch_page import headline
+    from idic.report import batch_headline
 
     console = wide_console()
-    console.print(headline(content), highlight=False)
+    console.print(batch_headline(content), highlight=False)
     console.print(batch_rows(content))
     for group in content["groups"]:
         if group["parameters"]:
@@ -75,7 +74,7 @@ def _show(content: Mapping, out: Path) -> None:
 
 def scatter_rows(parameters: Mapping) -> Table:
     """Mean, scatter between runs and mean stated standard deviation of every parameter."""
-    from idic.report.design.page import short
+    from idic.report import short
 
     table = Table(box=None, header_style="bold")
     for title in ("parameter", "mean", "std between runs", "mean stated std", "unit", "runs"):
@@ -88,18 +87,17 @@ def scatter_rows(parameters: Mapping) -> Table:
 
 def batch_rows(content: Mapping) -> Table:
     """Status and parameters of every run."""
-    from idic.report import words
-    from idic.report.batch_page import batch_parameters
+    from idic.report import batch_parameters, short_names, with_std
 
     names = batch_parameters(content)
-    shown = words.short_names(names)
+    shown = short_names(names)
     table = Table(box=None, header_style="bold")
     for title in ("run", "status", *(shown[name] for name in names), "chi2", "s", "reason"):
         table.add_column(title, justify="left" if title in ("run", "status", "reason") else "right")
     for row in content["runs"]:
         entries = [row["parameters"].get(name) for name in names]
         cells = ["-" if e is None else "not determined" if e["std"] is None
-                 else words.with_std(e["value"], e["std"], e.get("unit") or "") for e in entries]  # fmt: skip
+                 else with_std(e["value"], e["std"], e.get("unit") or "") for e in entries]  # fmt: skip
         chi2, wall = row["image_chi2_dof"], row["wall_s"]
         table.add_row(row["name"], row["status"].replace("_", " "), *cells, "-" if chi2 is None else f"{chi2:.2f}",
                       "-" if wall is None else f"{wall:.0f}", (row["reason"].strip().splitlines() or [""])[0])

@@ -19,7 +19,7 @@ STAGES = ("finding the target in the images", "bundle adjustment", "file and pic
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from idic.run.calibration.run import CalibrationRun
+    from idic.run import CalibrationRun
 
 
 @app.command()
@@ -45,8 +45,8 @@ def calibrate(
 ) -> None:
     """Calibrate one camera or a pair from images of a dot grid or chessboard."""
     with outcome():
-        from idic.calibrate.records import Lens
-        from idic.run.calibration.run import run_calibration
+        from idic.calibrate import Lens
+        from idic.run import run_calibration
 
         from idic.cli.progress import progress_view
 
@@ -65,7 +65,7 @@ def calibration_table(run: CalibrationRun) -> Table:
     from rich.table import Table
 
     from idic.cli.tables import number_with_std
-    from idic.images.pinhole import UNITS
+    from idic.images import PINHOLE_UNITS
 
     rig = run.result.rig
     table = Table(box=None, header_style="bold")
@@ -74,7 +74,7 @@ def calibration_table(run: CalibrationRun) -> Table:
         table.add_column(head, justify="right", no_wrap=True)
     table.add_column("unit")
     stds: tuple = rig.std or ()
-    for name, unit in UNITS.items():
+    for name, unit in PINHOLE_UNITS.items():
         if not any(f"{c}.{name}" in rig.names for c in range(len(rig.cameras))):
             continue
         cells = []
@@ -119,12 +119,12 @@ def _grid(text: str | None) -> tuple[int, int] | None:
 
 
 def _names(text: str) -> tuple[str, ...]:
-    from idic.images.pinhole import INTRINSIC
+    from idic.images import INTRINSIC_PARAMETERS
 
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-    wrong = [name for name in names if name not in INTRINSIC]
+    wrong = [name for name in names if name not in INTRINSIC_PARAMETERS]
     if wrong or "fx" not in names:
         raise InputError("not intrinsic values of a camera", key="--free",
-                         expected=f"fx and any of {', '.join(INTRINSIC)}",
+                         expected=f"fx and any of {', '.join(INTRINSIC_PARAMETERS)}",
                          found=text, remedy="name them with commas between")
-    return tuple(name for name in INTRINSIC if name in names)
+    return tuple(name for name in INTRINSIC_PARAMETERS if name in names)

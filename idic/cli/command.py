@@ -10,7 +10,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand
 
-from idic.workers.working_folder import in_empty_folder
+from idic.run import in_empty_folder
 
 _user_folder: ContextVar[Path | None] = ContextVar("user_folder", default=None)  # where the running command was started
 

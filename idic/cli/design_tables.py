@@ -9,8 +9,7 @@ from rich.table import Table
 
 def plan_table(plan: Mapping) -> Table:
     """Expected standard deviations of one plan."""
-    from idic.report.design.page import parameter_rows
-    from idic.report.design.words import in_words, motion_unit
+    from idic.report import in_words, motion_unit, parameter_rows
 
     rows, has_channels = parameter_rows(plan), bool(plan["channels"])
     has_test = any(entry["std_test_known"] is not None for entry in plan["parameters"].values())
@@ -29,7 +28,7 @@ def plan_table(plan: Mapping) -> Table:
 
 def comparison_table(comparison: Mapping) -> Table:
     """Standard deviations per plan, the best one marked, and of all plans together."""
-    from idic.report.design.page import short
+    from idic.report import short
 
     table = Table(box=None, header_style="bold")
     table.add_column("± std of")
@@ -45,8 +44,7 @@ def comparison_table(comparison: Mapping) -> Table:
 
 def show_design(console, content: Mapping) -> None:
     """Print tables and sentences of all plans."""
-    from idic.report.design.page import assumed, said
-    from idic.report.design.words import best_plan, largest_motion, seen_area
+    from idic.report import assumed, best_plan, largest_motion, said, seen_area
 
     several = len(content["plans"]) > 1
     for plan in content["plans"]:

@@ -36,7 +36,7 @@ def diagnose(
     with outcome(run=run, resume=True):
         from idic.cli.diagnosis_tables import candidates_table, told
         from idic.cli.progress import progress_view
-        from idic.run.diagnosis.source import open_source
+        from idic.run import open_source
 
         open_source(run)  # before a server is started
         with progress_view(terminal(stderr=True), run,
@@ -44,7 +44,7 @@ def diagnose(
             if prefect:
                 from idic_flows.diagnose import run_diagnosis as run_it
             else:
-                from idic.run.diagnosis.plain import diagnose_plainly as run_it
+                from idic.run import diagnose_plainly as run_it
 
             content = run_it(run, workers, scheduler, view.stage, resume, memory_limit, quick, store)
         console = terminal()
@@ -64,10 +64,10 @@ def physics(
     """List the candidate physics that `idic diagnose` knows."""
     with outcome():
         from idic.cli.diagnosis_tables import physics_table
-        from idic.diagnose.screen.candidate import candidates
+        from idic.diagnose import candidate_library
         from idic.errors import InputError
 
-        known = {candidate.name: candidate for candidate in candidates()}
+        known = {candidate.name: candidate for candidate in candidate_library()}
         if name is not None and name not in known:
             raise InputError("no such candidate", key="idic physics NAME", expected=", ".join(known), found=repr(name),
                              remedy="choose one of these")

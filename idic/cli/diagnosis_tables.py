@@ -11,12 +11,11 @@ CANDIDATES_SHOWN = 8
 
 def candidates_table(content: Mapping) -> Table:
     """The strongest candidates of a diagnosis.json, and those that it names."""
-    from idic.identify.judgement.significance import p_text, z_text
-    from idic.diagnose.screen.candidate import candidates
-    from idic.report.diagnosis.page import STANDINGS
-    from idic.report.diagnosis.words import heldout_drop, standing_of, strongest
+    from idic.identification import p_text, z_text
+    from idic.diagnose import candidate_library
+    from idic.report import STANDINGS, heldout_drop, standing_of, strongest
 
-    titles = {one.name: one.title for one in candidates()}
+    titles = {one.name: one.title for one in candidate_library()}
     table = Table(box=None, header_style="bold")
     for column in ("candidate", "score", "p", "effect px", "visible", "predicted", "achieved", "held out", ""):
         table.add_column(column, justify="left" if column in ("candidate", "") else "right")

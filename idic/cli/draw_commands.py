@@ -21,8 +21,7 @@ def draw(
     with outcome():
         import webbrowser
 
-        from idic.draw.folder import list_folder
-        from idic.draw.server import HOST, new_token, open_socket, serve
+        from idic.draw import HOST, list_folder, new_token, open_socket, serve
 
         cameras = list_folder(folder).cameras
         if cameras:

@@ -21,9 +21,8 @@ def init(
 ) -> None:
     """Write a commented experiment.toml for a folder of images."""
     with outcome():
-        from idic.draw.speckled_area import speckled_area
-        from idic.draw.texture import texture_of
-        from idic.experiment_file.init import initial_experiment
+        from idic.draw import speckled_area, texture_of
+        from idic.experiment_file import initial_experiment
 
         written, lines = initial_experiment(folder, lambda image: speckled_area(image, texture_of(image)))
         for line in (*lines, *_first_warnings(written)):
@@ -34,8 +33,8 @@ def init(
 
 def _first_warnings(written: Path) -> list[str]:
     """The warnings of `idic check`, where the file can be loaded before anything is filled in."""
-    from idic.experiment_file.load import load_experiment
-    from idic.report.evidence.check import check as check_experiment
+    from idic.experiment_file import load_experiment
+    from idic.report import check as check_experiment
 
     try:
         return [f"warning      {text}" for text in check_experiment(load_experiment(written), draw=False).warnings]
@@ -53,8 +52,8 @@ def check(
 ) -> None:
     """Read and validate everything, draw the mesh on the image."""
     with outcome():
-        from idic.experiment_file.load import load_experiment
-        from idic.report.evidence.check import check as check_experiment
+        from idic.experiment_file import load_experiment
+        from idic.report import check as check_experiment
 
         loaded = load_experiment(experiment, read_overrides(overrides))
         found = check_experiment(loaded, draw=picture)
@@ -94,7 +93,7 @@ def design(
     with outcome():
         from idic.cli.design_tables import show_design
         from idic.cli.progress import progress_view
-        from idic.run.design import PAGE_FILE, write_design
+        from idic.run import PAGE_FILE, write_design
 
         stages = ("simulations and sensitivities", "figures and page")
         with progress_view(terminal(stderr=True), out, stages) as view:
@@ -121,7 +120,7 @@ def example(
 ) -> None:
     """Write an experiment folder with known truth."""
     with outcome():
-        from idic.virtual_tests.examples import write_example
+        from idic.virtual_tests import write_example
 
         written = write_example(name, out, reduced, noise, bits, seed, foreign)
         command = f"design {user_path(out)}/* --out DIR" if written.is_dir() else f"identify {user_path(out)} --out RUN"
@@ -141,7 +140,7 @@ def simulate(
 ) -> None:
     """Render the images and loads that the model predicts."""
     with outcome():
-        from idic.virtual_tests.simulate import simulate as simulate_experiment
+        from idic.virtual_tests import simulate as simulate_experiment
 
         written = simulate_experiment(experiment, out, read_overrides(overrides), bits, noise_gv, seed)
         typer.echo(f"{user_path(written)} written; now: idic identify {user_path(out)} --out RUN")
@@ -162,10 +161,10 @@ def laws(
     """List the constitutive laws and their parameters, or export identified ones."""
     with outcome():
         from idic.cli.tables import laws_table
-        from idic.materials import all_laws, get_law
+        from idic.laws import all_laws, get_law
 
         if export is not None:
-            from idic.run.reporting.law_files import export_laws
+            from idic.run import export_laws
 
             for written in export_laws(export, out or export / "laws"):
                 typer.echo("\n".join(f"{user_path(file)} written" for file in written.files))
@@ -176,7 +175,7 @@ def laws(
             if law is None:
                 raise InputError("a plot needs a law", key="--plot", expected="idic laws LAW --plot FILE",
                                  remedy="name one of the laws that `idic laws` lists")  # fmt: skip
-            from idic.report.figures.law_curve import plot_law
+            from idic.report import plot_law
 
             plot_law(law, plot)
             typer.echo(f"{user_path(plot)} written")

@@ -18,7 +18,7 @@ from idic.cli.command import user_path
 from idic.cli.outcomes import outcome, paused
 
 if TYPE_CHECKING:
-    from idic.run.reporting.second_process import SecondProcess
+    from idic.run import SecondProcess
 
 FIGURES_FOLLOW = "residual maps and result"
 STAGES = ("reading images", "preparation", "identification", FIGURES_FOLLOW, "report")
@@ -77,14 +77,14 @@ def demo(
     """Identify a small built-in experiment with known truth."""
     run, began = out / "run", time.monotonic()
     with outcome(run=run):
-        from idic.workers.mirrored_runner import refuse_store
+        from idic.run import refuse_store
 
         refuse_store(store, "demo")
         _clear_earlier_demo(out)
         typer.echo(f"writing a virtual tensile test with known parameters to {user_path(out / 'experiment')}")
         with _drawing_beside() as second:
             with _server(prefect), _compiling_where_cold():
-                from idic.virtual_tests.examples import write_example
+                from idic.virtual_tests import write_example
 
                 write_example("demo", out / "experiment")
                 result = _identify([out / "experiment"], run, False, workers, scheduler, Sensitivity.auto, None,
@@ -106,13 +106,13 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
         with _without_collection():
             if prefect:
                 from idic_flows.identify import run_identification as run
-                from idic.run.warm_up import import_meanwhile
+                from idic.run import import_meanwhile
 
                 if second:
                     import_meanwhile("idic.run.reporting.write")
             else:
-                from idic.run.plain import identify_plainly as run
-            from idic.run.plain import Console as Callbacks
+                from idic.run import identify_plainly as run
+            from idic.run import Console as Callbacks
 
         def stage(text: str) -> None:
             if second and text == FIGURES_FOLLOW:
@@ -141,13 +141,13 @@ def _server(prefect: bool) -> AbstractContextManager:
     """A Prefect server, where the command uses one."""
     if not prefect:
         return nullcontext()
-    from idic.workers.prefect_server import start_server
+    from idic.run import start_server
 
     return start_server()
 
 
 def _drawing_beside() -> AbstractContextManager[SecondProcess]:
-    from idic.run.reporting.second_process import drawing_beside
+    from idic.run import drawing_beside
 
     return drawing_beside()
 
@@ -169,7 +169,7 @@ def _show_result(result: dict, run: Path, began: float, second: SecondProcess | 
     console.print(f"results  {user_path(run / 'result.json')}", highlight=False)
     if second is None:
         return
-    from idic.run.reporting.write import write_report
+    from idic.run import write_report
 
     with progress_view(terminal(stderr=True), run, STAGES, time.monotonic() - began) as view:
         view.stage("report")
@@ -179,10 +179,9 @@ def _show_result(result: dict, run: Path, began: float, second: SecondProcess | 
 
 def _compiling_where_cold() -> AbstractContextManager:
     """Where nothing is compiled yet, a second process compiles beside the first steps of the demo."""
-    from idic.correlation.image_kernel import residual_pass
-    from idic.materials.core.compilation import has_code_on_disk, is_kept
-    from idic.materials.core.kernels import stress_loop
-    from idic.workers.precompiling import compiling_meanwhile
+    from idic.correlation import residual_pass
+    from idic.laws import has_code_on_disk, is_kept, stress_loop
+    from idic.run import compiling_meanwhile
 
     if is_kept(stress_loop) and has_code_on_disk(residual_pass):
         return nullcontext()

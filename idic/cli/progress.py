@@ -64,8 +64,8 @@ class ProgressView:
             self._say(f"{label}: {done} of {total}, {duration(left)} left", quiet=self._console.is_terminal)
 
     def iteration(self, state) -> None:
-        """Print the evaluations since the last call; `state` is an `idic.identify.loop.LoopState`."""
-        from idic.identify.driver import describe_evaluation  # here: `idic --help` does not load it
+        """Print the evaluations since the last call; `state` is an `idic.identification.loop.LoopState`."""
+        from idic.identification import describe_evaluation  # here: `idic --help` does not load it
 
         now, new = time.monotonic(), len(state.history) - self._shown
         left = evaluations_left(state.history) if state.running and new else None
@@ -146,7 +146,7 @@ def evaluations_left(history: Sequence[Mapping]) -> int | None:
 
     Parameters
     ----------
-    history : entries of `idic.identify.step.state.LoopState`
+    history : entries of `idic.identification.step.state.LoopState`
     """
     values = [entry["phi"] for entry in history if entry["accepted"] and entry["phi"] is not None]
     gains = [before - after for before, after in pairwise(values)]

@@ -22,11 +22,11 @@ def report(run: Run) -> None:
     """Write the HTML report, the figures and the tables of a run again, and files for ParaView."""
     with outcome(run=run):
         from idic.cli.progress import progress_view
-        from idic.run.reporting.second_process import drawing_beside
+        from idic.run import drawing_beside
 
         with drawing_beside() as second:
             second.start()  # it imports while this process does
-            from idic.run.reporting.write import write_report
+            from idic.run import write_report
 
             with progress_view(terminal(stderr=True), run, REPORT_STAGES) as view:
                 page = write_report(run, view.stage, paraview=True, second=second)
@@ -42,7 +42,7 @@ def clean(
 ) -> None:
     """Remove what `idic report` makes again; pages, tables and results stay."""
     with outcome(run=run):
-        from idic.store.clean import clean_run
+        from idic.run import clean_run
 
         typer.echo(f"{clean_run(run, results_only) / 1e6:.1f} MB freed; "
                    + ("pages, tables and results are kept" if results_only
@@ -60,7 +60,7 @@ def fields(
 ) -> None:
     """Write displacement, strain, stress and state of a run as files, simulated and measured."""
     with outcome(run=run):
-        from idic.run.reporting.export import export_fields
+        from idic.run import export_fields
 
         written = export_fields(run, out or run / "fields", file_format, strain, angle)
         typer.echo(f"{user_path(written)} written")
@@ -74,8 +74,8 @@ def compare(
 ) -> None:
     """Show parameters and residuals of several runs side by side."""
     with outcome():
-        from idic.report.tables_page import comparison_tables
-        from idic.run.reporting.compare import compare_runs, headlines, write_comparison
+        from idic.report import comparison_tables
+        from idic.run import compare_runs, headlines, write_comparison
 
         content = compare_runs(runs)
         console = wide_console()
@@ -110,14 +110,12 @@ def systematic(
     with outcome(run=run):
         from idic.cli.progress import progress_view
         from idic.cli.tables import systematic_table, treatments_table
-        from idic.run.reporting.write import write_report
-        from idic.run.systematic import assessed_experiments, systematic as assess
-        from idic.workers.workplace import Workplace
+        from idic.run import Workplace, assessed_experiments, systematic as assess, write_report
 
         place, seen = Workplace(workers, scheduler, memory_limit, store), assessed_experiments(run)
         place.check(run, say=typer.echo)
         with (progress_view(terminal(stderr=True), run, SYSTEMATIC_STAGES) as view,
-              place.opened(run, seen, ("idic.run.systematic",)) as runner):
+              place.opened(run, seen, ("idic.run.systematic_run",)) as runner):
             view.stage(SYSTEMATIC_STAGES[0])
             result = assess(run, runner, bias, spread, lambda done, total: view.tasks("comparisons", done, total))
             view.stage("report")

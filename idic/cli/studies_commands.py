@@ -33,7 +33,7 @@ def study(
 ) -> None:
     """Validate the method on virtual tests with known truth (pip install ./studies)."""
     with outcome(run=out, resume=True):
-        from idic.workers.mirrored_runner import refuse_store
+        from idic.run import refuse_store
 
         refuse_store(store, "study")
         flow = studies_module("flows.study", "idic study")
@@ -66,7 +66,7 @@ def trial(
     (pip install ./studies)."""
     with outcome(run=out, resume=True):
         from idic.errors import InputError
-        from idic.workers.mirrored_runner import refuse_store
+        from idic.run import refuse_store
 
         refuse_store(store, "trial")
         if photographs and (worlds or known or sketch):
@@ -99,7 +99,7 @@ def gallery(
 def _study_console(flow: ModuleType, out: Path, stages: Sequence[str] = ()) -> Iterator:
     """A Prefect server, and the progress of a study on the screen."""
     from idic.cli.progress import progress_view
-    from idic.workers.prefect_server import start_server
+    from idic.run import start_server
 
     with start_server(), progress_view(terminal(stderr=True), out, stages) as view:
         yield flow.StudyConsole(view.stage, view.tasks, view.said, view.dashboards)

@@ -17,9 +17,8 @@ def result_table(result: Mapping, truth: Mapping | None = None) -> Table:
     result : the content of ``RUN/result.json``
     truth : the content of ``truth.json`` of an example
     """
-    from idic.model.mode_names import is_mode
-    from idic.report.stress_scale import in_ratios
-    from idic.report.words import parts_of_std, two_digits, virtual_boundaries
+    from idic.model import is_mode
+    from idic.report import in_ratios, parts_of_std, two_digits, virtual_boundaries
 
     known = (truth or {}).get("parameters", {})
     result = result if known else in_ratios(result)  # of an example the truth is known in MPa
@@ -63,9 +62,7 @@ def _is_wider(entry: Mapping) -> bool:
 
 def remarks(result: Mapping) -> list[str]:
     """Warnings below the result: a bad fit, parameters that are not determined, frames left out."""
-    from idic.report.fit_words import in_words_of
-    from idic.report.stress_scale import held_stresses
-    from idic.report.words import advice, between_specimens, left_out, not_explained, undetermined
+    from idic.report import advice, between_specimens, held_stresses, in_words_of, left_out, not_explained, undetermined
 
     texts = (held_stresses(result), *between_specimens(result), *advice(result), undetermined(result),
              not_explained(result),
@@ -80,7 +77,7 @@ def summary_line(result: Mapping) -> str:
     if cost.get("wall_s") is not None:
         parts.append(f"{cost['wall_s']:.1f} s")
     if chi2 is not None:
-        from idic.report.fit_words import against_free, in_words_of
+        from idic.report import against_free, in_words_of
 
         free = against_free(result)
         reference = ("" if free is None else "; the free FE-DIC failed" if free.failed
@@ -92,8 +89,8 @@ def summary_line(result: Mapping) -> str:
 
 def systematic_table(result: Mapping) -> Table:
     """Value, standard deviation, discretisation bias and systematic spread of every free parameter and every ratio."""
-    from idic.model.mode_names import is_mode
-    from idic.report.words import two_digits
+    from idic.model import is_mode
+    from idic.report import two_digits
 
     table = Table(box=None, header_style="bold")
     for column in ("parameter", "value", "± std", "discretisation bias", "systematic std", "unit"):
@@ -109,7 +106,7 @@ def systematic_table(result: Mapping) -> Table:
 
 def treatments_table(result: Mapping) -> Table | str:
     """Identified values under every treatment of boundary and camera."""
-    from idic.report.treatments import treatment_table
+    from idic.report import treatment_table
 
     found = treatment_table(result)
     if found is None:
@@ -125,10 +122,9 @@ def laws_table(laws) -> Table:
 
     Parameters
     ----------
-    laws : iterable of idic.materials.core.law.LawSpec
+    laws : iterable of idic.laws.core.law.LawSpec
     """
-    from idic.materials.composed.elastoplastic import NAME as COMPOSED
-    from idic.materials.core.law import EXPANSION
+    from idic.laws import ELASTOPLASTIC as COMPOSED, EXPANSION
 
     table = Table(box=None, header_style="bold")
     for column in ("law", "kinematics", "parameter", "unit", "null", "typical"):
@@ -149,7 +145,7 @@ def laws_table(laws) -> Table:
 
 def _add_terms(table: Table) -> None:
     """The terms that the composed law may have; n counts the terms of a list from 1."""
-    from idic.materials.composed.terms import LISTS, TEMPERATURE_TERMS, TERMS
+    from idic.laws import LISTS, TEMPERATURE_TERMS, TERMS
 
     for term in (*TERMS.values(), *TEMPERATURE_TERMS.values()):
         shown = [f"  + {term.kind}", term.group]
@@ -164,7 +160,7 @@ def _add_terms(table: Table) -> None:
 
 def number_with_std(value: float, std: float) -> tuple[str, str]:
     """A value with as many digits as its standard deviation supports, and that deviation to two digits."""
-    from idic.report.words import two_digits
+    from idic.report import two_digits
 
     return _number(value, std), two_digits(std)
 

@@ -17,3 +17,7 @@ Steps 2 to 4 depend on the kind of reference image. `comparison` is the protocol
 heights of a surface and of a cross-section (`height/`), the motion of a free FE-DIC (`measured`).
 `experiment_reference` makes the kind that an experiment has.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

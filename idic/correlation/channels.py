@@ -13,9 +13,7 @@ import numpy as np
 
 from idic.correlation.context import CorrelationContext, FrameResponse
 from idic.correlation.equations import ChannelEquations
-from idic.model.experiment import Channel, Experiment
-from idic.model.free_course import knot_name
-from idic.model.load_train import way_of
+from idic.model import Channel, Experiment, knot_name, way_of
 from idic.parameters import ParameterSet
 
 FRICTION = ("friction", "friction_share")  # degrees of freedom that need the direction of the load train

@@ -6,7 +6,7 @@
     MeasuredReference  nodal motion of a free FE-DIC              `idic.correlation.measured`
     FieldReference     displacements that another DIC exported    `idic.correlation.field.reference`
 
-`idic.correlation.experiment_reference.build_reference` makes the kind that the experiment has.
+`idic.correlation.experiment_reference.build_experiment_reference` makes the kind that the experiment has.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
 from idic.correlation.height.section_map import SectionMap
 from idic.correlation.pixels.cells import N_NODES
 from idic.correlation.pixels.pixel_map import PixelMap
-from idic.model.experiment import Experiment
+from idic.model import Experiment
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ import numpy as np
 
 from idic.correlation.comparison import Reference
 from idic.correlation.equations import Weights
-from idic.images.placed_camera import AnyCamera
-from idic.model.experiment import Experiment
+from idic.images import AnyCamera
+from idic.model import Experiment
 from idic.parameters import ParameterSet
 
 

@@ -19,12 +19,9 @@ from idic.correlation.pinhole.ray_map import build_ray_map
 from idic.correlation.pixels.pixel_map import PixelMap, build_pixel_map
 from idic.correlation.view import GREY, SECTION, view_of
 from idic.errors import InputError
-from idic.fe.mesh.mesh import surface_cells
-from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
-from idic.images.camera import Camera
-from idic.images.placed_camera import PLACEMENT_STEM, AnyCamera, PlacedCamera
-from idic.images.interpolate import DEGREES
-from idic.model.experiment import Experiment
+from idic.fe import surface_cells
+from idic.images import AnyCamera, CAMERA_PARAMETERS, Camera, DEGREES, PLACEMENT_STEM, PlacedCamera
+from idic.model import Experiment
 from idic.parameters import ParameterSet
 
 MAX_TRACED = 3  # pixel maps of lenses that a process keeps, 16 bytes per pixel each
@@ -47,7 +44,7 @@ def camera_at(experiment: Experiment, parameters: ParameterSet) -> AnyCamera:
     return replace(camera, motion=camera.motion.with_values(amplitudes))
 
 
-def build_reference(experiment: Experiment, camera: AnyCamera) -> Reference:
+def build_experiment_reference(experiment: Experiment, camera: AnyCamera) -> Reference:
     """The reference image of this camera, attached to the pixels that the mesh covers.
 
     The kind of view decides which: `GreyReference` for grey images, `HeightReference` for height images of a solid,

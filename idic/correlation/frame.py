@@ -21,9 +21,7 @@ from idic.correlation.pixels.blocks import element_blocks
 from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, inverse_gradients
 from idic.correlation.pixels.pixel_map import element_coefficients
 from idic.correlation.reference import Brightness, ReferenceImage
-from idic.images.interpolate import Spline, noise_gain
-from idic.images.matched_blur import matched_gain
-from idic.images.quality.lowpass import still_gain
+from idic.images import Spline, matched_gain, noise_gain, still_gain
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,9 +23,8 @@ from idic.correlation.frame import (NodalEquations, PixelResidual, ResidualMap, 
                                     residual_map)
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.correlation.reference import ReferenceImage, build_reference
-from idic.images.interpolate import DEGREES, Spline, prefilter
-from idic.images.quality.lowpass import blur_column, lowpass_weights
-from idic.model.experiment import Experiment, Noise
+from idic.images import DEGREES, Spline, blur_column, lowpass_weights, prefilter
+from idic.model import Experiment, Noise
 
 MIN_CONTRAST_RATIO = 0.1  # of a frame to the reference: less is a closed shutter, or a specimen that left the view
 

@@ -15,8 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from idic.images.prefilter import MIRROR_PAD_PX
-from idic.images.taps import cubic_value, quintic_value
+from idic.images import MIRROR_PAD_PX, cubic_value, quintic_value
 
 N_SUMS = 19  # 8 monomials x fx r, 8 x fy r, r^2, r, r f_centred
 _PIXELS_PER_BLOCK = 256  # pixels that pass the three loops together

@@ -26,7 +26,7 @@ from idic.correlation.comparison import NoiseTerms, Reference
 from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap, solve_brightness
 from idic.correlation.grey import GreyReference
 from idic.correlation.pixels.pixel_map import PixelMap
-from idic.model.experiment import Experiment
+from idic.model import Experiment
 
 MIN_DIAGONAL_SHARE = 1e-12  # of the largest diagonal entry: less is a node that nothing holds; it stays where it is
 

@@ -21,8 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.correlation.pixels.pixel_map import PixelMap, lowpass_shift
-from idic.images.matched_blur import PIXEL_BLUR_PX, derivative_maps, matching_weights
-from idic.images.spline_reference import inside, spline_slopes, spline_values
+from idic.images import PIXEL_BLUR_PX, derivative_maps, inside, matching_weights, spline_slopes, spline_values
 
 
 @dataclass(frozen=True, eq=False)

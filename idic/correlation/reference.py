@@ -13,10 +13,10 @@ from idic.correlation.pixels.blocks import (
 )
 from idic.correlation.pixels.pixel_map import PixelMap, element_curvature
 from idic.errors import InputError
-from idic.images.interpolate import gradient_at_pixels, prefilter
-from idic.images.matched_blur import PIXEL_BLUR_PX, derivative_maps, fineness_of, matching_weights, mean_shift
-from idic.images.quality.gradient_noise import gradient_noise_share, without_noise
-from idic.images.quality.lowpass import blur_column, lowpass
+from idic.images import (
+    PIXEL_BLUR_PX, blur_column, derivative_maps, fineness_of, gradient_at_pixels, gradient_noise_share, lowpass,
+    matching_weights, mean_shift, prefilter, without_noise,
+)
 
 BRIGHTNESS = ("none", "frame", "patch")
 # of noise to pattern (docs/method.md, equation 4.5): error bars 5 % too small, scatter 5 % too large

@@ -118,7 +118,7 @@ class CorrelationSystem:
     what generalised least squares need of all frames before the system is closed
     (`idic.correlation.shared_noise.closed_system`); generalised : whether this is their system; predicted : (n, n)
     otherwise the M that they would have, None where it is not known; end_noise : (n, n) the part of M that noise of
-    measured ends makes (`idic.identify.noise.end_noise`), None where it is not known.
+    measured ends makes (`idic.identification.noise.end_noise`), None where it is not known.
     """
 
     names: tuple[str, ...]

@@ -22,11 +22,9 @@ import numpy as np
 
 from idic.correlation.pinhole.view import PinholeView, in_space
 from idic.errors import InputError
-from idic.fe.mesh import element
-from idic.fe.mesh.mesh import Mesh
-from idic.images.camera import Camera, fixed_pixel_sensitivity, normal_sign
-from idic.images.placed_camera import AnyCamera, PlacedCamera
-from idic.model.experiment import Experiment
+from idic.fe import Mesh, cell_type
+from idic.images import AnyCamera, Camera, PlacedCamera, fixed_pixel_sensitivity, normal_sign
+from idic.model import Experiment
 
 GREY, HEIGHT, SECTION, SPACE = "grey", "height", "section", "space"
 
@@ -187,7 +185,7 @@ def _corners(mesh: Mesh, faces: np.ndarray) -> np.ndarray:
         inside = (faces[:, 0] >= block.first) & (faces[:, 0] < block.first + block.n_elements)
         for local in np.unique(faces[inside, 1]):
             own = inside & (faces[:, 1] == local)
-            nodes = list(element.cell(block.cell).faces[local][:n_corners])
+            nodes = list(cell_type(block.cell).faces[local][:n_corners])
             nodes += nodes[-1:] * (n_corners - len(nodes))
             corners[own] = block.connectivity[faces[own, 0] - block.first][:, nodes]
     return corners

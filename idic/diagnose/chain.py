@@ -40,7 +40,7 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_
 from idic.diagnose.residual.spots import LeftOut
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
-from idic.diagnose.screen.candidate import Candidate, candidates
+from idic.diagnose.screen.candidate import Candidate, candidate_library
 from idic.diagnose.screen.edits import open_share
 from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.select import Ranked
@@ -54,8 +54,8 @@ from idic.diagnose.selection.rounds import (Clock, Group, Setting, Stage, Watch,
                                             silent, unwatched)
 from idic.diagnose.verdict import Verdict, conclude, is_of_readings
 from idic.errors import NotConverged
-from idic.identify.in_memory import Identification
-from idic.model.motion_error import MotionError
+from idic.identification import Identification
+from idic.model import MotionError
 from idic.parameters import Parameter
 
 SEED = 20260
@@ -193,8 +193,8 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
         source, here, before = with_error(source, found)
         grid = grid_of(before)
         whole = fit(before, grid)
-    setting = Setting(refits, grid, seed, candidates() if library is None else library, stage, clock, watch, margin,
-                      quick)
+    setting = Setting(refits, grid, seed, candidate_library() if library is None else library, stage, clock, watch,
+                      margin, quick)
     stage("side, onset and place of the mismatch")
     with clock.step("locate_s"):
         mismatch = located(here, before, margin)

@@ -11,7 +11,7 @@ from idic.diagnose.locate.mismatch_words import MOTION, mismatch_words
 from idic.diagnose.locate.place import clusters, element_centres, in_words
 from idic.diagnose.screen.select import MAX_FAMILYWISE_P, Ranked
 from idic.diagnose.selection.rival import Rival
-from idic.identify.judgement.significance import p_text
+from idic.identification import p_text
 
 MAX_PLACE_SHARE = 0.5  # of the elements: a larger source is the whole body
 MIN_CLUSTER_SHARE = 0.3  # of the largest cluster's elements: a cluster that is reported on its own

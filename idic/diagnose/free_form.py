@@ -24,10 +24,8 @@ from idic.diagnose.screen.enrich import elastic_pair, enriched, has_times, locke
 from idic.diagnose.selection.free_model import FreeModel
 from idic.diagnose.selection.rival import Round
 from idic.diagnose.verdict import Verdict
-from idic.materials.composed.free_curve import knots
-from idic.materials.composed.free_rubber import level_names
-from idic.materials.rate.free_relaxation import weight_names
-from idic.model.experiment import Experiment
+from idic.laws import knots, rubber_level_names, weight_names
+from idic.model import Experiment
 
 BULK = "bulk"
 N_KNOTS, N_SECOND_KNOTS = 8, 5  # of a hardening curve or dW/dI1, of dW/dI2
@@ -177,7 +175,7 @@ def _hardening(situation: Situation, name: str) -> FreeLaw:
 def _rubber(situation: Situation, name: str) -> FreeLaw:
     stretch = np.sqrt(1.0 + 2.0 * ROOM * situation.strain[name])  # in tension
     first, second = stretch**2 + 2.0 / stretch - 3.0, 2.0 * stretch + stretch**-2 - 3.0
-    names = level_names("I1", N_KNOTS), level_names("I2", N_SECOND_KNOTS)
+    names = rubber_level_names("I1", N_KNOTS), rubber_level_names("I2", N_SECOND_KNOTS)
     C10, C01 = situation.values[f"{name}.C10"], situation.values.get(f"{name}.C01", 0.0)
     levels = dict.fromkeys(names[0], new(C10, "MPa")) | dict.fromkeys(names[1], new(C01, "MPa"))
     edits = enriched(situation, name, f"free_rubber({N_KNOTS}+{N_SECOND_KNOTS})", I1_range=locked(float(first)),

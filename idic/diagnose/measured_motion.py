@@ -6,7 +6,8 @@ nearer hardly looks better, and every score test on it is worthless. A free FE-D
 motion takes the place of the images (`FieldPoints`): the residual is the distance of two motions, however large, and
 the whole chain works on it as on the export of another DIC system.
 
-Edges that are measured frame by frame move in the strongest modes of the measured motion (`idic.dic.boundary`): a
+Edges that are measured frame by frame move in the strongest modes of the measured motion
+(`idic.measure.dic.boundary`): a
 correction of one frame would act on all later ones of a law with a history. They stay as measured: a law that is
 pixels off would bend them to its error.
 """
@@ -20,13 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from idic.dic.boundary import boundary_start, edge_modes, with_boundary_start
-from idic.identify.in_memory import Identification
-from idic.identify.step.estimator import misfit
-from idic.images.stack import Stack
-from idic.images.stack_views import StackView
-from idic.model.experiment import Experiment, FieldPoints, Measured, Noise
-from idic.model.drives import pixel_size
+from idic.measure import boundary_start, edge_modes, with_boundary_start
+from idic.identification import Identification, misfit
+from idic.images import Stack, StackView
+from idic.model import Experiment, FieldPoints, Measured, Noise, pixel_size
 
 MAX_REGISTER_PX = 1.0  # rms of a frame; with more the residual of its image is no error of motion to first order
 MIN_MISFIT_CHI2 = 10.0  # per pixel; where contrast is well above noise, an error of 1 px leaves more
@@ -109,7 +107,7 @@ def may_be_out_of_register(found: Identification) -> bool:
 
 
 def image_chi2(found: Identification) -> float:
-    """Roughly chi² per pixel at the accepted point (`idic.identify.step.estimator.misfit`): 0.8 to 1.2 for noise."""
+    """Roughly chi² per pixel at the accepted point (`misfit` of the estimator): 0.8 to 1.2 for noise."""
     return misfit(found.point, found.experiment.options.lowpass_px)  # type: ignore[arg-type]
 
 

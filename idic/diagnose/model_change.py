@@ -11,12 +11,9 @@ from idic.diagnose.chain import Diagnosis
 from idic.diagnose.locate.mismatch import parameters_over_windows
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.errors import NotConverged
-from idic.fe.external.solver import EXTERNAL
-from idic.fe.fields import nodal_deformation
-from idic.materials import compile, get_law
-from idic.materials.core.point import uniaxial
-from idic.model.experiment import Experiment
-from idic.model.heterogeneity import nodes_of
+from idic.fe import EXTERNAL, nodal_deformation
+from idic.laws import compile, get_law, uniaxial
+from idic.model import Experiment, nodes_of
 from idic.parameters import ParameterSet
 
 MIN_STRESS_DIFFERENCE = 0.01  # of the largest stress: two curves that a figure could not tell apart

@@ -18,20 +18,18 @@ from itertools import combinations
 
 import numpy as np
 
-from idic.correlation.channels import channel_equations
-from idic.correlation.context import FrameResponse
-from idic.correlation.frame_equations import global_columns, turned_response
+from idic.correlation import FrameResponse, channel_equations, global_columns, turned_response
 from idic.diagnose.refit import Refit, identification_at
 from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.evidence import Columns, Evidence
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence, residual_evidence
 from idic.diagnose.screen.score import null_model, score
 from idic.errors import InputError, NotConverged
-from idic.identify.in_memory import Identification
-from idic.images.camera import Camera
-from idic.model.experiment import (Column, Controlled, Correction, Experiment, Measured, Parametrised, Temperature,
-                                   TemperatureField)
-from idic.model.forward import build_forward
+from idic.identification import Identification
+from idic.images import Camera
+from idic.model import (
+    Column, Controlled, Correction, Experiment, Measured, Parametrised, Temperature, TemperatureField, build_forward,
+)
 
 MIN_SEPARATING_CHI2 = 25.0  # D of a reliable separation: five standard deviations
 MIN_REPORTED_CHI2 = 1.0  # below, no simulated continuation is recommended

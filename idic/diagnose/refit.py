@@ -16,15 +16,12 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import Ranked
 from idic.errors import InputError, NotConverged
-from idic.fe.equilibrium import Control
-from idic.identify.in_memory import Identification, identify
-from idic.identify.result import Analysis
-from idic.identify.weights import noise_weights
-from idic.identify.step.estimator import may_begin_generalised
-from idic.identify.step.state import GENERALISED, ORDINARY, AcceptedPoint, LoopState, Trial
-from idic.model.experiment import Experiment
-from idic.model.forward import build_forward
-from idic.model.motion_error import MotionError
+from idic.fe import Control
+from idic.identification import (
+    AcceptedPoint, Analysis, GENERALISED, Identification, LoopState, ORDINARY, Trial, identify, may_begin_generalised,
+    noise_weights,
+)
+from idic.model import Experiment, MotionError, build_forward
 
 MAX_STARTS = 3  # at most, from different grid points
 # of a model that is compared with others: right ones converge in 3 to 7; the winner is fitted to its end

@@ -13,9 +13,8 @@ import numpy as np
 from idic.diagnose.refit import EarlyStop, Refit, Start, refit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT, thinned
-from idic.identify.step.state import ORDINARY
-from idic.model.experiment import Experiment
-from idic.model.motion_error import MotionError
+from idic.identification import ORDINARY
+from idic.model import Experiment, MotionError
 
 
 class ExperimentSource(Protocol):

@@ -13,17 +13,14 @@ from idic.draw import document, watch
 from idic.draw.folder import Listing, list_folder, log_table
 from idic.draw.pictures import Pictures
 from idic.draw.plan import Plan, Sketch, first_sketch, read_plan
-from idic.draw.speckled_area import speckled_area
+from idic.draw.speckle_area import speckled_area
 from idic.draw.texture import Texture, noise_floor, texture_of
 from idic.errors import InputError
-from idic.fe.mesh.outline import is_circle, segments_of
-from idic.fe.mesh.polygon import smallest_angle
-from idic.images.quality.noise import image_noise
-from idic.images.quality.speckle import speckle_size
-from idic.materials.core.law import all_laws
-from idic.readers.gmsh_mesher import has_gmsh
-from idic.readers.outline_mesh import Drawing
-from idic.report.evidence.check import check
+from idic.fe import is_circle, segments_of, smallest_angle
+from idic.images import image_noise, speckle_size
+from idic.laws import all_laws
+from idic.readers import Drawing, has_gmsh
+from idic.report import check
 
 MIN_NOISE_WINDOW_PX = 32
 NOISE_WINDOW_PX = 1024  # of the middle of the speckled area, from which noise and speckle are taken

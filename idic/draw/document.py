@@ -9,11 +9,10 @@ from pathlib import Path
 
 from idic.draw.plan import Plan, Sketch
 from idic.errors import InputError
-from idic.experiment_file.load import ExperimentFolder
-from idic.experiment_file.toml_file import NAME, read_toml, validated
-from idic.materials.core.law import get_law
-from idic.model.experiment import Experiment
-from idic.store.replace import replace_file
+from idic.experiment_file import EXPERIMENT_FILE, ExperimentFolder, read_toml, validated
+from idic.laws import get_law
+from idic.model import Experiment
+from idic.run import replace_file
 
 KEPT = "experiment.toml.before"  # the file that was replaced; later ones: .before-2, -3 …
 MATERIAL = "SPECIMEN"
@@ -161,7 +160,7 @@ def loaded(folder: Path, plan: Plan) -> Experiment:
     InputError
         As `idic check` finds it.
     """
-    file, tables = folder / NAME, tables_of(plan)
+    file, tables = folder / EXPERIMENT_FILE, tables_of(plan)
     return ExperimentFolder(file, folder.resolve(), validated(tables, file), tables).experiment()
 
 
@@ -180,7 +179,7 @@ def write(folder: Path, plan: Plan, replace: bool, own: str = "") -> str:
     InputError
         The plan does not work, or there is an experiment.toml already; nothing is written then.
     """
-    target, text = folder / NAME, text_of(plan)
+    target, text = folder / EXPERIMENT_FILE, text_of(plan)
     there = target.read_text(encoding="utf-8", errors="replace") if target.exists() else None
     if not replace and (there is not None or target.is_symlink()):
         raise InputError("the folder has an experiment already", file=target, key="replace",
@@ -189,7 +188,7 @@ def write(folder: Path, plan: Plan, replace: bool, own: str = "") -> str:
     if there == text:
         return text
     loaded(folder, plan)
-    fresh = folder / f".{NAME}.new"
+    fresh = folder / f".{EXPERIMENT_FILE}.new"
     with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "w", encoding="utf-8") as stream:
         stream.write(text)
     if target.is_symlink() or there not in (None, own):
@@ -207,7 +206,7 @@ def drawn_before(folder: Path) -> dict | None:
     """The drawing of the folder's experiment.toml, as the page draws it; None where there is none or it is another
     mesh."""
     try:
-        table = read_toml(folder / NAME).get("experiment", {}).get("mesh", {})
+        table = read_toml(folder / EXPERIMENT_FILE).get("experiment", {}).get("mesh", {})
     except (InputError, OSError):
         return None
     if not isinstance(table, dict) or "outline_px" not in table:

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.initial.fields import find_stages
-from idic.experiment_file.toml_file import NAME
-from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, FileStack, open_stack
-from idic.readers.logs import Log, read_log
-from idic.readers.paths import natural_key, patterns_of, recorded_order
+from idic.experiment_file import EXPERIMENT_FILE, find_stages
+from idic.readers import (
+    FileStack, Log, PNG_SUFFIXES, TIFF_SUFFIXES, natural_key, open_stack, patterns_of, read_log, recorded_order,
+)
 
 RUNS = "runs"  # FOLDER/runs/NAME: what the page identifies
 RUN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
@@ -103,7 +102,7 @@ def list_folder(folder: Path) -> Listing:
     largest_first = sorted(groups.values(), key=len, reverse=True)
     images = {_name_of(patterns_of(folder, paths)): tuple(recorded_order(paths, folder)) for paths in largest_first}
     logs = tuple(path.relative_to(folder).as_posix() for path in files if path.suffix.lower() in LOG_SUFFIXES)
-    return Listing(folder, images, logs, _runs(folder), (folder / NAME).is_file())
+    return Listing(folder, images, logs, _runs(folder), (folder / EXPERIMENT_FILE).is_file())
 
 
 def _name_of(patterns: list[str]) -> str:

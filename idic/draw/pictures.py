@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from idic.errors import InputError
-from idic.readers.images import FileStack
+from idic.readers import FileStack
 
 KEPT_FRAMES = 2  # in memory: the reference and the one last looked at
 MAX_WIDTH = 4096  # px of a picture for the browser

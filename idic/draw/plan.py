@@ -9,8 +9,8 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from idic.errors import InputError
-from idic.experiment_file.schema_experiment import Circle, Points
-from idic.fe.mesh.outline import is_circle, segments_of
+from idic.experiment_file import Circle, Points
+from idic.fe import is_circle, segments_of
 
 MAX_POINTS = 2000  # of a drawing
 ELEMENTS_ACROSS = 10  # of the shorter side of the outline

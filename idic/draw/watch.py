@@ -12,10 +12,7 @@ from pathlib import Path
 
 from idic.draw.folder import run_folder
 from idic.errors import InputError
-from idic.store.result_file import read_result
-from idic.store.run_lock import is_held
-from idic.store.state_file import STATE_FILE
-from idic.workers.working_folder import empty_folder
+from idic.run import STATE_FILE, empty_folder, is_held, read_result
 
 CONSOLE = ".console.txt"  # FOLDER/runs/NAME.console.txt: what the command says
 LOG_LINES = 12

@@ -12,12 +12,9 @@ from idic.errors import InputError
 from idic.experiment_file.initial.fields import fields_document, find_stages
 from idic.experiment_file.initial.found import Area, Found, files_in, look_around
 from idic.experiment_file.initial.words import fitting_scale, lines_of
-from idic.experiment_file.toml_file import NAME
-from idic.fe.mesh.mesh import Mesh
-from idic.fe.mesh.outline import segments_of
-from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES
-from idic.readers.logs import Log
-from idic.readers.units import parse_unit
+from idic.experiment_file.toml_file import EXPERIMENT_FILE
+from idic.fe import Mesh, segments_of
+from idic.readers import Log, PNG_SUFFIXES, TIFF_SUFFIXES, parse_unit
 
 _ENDS = (("BOTTOM", "TOP"), ("LEFT", "RIGHT"), ("FIXED", "MOVING"), ("FIX", "LOAD"), ("CLAMP", "PULL"))
 _ROI_MARGIN, _ELEMENTS_ACROSS = 0.1, 15
@@ -43,7 +40,7 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
     if not folder.is_dir():
         raise InputError("no such folder", file=folder, expected="a folder with images", found="nothing there",
                          remedy="check the path")
-    target = folder / NAME
+    target = folder / EXPERIMENT_FILE
     if target.exists():
         raise InputError("the folder has an experiment already", file=target, expected="no experiment.toml",
                          found="an experiment.toml", remedy="rename or delete that file first")

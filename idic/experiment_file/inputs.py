@@ -13,7 +13,7 @@ from idic.experiment_file.recording import ends_of, laws_of_user
 from idic.experiment_file.tables.further_cameras import camera_images
 from idic.experiment_file.tables.temperatures import temperature_images
 from idic.experiment_file.toml_file import law_files, locate, read_toml, validated, with_overrides
-from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, image_entries
+from idic.readers import PNG_SUFFIXES, TIFF_SUFFIXES, image_entries
 from idic.remote_files import ImageFacts, fetched_files
 
 

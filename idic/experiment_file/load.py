@@ -36,23 +36,12 @@ from idic.experiment_file.tables.mesh_sets import with_edge_set, with_element_se
 from idic.experiment_file.tables.solver import EXTERNAL_PERTURBATION, external_solver, solver_notes
 from idic.experiment_file.tables.temperatures import knots_of_temperature, Body, temperatures
 from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
-from idic.fe.mesh.curved_edges import curved
-from idic.fe.mesh.mesh import Mesh, check_elements
-from idic.fe.mesh.refine import can_raise_order, is_raised_by_default, raise_order
-from idic.images.camera import Camera
-from idic.images.placed_camera import AnyCamera
-from idic.images.quality.lowpass import mirrored_rim_px
-from idic.images.stack import Stack
-from idic.model.experiment import (
-    Column, Experiment, FieldPoints, FurtherCamera, Material, Noise, Options, Prescribed, Stage,
-)
+from idic.fe import Mesh, can_raise_order, check_elements, curved, is_raised_by_default, raise_order
+from idic.images import AnyCamera, Camera, Stack, mirrored_rim_px
+from idic.model import Column, Experiment, FieldPoints, FurtherCamera, Material, Noise, Options, Prescribed, Stage
 from idic.parameters import Parameter, ParameterSet
 from idic.read_once import read_once
-from idic.readers.fields.series import FieldStack
-from idic.readers.meshes import read_mesh_file
-from idic.readers.paths import existing_file
-from idic.readers.raw_mesh import RawMesh, to_mesh
-from idic.readers.units import factor_between
+from idic.readers import FieldStack, RawMesh, existing_file, factor_between, read_mesh_file, to_mesh
 
 LINEAR_AS_GIVEN = "elements are linear, as given: they are too stiff, and the parameters absorb most of that error"
 _HEIGHT_MM = {"m": 1e3, "mm": 1.0, "um": 1e-3, "nm": 1e-6}

@@ -6,14 +6,10 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.tables.dofs import is_rate_dependent
-from idic.fe.boundary import dofs_of
-from idic.fe.external.solver import EXTERNAL
-from idic.fe.mesh.mesh import Mesh, PerMesh, face_set_nodes, surface_cells
-from idic.fe.solver.rigid_motion import FreePart, bodies, free_parts
-from idic.images.placed_camera import AnyCamera
-from idic.images.quality.gap_marks import gap_mark
-from idic.materials import get_law
-from idic.model.experiment import Experiment, Material, Prescribed
+from idic.fe import EXTERNAL, FreePart, Mesh, PerMesh, bodies, dofs_of, face_set_nodes, free_parts, surface_cells
+from idic.images import AnyCamera, gap_mark
+from idic.laws import get_law
+from idic.model import Experiment, Material, Prescribed
 
 _MIN_FACE_ON = 1e-6  # of the mean area of a face: less is seen edge-on
 _FRAMES_LOOKED_AT = 5

@@ -17,12 +17,8 @@ from idic.experiment_file.tables.further_cameras import camera_files, camera_ima
 from idic.experiment_file.tables.solver import solver_files
 from idic.experiment_file.tables.temperatures import temperature_images
 from idic.experiment_file.toml_file import check_values, validated, with_overrides
-from idic.model.experiment import Experiment
-from idic.readers.images import FileStack
-from idic.readers.logs import Log
-from idic.readers.objects.images import ArrayFrames
-from idic.readers.paths import matching_files
-from idic.readers.raw_mesh import RawMesh
+from idic.model import Experiment
+from idic.readers import ArrayFrames, FileStack, Log, RawMesh, matching_files
 
 ORIGIN = Path("idic.Experiment")  # in messages, where that of a folder names the file
 

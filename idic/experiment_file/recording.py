@@ -20,21 +20,16 @@ from idic.experiment_file.tables.further_cameras import camera_files, camera_ima
 from idic.experiment_file.tables.images_at_rest import check_depth
 from idic.experiment_file.tables.solver import solver_files
 from idic.experiment_file.tables.temperatures import temperature_images
-from idic.materials.core.law import all_laws
-from idic.materials.core.outside_values import code_of, outside_values
-from idic.materials.core.user_laws import source_of
-from idic.model.gauges import KINDS
-from idic.model.experiment import FieldPoints
+from idic.laws import all_laws, code_of, outside_values, source_of
+from idic.model import FieldPoints, KINDS
 from idic.read_once import read_once
-from idic.readers.fields.series import FieldStack
-from idic.readers.frame_names import check_complete, frame_indices, frame_numbers
-from idic.readers.images import FileStack, open_stack, read_image
-from idic.readers.logs import Log, MatchedLog, check_increasing, match, read_log
-from idic.readers.objects.images import ArrayFrames
-from idic.readers.paths import existing_file, matching_files
+from idic.readers import (
+    ArrayFrames, FieldStack, FileStack, Log, MatchedLog, check_complete, check_increasing, existing_file,
+    frame_indices, frame_numbers, match, matching_files, open_stack, read_image, read_log,
+)
 from idic.remote_files import image_facts
 
-_HASHED_AT_EACH_END = 1 << 16  # bytes of an image; whole ones are hashed at ingest (`idic.store.image_files`)
+_HASHED_AT_EACH_END = 1 << 16  # bytes of an image; whole ones are hashed at ingest (`idic.run.store.image_files`)
 
 
 @dataclass(frozen=True)

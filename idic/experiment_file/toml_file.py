@@ -17,9 +17,9 @@ from idic.errors import InputError
 from idic.experiment_file.laws.composed_law import with_flat_terms
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_errors import input_error, shortened
-from idic.readers.delimited.text_files import text_of
+from idic.readers import text_of
 
-NAME = "experiment.toml"
+EXPERIMENT_FILE = "experiment.toml"
 _MAX_LEVELS = 20  # of tables and lists within each other
 _MAX_LINE = 100  # characters of a list written on one line
 _MAX_NUMBER = 1e60  # absolute value, and its reciprocal the smallest: variances of variances stay floats
@@ -31,14 +31,14 @@ def locate(path: str | Path) -> Path:
     """The experiment.toml of a folder, or the TOML file itself."""
     path = Path(path)
     if path.is_dir():
-        if not (path / NAME).is_file():
-            raise InputError("the folder holds no experiment", file=path, key=NAME, expected=f"a file {NAME}",
-                             found="none",
+        if not (path / EXPERIMENT_FILE).is_file():
+            raise InputError("the folder holds no experiment", file=path, key=EXPERIMENT_FILE,
+                             expected=f"a file {EXPERIMENT_FILE}", found="none",
                              remedy=f"run  idic init {path}  to write one for the files found there")
-        return path / NAME
+        return path / EXPERIMENT_FILE
     if not path.is_file():
-        raise InputError("no such experiment", file=path, expected=f"a folder with an {NAME}, or such a file",
-                         found="nothing there",
+        raise InputError("no such experiment", file=path,
+                         expected=f"a folder with an {EXPERIMENT_FILE}, or such a file", found="nothing there",
                          remedy="check the path")
     return path
 
@@ -141,7 +141,7 @@ def with_overrides(raw: Mapping, overrides: Mapping[str, Any] | None) -> dict:
     InputError
         A key that does not exist; a term that is not one.
     """
-    edited = copy.deepcopy(with_flat_terms(raw, NAME))
+    edited = copy.deepcopy(with_flat_terms(raw, EXPERIMENT_FILE))
     for key, value in (overrides or {}).items():
         check_values(key, "--set")
         given = _toml_value(value)

@@ -4,3 +4,7 @@
 ``predictor.py`` prepare an increment, ``equilibrium.py`` solves it, ``sensitivity.py`` differentiates it
 (docs/method.md, section 12).
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

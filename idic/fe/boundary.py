@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh import element
+from idic.fe.mesh.element import cell_type, quadrature_rule, shape_functions, shape_gradients
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.model import Constraints, Direction, Model
 
@@ -75,11 +75,11 @@ def _depth(mesh: Mesh, thickness: float) -> float:
 def _face_points(mesh: Mesh, faces: np.ndarray):
     """Nodes, shape functions (nq, nf) and outward normal times weighted area (nq, d) of each face."""
     for face in np.asarray(faces).reshape(-1, 2):
-        kind = element.cell(mesh.block_of(int(face[0])).cell).face_cell
+        kind = cell_type(mesh.block_of(int(face[0])).cell).face_cell
         nodes = mesh.face_nodes(face)
-        points, weights = element.quadrature(kind)
-        tangents = np.einsum("qai,ak->qik", element.gradient(kind, points), mesh.nodes[nodes])
-        yield nodes, element.shape(kind, points), _normal(tangents) * weights[:, None]
+        points, weights = quadrature_rule(kind)
+        tangents = np.einsum("qai,ak->qik", shape_gradients(kind, points), mesh.nodes[nodes])
+        yield nodes, shape_functions(kind, points), _normal(tangents) * weights[:, None]
 
 
 def _normal(tangents: np.ndarray) -> np.ndarray:
@@ -110,13 +110,13 @@ def pressure_faces(model: Model) -> tuple[PressureFaces, ...]:
         faces = np.asarray(faces).reshape(-1, 2)
         if len(faces) == 0:
             raise InputError("a pressure acts on no edge", remedy="check the edge set of the load")
-        kinds = np.array([element.cell(mesh.block_of(int(e)).cell).face_cell for e in faces[:, 0]])
+        kinds = np.array([cell_type(mesh.block_of(int(e)).cell).face_cell for e in faces[:, 0]])
         for kind in np.unique(kinds):
             nodes = np.array([mesh.face_nodes(f) for f in faces[kinds == kind]])
             dofs = (nodes[:, :, None] * mesh.n_dim + np.arange(mesh.n_dim)).reshape(len(nodes), -1)
-            points, weights = element.quadrature(str(kind))
-            found.append(PressureFaces(load, nodes, dofs, element.shape(str(kind), points),
-                                       element.gradient(str(kind), points), weights, _depth(mesh, model.thickness)))
+            points, weights = quadrature_rule(str(kind))
+            found.append(PressureFaces(load, nodes, dofs, shape_functions(str(kind), points),
+                                       shape_gradients(str(kind), points), weights, _depth(mesh, model.thickness)))
     return tuple(found)
 
 

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.fe.assembly import assembly
+from idic.fe.assembly.assembly import evaluate_system, stiffness_times
 from idic.fe.assembly.assembly import Evaluation, System
 from idic.fe.boundary import Drives, with_amplitude
 from idic.fe.equilibrium import (LINE_SEARCH_PARTS, Control, Converged, Effort, admissible, balance,
@@ -45,7 +45,7 @@ def solve_controlled(system: System, params: Mapping[str, np.ndarray], start: Co
         there = with_amplitude(model, drives, amplitude)
         if effort is not None:
             effort.evaluations += 1
-        return assembly.evaluate(system, params, u, start.states, dt, there, guesses), there
+        return evaluate_system(system, params, u, start.states, dt, there, guesses), there
 
     amplitude = start.drives.amplitude
     ev, there = evaluate(start.u, amplitude, start.states)
@@ -114,7 +114,7 @@ def _correction(system: System, ev: Evaluation, stiff: Evaluation, drives: Drive
     move[held] = drives.prescribed - ev.u.ravel()[held]
     rhs = -ev.residual.ravel()
     if move.any():
-        rhs = rhs - assembly.stiffness_times(system, stiff, move[:, None])[:, 0]
+        rhs = rhs - stiffness_times(system, stiff, move[:, None])[:, 0]
     move[free] = factor.solve(rhs[free])
     with_it = answer_to_control(system, stiff, factor)[0][:, 0]
     felt = float(gauge @ with_it)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.fe.assembly import assembly
+from idic.fe.assembly.assembly import element_matrices, evaluate_system, stiffness_times, stiffness_values
 from idic.fe.assembly.assembly import Evaluation, System
 from idic.fe.boundary import Drives
 from idic.fe.solver.krylov import correction as iterated
@@ -104,7 +104,7 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
     def evaluate(u, guesses):
         if effort is not None:
             effort.evaluations += 1
-        return assembly.evaluate(system, params, u, start.states, dt, drives, guesses)
+        return evaluate_system(system, params, u, start.states, dt, drives, guesses)
 
     known, iterations = _Known.of(start), 0
     if predictor is None:
@@ -140,7 +140,7 @@ def solve_increment(system: System, params: Mapping[str, np.ndarray], start: Con
 
 def linear_move(system: System, params: Mapping[str, np.ndarray], start: Converged, drives: Drives) -> np.ndarray:
     """The displacement increment to `drives` if stiffness stayed as it is at `start`  # (n_nodes, d) mm"""
-    ev = admissible(assembly.evaluate(system, params, start.u, start.states, drives.time - start.time, drives))
+    ev = admissible(evaluate_system(system, params, start.u, start.states, drives.time - start.time, drives))
     held = np.asarray(system.model.constraints.dofs)
     move, _ = _tangent_move(system, ev, drives, held, _Known.of(start))
     return move.reshape(start.u.shape)
@@ -176,7 +176,7 @@ def _tangent_move(system: System, ev: Evaluation, drives: Drives, held: np.ndarr
     """Displacement increment (n_dof,) linearised about the start of the step, prescribed increments included."""
     move = np.zeros(ev.u.size)
     move[held] = drives.prescribed - ev.u.ravel()[held]
-    rhs = -(ev.residual.ravel() + assembly.stiffness_times(system, ev, move[:, None])[:, 0])
+    rhs = -(ev.residual.ravel() + stiffness_times(system, ev, move[:, None])[:, 0])
     move[system.pattern.dofs], known = _solution(system, ev, rhs[system.pattern.dofs], known)
     return move, known
 
@@ -185,7 +185,7 @@ def _solution(system: System, ev: Evaluation, rhs: np.ndarray, known: _Known) ->
     """Solution with the tangent of an evaluation, by an earlier factor where a new one costs much and it still
     serves."""
     if system.pattern.costs_much and known.is_reused:
-        found = iterated(system.pattern.matrix(assembly.stiffness_values(system, ev)), known.factor, rhs)
+        found = iterated(system.pattern.matrix(stiffness_values(system, ev)), known.factor, rhs)
         if found is not None:
             return found.x, replace(known, gain=found.gain)
     factor, matrices = _factor(system, ev, known.factor, known.matrices, known.symmetric)
@@ -282,12 +282,12 @@ def _factor(system: System, ev: Evaluation, factor: Factor | None, matrices,
     constant = all(g.law.small and g.law.spec.n_state == 0 for g in system.groups) and not system.pressures
     if constant:
         for group, g in zip(system.groups, ev.groups, strict=True):
-            assembly.element_matrices(group, g)
+            element_matrices(group, g)
         present = tuple(g.Ke for g in ev.groups)
         if factor is not None and matrices and all(_same(a, b) for a, b in zip(present, matrices, strict=True)):
             return factor, matrices
     try:
-        values = assembly.stiffness_values(system, ev)
+        values = stiffness_values(system, ev)
         return factorise(system.pattern, values, symmetric), present if constant else ()
     except SingularMatrix as error:
         raise NotConverged(f"the stiffness is singular ({error}): check material parameters and supports") from None
@@ -306,7 +306,7 @@ def serves(system: System, at: Converged) -> bool:
 def consistent_factor(system: System, at: Converged) -> Factor:
     """The consistent tangent at a converged increment, factorised or with the factors of before where they serve."""
     if serves(system, at):
-        return replace(at.factor, matrix=system.pattern.matrix(assembly.stiffness_values(system, at.evaluation)),
+        return replace(at.factor, matrix=system.pattern.matrix(stiffness_values(system, at.evaluation)),
                        kept=True)
     return _factor(system, at.evaluation, at.factor, at.factor_matrices, at.symmetric)[0]
 

@@ -22,7 +22,7 @@ from itertools import pairwise, tee
 import numpy as np
 
 from idic.fe.equilibrium import Control
-from idic.fe.march import FrameState, StepList, march
+from idic.fe.time_march import FrameState, StepList, march
 from idic.fe.model import Direction, Model
 
 
@@ -37,12 +37,12 @@ def march_extrapolated(model: Model, params: Mapping[str, np.ndarray], times: np
     Parameters
     ----------
     increments : per frame, of the fine simulation, even; the coarse one takes half of them
-    params, times, directions, steps, control, warm_start, may_cut : as for `idic.fe.march.march`
+    params, times, directions, steps, control, warm_start, may_cut : as for `idic.fe.time_march.march`
 
     Raises
     ------
     InputError, NotConverged
-        As `idic.fe.march.march`, where one of the two fails.
+        As `idic.fe.time_march.march`, where one of the two fails.
     """
     numbers, warm = (increments, increments // 2), (None, None) if warm_start is None else tee(warm_start)
     frozen = [None, None] if steps is None else [StepList(own) for own in split(steps.times)]

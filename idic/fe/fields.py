@@ -10,8 +10,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.fe.assembly.point_means import add_point_values, quotient
-from idic.fe.march import FrameState, PointValues
-from idic.fe.mesh import element
+from idic.fe.time_march import FrameState, PointValues
+from idic.fe.mesh.element import cell_type, shape_gradients
 from idic.fe.mesh.mesh import Mesh
 from idic.fe.model import Model
 
@@ -104,10 +104,10 @@ def nodal_deformation(mesh: Mesh, u: np.ndarray) -> np.ndarray:
     d, components = mesh.n_dim, u.shape[1]
     total, count = np.zeros((mesh.n_nodes, components, d)), np.zeros(mesh.n_nodes)
     for block in mesh.blocks:
-        cell = element.cell(block.cell)
+        cell = cell_type(block.cell)
         if cell.dim != d:
             continue
-        slopes = element.gradient(block.cell, cell.reference_nodes)  # (nodes: where, nodes: whose, d)
+        slopes = shape_gradients(block.cell, cell.reference_nodes)  # (nodes: where, nodes: whose, d)
         jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], slopes)
         grads = np.einsum("qai,eqik->eqak", slopes, np.linalg.inv(jac))
         np.add.at(total, block.connectivity,

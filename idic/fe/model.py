@@ -15,7 +15,7 @@ from idic.errors import InputError
 from idic.fe.assembly.variation import Variation
 from idic.fe.mesh.mesh import Mesh, PerMesh, check_elements
 from idic.fe.solver.rigid_motion import free_parts
-from idic.materials.core.compilation import MODES, CompiledLaw
+from idic.laws import CompiledLaw, MODES
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.fe.assembly import assembly, kernels
+from idic.fe.assembly import kernels
+from idic.fe.assembly.assembly import (
+    Evaluation, evaluate_system, external_force, stiffness_times, transposed_stiffness_times, weight_factor,
+)
 from idic.fe.assembly.assembly import System, discretise
 from idic.fe.assembly.linear import kept_response
 from idic.fe.boundary import Drives, drives_at
@@ -109,7 +112,7 @@ def like(base: System, model: Model) -> System:
         return discretise(model, base.pattern if alike else None)
     groups = []
     for group in base.groups:
-        factor = assembly.weight_factor(model, group.section, group.cell, group.connectivity, group.weights,
+        factor = weight_factor(model, group.section, group.cell, group.connectivity, group.weights,
                                         group.mean_dilatation)
         weights = group.weights if factor is None else group.weights * factor
         law = model.sections[group.section].law
@@ -147,19 +150,19 @@ class ModelPoints:
                        and np.array_equal(a.elements, b.elements)
                        for a, b in zip(self.system.groups, system.groups, strict=True))
 
-    def attempt(self, times: np.ndarray, before: int, frame: int, u: np.ndarray) -> assembly.Evaluation | None:
+    def attempt(self, times: np.ndarray, before: int, frame: int, u: np.ndarray) -> Evaluation | None:
         """`at` without stiffness; None where the law finds no answer."""
         try:
             return self.at(times, before, frame, u, stiffness=False)
         except NotConverged:
             return None
 
-    def at(self, times: np.ndarray, before: int, frame: int, u: np.ndarray, stiffness: bool) -> assembly.Evaluation:
+    def at(self, times: np.ndarray, before: int, frame: int, u: np.ndarray, stiffness: bool) -> Evaluation:
         """The points at the displacement u (n_nodes, d) mm of `frame`, from their states at frame `before`; the states
         are kept. `NotConverged` where the law has no solution.
         """
         drives = drives_at(self.system.model, times, times[frame])
-        found = assembly.evaluate(self.system, self.params, u, self.states, times[frame] - times[before], drives,
+        found = evaluate_system(self.system, self.params, u, self.states, times[frame] - times[before], drives,
                                   guesses=self.states if before else None, stiffness=stiffness)
         if found.trouble:
             raise NotConverged(f"{found.trouble}, frame {frame}")
@@ -171,26 +174,26 @@ def _same(one: np.ndarray | None, other: np.ndarray | None) -> bool:
     return (one is None and other is None) or (one is not None and other is not None and np.array_equal(one, other))
 
 
-def _residual(system: System, stresses: assembly.Evaluation, drives: Drives, u: np.ndarray) -> np.ndarray:
+def _residual(system: System, stresses: Evaluation, drives: Drives, u: np.ndarray) -> np.ndarray:
     """Internal less external forces of a model from the stresses of its points  # (n_nodes, d) N"""
     internal = np.zeros_like(u)
     for group, at in zip(system.groups, stresses.groups, strict=True):
         kernels.add_internal_forces(group.connectivity, group.grads, group.weights, at.P, internal)
-    return internal - assembly.external_force(system, drives, u)
+    return internal - external_force(system, drives, u)
 
 
-def solved_responses(system: System, here: assembly.Evaluation, factor, forces: np.ndarray,
+def solved_responses(system: System, here: Evaluation, factor, forces: np.ndarray,
                      motions: np.ndarray) -> Responses:
     """Answer of the tangent to forces lacking for equilibrium and to another prescribed motion  # (n_dof, m) each"""
     free, channels = system.pattern.dofs, system.model.channels
     if motions.any():
-        forces = forces + assembly.stiffness_times(system, here, motions)
+        forces = forces + stiffness_times(system, here, motions)
     moved = np.zeros_like(forces)
     moved[free] = factor.solve(-forces[free])
     readings = np.zeros((len(forces), len(channels)))
     for k, channel in enumerate(channels):
         np.add.at(readings[:, k], np.asarray(channel.dofs, dtype=np.int64), channel.factor)
-    shown = readings.T @ forces + assembly.transposed_stiffness_times(system, here, readings).T @ moved
+    shown = readings.T @ forces + transposed_stiffness_times(system, here, readings).T @ moved
     moved = motions + moved
     if system.model.control is not None:  # the gauge stays on its course
         gauge, (with_it, felt) = system.model.control.gauge, answer_to_control(system, here, factor)

@@ -16,7 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.assembly import assembly, expansion, kernels
+from idic.fe.assembly import expansion, kernels
+from idic.fe.assembly.assembly import (
+    band_place, force_changes, held_stiffness_times, point_changes, points_of, stiffness_times, stress_variations,
+)
 from idic.fe.assembly.assembly import Evaluation, System
 from idic.fe.assembly.thickness_change import influence_on_rise
 from idic.fe.boundary import drive_changes, pressure_force
@@ -106,22 +109,22 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
         some = _concerning(dparams[k], expansions[k], before.states[k])
         if not len(some):
             continue
-        dP, _ = assembly.point_changes(system, k, g, _params(system, k, params), start.states, dt, None,
+        dP, _ = point_changes(system, k, g, _params(system, k, params), start.states, dt, None,
                                        np.ascontiguousarray(before.states[k][:, some]),
                                        _part(dparams[k], (..., some, slice(None))),
                                        _part(expansions[k], (slice(None), some)))
         part = np.zeros((*shape, len(some)))
-        assembly.force_changes(system, k, g, dP, part)
+        force_changes(system, k, g, dP, part)
         forces[..., some] += part
     forces = forces.reshape(-1, nd)
     du = np.zeros_like(forces)
     _add_drive_changes(system, directions, times, end, du, forces)
     if du.any():
-        forces += assembly.stiffness_times(system, end.evaluation, du)
+        forces += stiffness_times(system, end.evaluation, du)
     free = system.pattern.dofs
     moved = np.zeros_like(du)
     moved[free] = factor.solve(-forces[free])
-    forces += assembly.held_stiffness_times(system, end.evaluation, moved)
+    forces += held_stiffness_times(system, end.evaluation, moved)
     forces[free] = 0.0  # in equilibrium along every direction; only rounding is left
     du += moved
     if system.model.control is not None:
@@ -132,7 +135,7 @@ def differentiate(system: System, params: Mapping[str, np.ndarray], directions: 
         if system.groups[k].law.spec.n_state == 0 and not system.model.surface_side:  # nothing but F33, a start value
             states.append(before.states[k])
             continue
-        states.append(assembly.point_changes(system, k, g, _params(system, k, params), start.states, dt,
+        states.append(point_changes(system, k, g, _params(system, k, params), start.states, dt,
                                              du.reshape(*shape, nd), before.states[k], dparams[k],
                                              expansions[k])[1])
     return Changes(du, forces, tuple(states))
@@ -185,13 +188,13 @@ def answers(system: System, evaluation: Evaluation, factor: Factor, drives: Sequ
     constraints = system.model.constraints
     du = np.zeros((system.model.n_dof, len(drives) + len(loads)))
     du[constraints.dofs, :len(drives)] = constraints.basis[:, list(drives)]
-    forces = assembly.stiffness_times(system, evaluation, du)
+    forces = stiffness_times(system, evaluation, du)
     for k, load in enumerate(loads, len(drives)):
         forces[:, k] -= _unit_load(system, evaluation.u, load)
     free = system.pattern.dofs
     moved = np.zeros_like(du)
     moved[free] = factor.solve(-forces[free])
-    forces += assembly.held_stiffness_times(system, evaluation, moved)
+    forces += held_stiffness_times(system, evaluation, moved)
     forces[free] = 0.0
     return du + moved, forces
 
@@ -261,9 +264,9 @@ def _parameter_changes(system: System, directions, params, times: np.ndarray,
             warming = _nodal_warming(system, directions, times, end)
             own = group.law.spec.temperature.changes(
                 params[system.model.sections[group.section].name], g.temperature, own,
-                None if warming is None else assembly.points_of(system, group, warming), len(directions))
+                None if warming is None else points_of(system, group, warming), len(directions))
         if group.size is not None:
-            own = group.law.spec.crack_band.changes(assembly.band_place(group), own, group.size)
+            own = group.law.spec.crack_band.changes(band_place(group), own, group.size)
         changes.append(own)
     return changes
 
@@ -294,14 +297,14 @@ def _expansion_changes(system: System, directions, times: np.ndarray, end: Conve
     changes = []
     for group in system.groups:
         nodal = expansion.nodal_changes(system.model, group.section, directions, end.drives.temperature, warming)
-        changes.append(None if nodal is None else assembly.points_of(system, group, nodal))
+        changes.append(None if nodal is None else points_of(system, group, nodal))
     return changes
 
 
 def _add_variations(system: System, directions, end: Converged, forces: np.ndarray) -> None:
     """Forces at fixed stress of weights that change; forces (n_nodes, d, nd)."""
     for group, g in zip(system.groups, end.evaluation.groups, strict=True):
-        changes = assembly.stress_variations(system, group, directions)
+        changes = stress_variations(system, group, directions)
         if changes is not None:
             kernels.add_internal_force_changes(group.connectivity, group.grads, group.weights,
                                                np.ascontiguousarray(changes[:, :, None, None] * g.P[:, None]), forces)

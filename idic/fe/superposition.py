@@ -4,7 +4,7 @@
 
 Small-strain laws without memory, loads of fixed direction, no temperature and no path control: the histories w are all
 that changes with time. So a test is solved once per drive instead of once per frame, and the influence of local drives
-is the answers themselves. The answers and their derivatives are those of `idic.fe.march`.
+is the answers themselves. The answers and their derivatives are those of `idic.fe.time_march`.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from functools import cached_property
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.fe.assembly import assembly
+from idic.fe.assembly.assembly import evaluate_system
 from idic.fe.assembly.assembly import System, discretise
 from idic.fe.boundary import drives_at
 from idic.fe.equilibrium import Control
-from idic.fe.march import FrameState, PointValues, StepList, march
+from idic.fe.time_march import FrameState, PointValues, StepList, march
 from idic.fe.model import Constraints, Direction, Model, validate
 from idic.fe.sensitivity import check_directions
 
@@ -57,7 +57,7 @@ class _Points:
     def __iter__(self) -> Iterator[PointValues]:
         system = self.body.system
         drives = drives_at(self.body.model, self.body.times, self.time)
-        found = assembly.evaluate(system, self.body.params, self.u, system.rest(), 0.0, drives, stiffness=False)
+        found = evaluate_system(system, self.body.params, self.u, system.rest(), 0.0, drives, stiffness=False)
         for group, g in zip(system.groups, found.groups, strict=True):
             yield PointValues(group.section, group.cell, group.elements, g.F, g.P, g.state)
 
@@ -78,14 +78,14 @@ class _Body:
 def superposed(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray, directions: Sequence[Direction] = (),
                steps: StepList | None = None, substeps: int = 1,
                control: Control | None = None) -> Iterator[FrameState] | None:
-    """The frames of `idic.fe.march.march`; None where the body is not linear or a sum would not be cheaper.
+    """The frames of `idic.fe.time_march.march`; None where the body is not linear or a sum would not be cheaper.
 
     Their increments are `steps`, or `substeps` of each interval: a linear body does not feel them.
 
     Raises
     ------
     InputError
-        As `idic.fe.march.march`.
+        As `idic.fe.time_march.march`.
     """
     if not is_linear(model):
         return None

@@ -1,1 +1,5 @@
 """Images: stacks of frames, B-spline interpolation, cameras, low-pass; `quality/`: noise and speckle."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

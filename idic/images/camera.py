@@ -16,7 +16,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.images.camera_motion import CameraMotion
 
-PARAMETERS = ("pixel_size", "rotation_deg", "shift_col", "shift_row", "k1", "tilt_x", "tilt_y")
+CAMERA_PARAMETERS = ("pixel_size", "rotation_deg", "shift_col", "shift_row", "k1", "tilt_x", "tilt_y")
 UNITS = {"pixel_size": "mm", "rotation_deg": "deg", "shift_col": "px", "shift_row": "px", "k1": "1/px^2",
          "tilt_x": "1/mm", "tilt_y": "1/mm"}
 _AXES = {"+col": (1.0, 0.0), "-col": (-1.0, 0.0), "+row": (0.0, 1.0), "-row": (0.0, -1.0)}
@@ -155,10 +155,10 @@ class Camera:
 
     def with_parameters(self, values: Mapping[str, float]) -> Camera:
         """The camera with these of `PARAMETERS` set (absolute values, not changes)."""
-        unknown = set(values) - set(PARAMETERS)
+        unknown = set(values) - set(CAMERA_PARAMETERS)
         if unknown:
-            raise InputError("no such camera parameter", key=", ".join(sorted(unknown)), expected=", ".join(PARAMETERS),
-                             remedy="use one of these names")
+            raise InputError("no such camera parameter", key=", ".join(sorted(unknown)),
+                             expected=", ".join(CAMERA_PARAMETERS), remedy="use one of these names")
         new = self.values() | {name: float(value) for name, value in values.items()}
         matrix = self.matrix
         if "rotation_deg" in values:
@@ -187,7 +187,7 @@ class Camera:
         elif name in ("tilt_x", "tilt_y"):
             dp0 = -centred * (x[:, [0 if name == "tilt_x" else 1]] / w[:, None])
         else:
-            raise InputError("no such camera parameter", key=name, expected=", ".join(PARAMETERS),
+            raise InputError("no such camera parameter", key=name, expected=", ".join(CAMERA_PARAMETERS),
                              remedy="use one of these names")
         return np.einsum("nij,nj->ni", self._distortion_jacobian(p0), dp0)
 

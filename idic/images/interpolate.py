@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from idic.errors import InputError
-from idic.images.prefilter import MIRROR_PAD_PX, POLES, filter_in_place
+from idic.images.spline_filter import MIRROR_PAD_PX, POLES, filter_in_place
 from idic.images.quality.lowpass import lowpass, lowpass_weights
 from idic.images.taps import weight_polynomials
 

@@ -22,7 +22,7 @@ import scipy
 from numba import njit
 
 from idic.images.interpolate import prefilter
-from idic.images.prefilter import MIRROR_PAD_PX
+from idic.images.spline_filter import MIRROR_PAD_PX
 from idic.images.quality.lowpass import REACH_STDS, lowpass, lowpass_weights
 from idic.images.taps import weight_polynomials
 

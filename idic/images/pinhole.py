@@ -15,11 +15,11 @@ import numpy as np
 from idic.errors import InputError
 from idic.images import pinhole_kernels as kernels
 
-INTRINSIC = ("fx", "fy", "skew", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
-POSE = ("rotation_x", "rotation_y", "rotation_z", "t_x", "t_y", "t_z")
-PARAMETERS = INTRINSIC + POSE
-UNITS = (dict.fromkeys(("fx", "fy", "skew", "cx", "cy"), "px") | dict.fromkeys(("k1", "k2", "k3", "p1", "p2"), "1")
-         | dict.fromkeys(POSE[:3], "deg") | dict.fromkeys(POSE[3:], "mm"))
+INTRINSIC_PARAMETERS = ("fx", "fy", "skew", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
+POSE_PARAMETERS = ("rotation_x", "rotation_y", "rotation_z", "t_x", "t_y", "t_z")
+PINHOLE_PARAMETERS = INTRINSIC_PARAMETERS + POSE_PARAMETERS
+PINHOLE_UNITS = (dict.fromkeys(("fx", "fy", "skew", "cx", "cy"), "px") | dict.fromkeys(("k1", "k2", "k3", "p1", "p2"),
+         "1") | dict.fromkeys(POSE_PARAMETERS[:3], "deg") | dict.fromkeys(POSE_PARAMETERS[3:], "mm"))
 MAX_ROTATION_ERROR = 1e-4  # of a rotation matrix: files print five digits
 
 
@@ -68,7 +68,7 @@ class PinholeCamera:
                                  found=array.tolist(), remedy="correct this entry of the camera")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        for name in INTRINSIC:
+        for name in INTRINSIC_PARAMETERS:
             value = float(getattr(self, name))
             if not np.isfinite(value) or (name in ("fx", "fy") and value <= 0.0):
                 raise InputError("not a usable camera", key=name, found=value,
@@ -99,12 +99,12 @@ class PinholeCamera:
 
     def parameter_jacobian(self, points: np.ndarray, name: str | None = None) -> np.ndarray:
         """d (column, row) of fixed points by `PARAMETERS`, or by one of them  # -> (n, 2, 16) or (n, 2), px per unit"""
-        if name is not None and name not in PARAMETERS:
+        if name is not None and name not in PINHOLE_PARAMETERS:
             raise _no_such_parameter({name})
         columns = self._in_front(kernels.parameter_jacobian(
             _space(points), self.intrinsic, self.rotation, self.translation_mm, left_jacobian(self.turned_deg)))
         columns[:, :, 10:13] *= np.pi / 180.0
-        return columns if name is None else columns[:, :, PARAMETERS.index(name)]
+        return columns if name is None else columns[:, :, PINHOLE_PARAMETERS.index(name)]
 
     def normalised(self, pixels: np.ndarray) -> np.ndarray:
         """Undistorted directions (X / Z, Y / Z) of pixels in the camera's frame  # (n, 2) px -> (n, 2)
@@ -139,7 +139,7 @@ class PinholeCamera:
     @property
     def intrinsic(self) -> np.ndarray:
         """fx, fy, skew, cx, cy, k1, k2, k3, p1, p2  # (10,)"""
-        return np.array([getattr(self, name) for name in INTRINSIC])
+        return np.array([getattr(self, name) for name in INTRINSIC_PARAMETERS])
 
     @property
     def matrix(self) -> np.ndarray:
@@ -153,20 +153,20 @@ class PinholeCamera:
     # degrees of freedom ---------------------------------------------------------------------------
     def values(self) -> dict[str, float]:
         """The present values of `PARAMETERS`; `with_parameters(values())` changes nothing."""
-        return (dict(zip(INTRINSIC, self.intrinsic.tolist(), strict=True))
-                | dict(zip(POSE, [*self.turned_deg.tolist(), *self.translation_mm.tolist()], strict=True)))
+        return (dict(zip(INTRINSIC_PARAMETERS, self.intrinsic.tolist(), strict=True))
+                | dict(zip(POSE_PARAMETERS, [*self.turned_deg.tolist(), *self.translation_mm.tolist()], strict=True)))
 
     def with_parameters(self, values: Mapping[str, float]) -> PinholeCamera:
         """The camera with these of `PARAMETERS` set (absolute values; the rotation relative to the calibrated one)."""
-        if set(values) - set(PARAMETERS):
-            raise _no_such_parameter(set(values) - set(PARAMETERS))
+        if set(values) - set(PINHOLE_PARAMETERS):
+            raise _no_such_parameter(set(values) - set(PINHOLE_PARAMETERS))
         new = self.values() | {name: float(value) for name, value in values.items()}
-        turned = np.array([new[name] for name in POSE[:3]])
+        turned = np.array([new[name] for name in POSE_PARAMETERS[:3]])
         rotation = self.rotation
         if (turned != self.turned_deg).any():
             rotation = rotation_of(turned) @ rotation_of(self.turned_deg).T @ rotation
-        return PinholeCamera(**{name: new[name] for name in INTRINSIC}, rotation=rotation,
-                             translation_mm=np.array([new[name] for name in POSE[3:]]), turned_deg=turned)
+        return PinholeCamera(**{name: new[name] for name in INTRINSIC_PARAMETERS}, rotation=rotation,
+                             translation_mm=np.array([new[name] for name in POSE_PARAMETERS[3:]]), turned_deg=turned)
 
     def _in_front(self, array):
         bad = np.isnan(array).reshape(len(array), -1).any(axis=1)
@@ -210,5 +210,5 @@ def _space(points):
 
 
 def _no_such_parameter(names):
-    return InputError("no such camera parameter", key=", ".join(sorted(names)), expected=", ".join(PARAMETERS),
+    return InputError("no such camera parameter", key=", ".join(sorted(names)), expected=", ".join(PINHOLE_PARAMETERS),
                       remedy="use one of these names")

@@ -20,12 +20,12 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.images.camera import Camera
-from idic.images.pinhole import PARAMETERS as LENS_PARAMETERS
-from idic.images.pinhole import INTRINSIC, POSE, PinholeCamera, left_jacobian, rotation_of
+from idic.images.pinhole import PINHOLE_PARAMETERS as LENS_PARAMETERS
+from idic.images.pinhole import INTRINSIC_PARAMETERS, POSE_PARAMETERS, PinholeCamera, left_jacobian, rotation_of
 from idic.images.rigid_motion import RIGID, RigidMotion, displaced, rigid_slope
 
 PLACEMENT_STEM = "placement"
-TURN = ("turn_x", "turn_y", "turn_z")  # deg
+PLACED_TURNS = ("turn_x", "turn_y", "turn_z")  # deg
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,15 +129,16 @@ class PlacedCamera:
     def values(self) -> dict[str, float]:
         """The present values of lens and turn (by name) and placement (``placement.t_z``)."""
         placed = zip(RIGID, self.placement.tolist(), strict=True)
-        turned = dict(zip(TURN, self.turn_deg.tolist(), strict=True))
+        turned = dict(zip(PLACED_TURNS, self.turn_deg.tolist(), strict=True))
         return self.lens.values() | turned | {f"{PLACEMENT_STEM}.{name}": value for name, value in placed}
 
     def with_parameters(self, values: Mapping[str, float]) -> PlacedCamera:
         """The camera with these of `values` set, and amplitudes of its motion (``placement.t_z_drift``)."""
         stem = f"{PLACEMENT_STEM}."
         placed = {name.removeprefix(stem): float(value) for name, value in values.items() if name.startswith(stem)}
-        turn = np.array([values.get(name, old) for name, old in zip(TURN, self.turn_deg, strict=True)], dtype=float)
-        lens = {name: value for name, value in values.items() if not name.startswith(stem) and name not in TURN}
+        turn = np.array([values.get(name, old) for name, old in zip(PLACED_TURNS, self.turn_deg, strict=True)],
+        dtype=float)
+        lens = {name: value for name, value in values.items() if not name.startswith(stem) and name not in PLACED_TURNS}
         motion = self.motion
         if motion is not None:
             motion = motion.with_values(placed)
@@ -152,7 +153,7 @@ class PlacedCamera:
     def parameter_jacobian(self, points: np.ndarray, name: str) -> np.ndarray:
         """d (column, row) of fixed mesh points by a degree of freedom  # (n, 2|3) mm -> (n, 2) px per unit"""
         points = _space(points)
-        if name in (*LENS_PARAMETERS, *TURN):
+        if name in (*LENS_PARAMETERS, *PLACED_TURNS):
             return self._lens_slope(self._in_rig(points), name)
         own = name.removeprefix(f"{PLACEMENT_STEM}.")
         placed = displaced(points, self.placement, self.pivot_mm)
@@ -166,19 +167,20 @@ class PlacedCamera:
             slope = course * rigid_slope(placed, self.moved, self.pivot_mm, k)
         else:
             raise InputError("no such camera parameter", key=name,
-                             expected=", ".join([*LENS_PARAMETERS, *TURN, *RIGID]), remedy="use one of these names")
+                             expected=", ".join([*LENS_PARAMETERS, *PLACED_TURNS, *RIGID]),
+        remedy="use one of these names")
         return np.einsum("nij,nj->ni", self.aimed.jacobian(self._in_rig(points)), slope @ self.rotation.T)
 
     def _lens_slope(self, points: np.ndarray, name: str) -> np.ndarray:
         """d (column, row) by a value of lens, pose or turn  # points (n, 3) mm of the rig -> (n, 2)"""
         lens = self.lens
-        if name in INTRINSIC or not (self.turn_deg.any() or name in TURN):
+        if name in INTRINSIC_PARAMETERS or not (self.turn_deg.any() or name in PLACED_TURNS):
             return self.aimed.parameter_jacobian(points, name)
         turn, own = rotation_of(self.turn_deg), points @ lens.rotation.T
-        if name in TURN:
-            axis = np.radians(1.0) * left_jacobian(self.turn_deg)[:, TURN.index(name)]
+        if name in PLACED_TURNS:
+            axis = np.radians(1.0) * left_jacobian(self.turn_deg)[:, PLACED_TURNS.index(name)]
             slope = np.cross(axis, (own + lens.translation_mm) @ turn.T)
-        elif (k := POSE.index(name)) < 3:
+        elif (k := POSE_PARAMETERS.index(name)) < 3:
             slope = np.cross(np.radians(1.0) * left_jacobian(lens.turned_deg)[:, k], own) @ turn.T
         else:
             slope = np.broadcast_to(turn[:, k - 3], own.shape)

@@ -14,3 +14,7 @@ In the order of reading:
 ``black_box.py``        `ExternalForward`: the same with an external solver
 ``leading_frames.py``   the experiment up to a frame
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

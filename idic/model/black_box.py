@@ -21,10 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError, NotConverged
-from idic.fe.external.inp_writer import inp_text
-from idic.fe.external.solver import ExternalSetup, ExternalSolver
-from idic.fe.external.solver_output import Solution, Wanted
-from idic.fe.march import FrameState, StepList
+from idic.fe import ExternalSetup, ExternalSolver, FrameState, Solution, StepList, Wanted, inp_text
 from idic.model.drives import DriveTable, build_drives, set_nodes
 from idic.model.experiment import Experiment, Measured, Parametrised
 from idic.model.readings import Readings, build_readings, controlled

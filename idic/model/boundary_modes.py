@@ -18,8 +18,7 @@ import scipy
 from numpy.polynomial import legendre
 
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Mesh, boundary_edges
-from idic.fe.mesh.surface_edges import CORNER_COSINE
+from idic.fe import CORNER_COSINE, Mesh, boundary_edges
 
 MODE_DEGREE = 3
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Mesh
+from idic.fe import Mesh
 from idic.model.experiment import Column, Correction, Drive
 from idic.parameters import Parameter
 

@@ -11,9 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Mesh, boundary_edges, boundary_faces, face_set_nodes
-from idic.fe.mesh.surface_edges import followed, normal_axis, rim_second_differences, second_difference, seen_first
-from idic.images.placed_camera import PlacedCamera
+from idic.fe import (
+    Mesh, boundary_edges, boundary_faces, face_set_nodes, followed, normal_axis, rim_second_differences,
+    second_difference, seen_first,
+)
+from idic.images import PlacedCamera
 from idic.model.boundary_modes import edge_shapes, start_and_middle, time_courses
 from idic.model.corrections import correction_parameter, corrections_of, pattern
 from idic.model.experiment import Column, Constant, Controlled, Experiment, Measured, Parametrised, Prescribed

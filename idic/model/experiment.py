@@ -13,13 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.external.solver import ExternalSetup
-from idic.fe.mesh.mesh import Mesh
-from idic.fe.mesh.morph import Morph, morphed
-from idic.images.camera import normal_sign
-from idic.images.placed_camera import AnyCamera, PlacedCamera
-from idic.images.quality.stabilise import Stabiliser
-from idic.images.stack import Stack
+from idic.fe import ExternalSetup, Mesh, Morph, morphed
+from idic.images import AnyCamera, PlacedCamera, Stabiliser, Stack, normal_sign
 from idic.model.free_course import jump_name, knot_name
 from idic.model.gauges import Gauge
 from idic.parameters import ParameterSet
@@ -168,7 +163,7 @@ class Temperature:
     """The temperature of a node set (None: of the whole mesh): one value per frame, or a field.
 
     It acts through ``SET.alpha`` (1/K), which every law accepts, and through laws whose parameters depend on it; see
-    `idic.model.temperature`, `idic.fe.assembly.expansion` and `idic.materials.core.temperature`. ``above_celsius`` is
+    `idic.model.temperature`, `idic.fe.assembly.expansion` and `idic.laws.core.temperature`. ``above_celsius`` is
     what the values of the drive are above °C: 273.15 where they are in K. knots : frames of the knots of a course that
     the data give, hats : (n_knots, n_frames) their courses; degrees of freedom ``temperature_knot[FRAME]``, K.
     """
@@ -384,18 +379,18 @@ class Options:
     brightness: str = "frame"  # none | frame | patch
     patch_px: float = 100.0
     defocus: str = "none"  # none | frame: the variance of a blur is an unknown of every frame
-    method: str = "integrated"  # integrated | two_step | two_step_unweighted: see `idic.identify.two_step`
+    method: str = "integrated"  # integrated | two_step | two_step_unweighted: see `idic.identification.two_step`
     dic_regularisation: str = "auto"  # of free FE-DIC: none | mechanical | gradient; auto: mechanical, two steps none
     weighting: str = "noise"  # noise | paper
-    estimator: str = "auto"  # auto | ordinary | generalised least squares: see `idic.identify.step.estimator`
+    estimator: str = "auto"  # auto | ordinary | generalised least squares: see `idic.identification.step.estimator`
     alpha: float = 0.01
     step_limit: float | None = None  # relative; the paper's weighting uses 0.05
     trial_steps: int = 1  # of a damped or limited step, evaluated in parallel
     max_iterations: int = 40
-    search: str = "auto"  # auto | never: better starts are looked for where a law needs it (`idic.identify.search`)
+    search: str = "auto"  # auto | never: better starts are looked for where a law needs it (`start_search`)
     schedule: str = "all"  # all | spectrum: weak directions locked until the strong ones stand
     tolerance: float = 0.02  # stop when the scaled step is this small a part of the standard deviations
-    # FE increments per frame (before any cutting); None: 1, or chosen (`idic.identify.step.increments`)
+    # FE increments per frame (before any cutting); None: 1, or chosen (`idic.identification.step.increments`)
     substeps: int | None = None
     perturbation: float = 1e-4
     locking: str = "auto"  # auto (mean dilatation where it is needed) | none | mean_dilatation
@@ -406,7 +401,7 @@ class Stage:
     """One entry of a schedule: these names are free, the others locked.
 
     lowpass_px : blur of the images in this stage; until_s : end of the frames that it compares
-    (`idic.identify.step.schedule`).
+    (`idic.identification.step.schedule`).
     """
 
     free: tuple[str, ...] | str  # names or "all"

@@ -13,15 +13,12 @@ from typing import Any
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.boundary import dead_pressure, face_area, traction
-from idic.fe.equilibrium import Control
-from idic.fe.extrapolation import increments_to_try, is_extrapolated, march_extrapolated
-from idic.fe.half_rate import Motion, at_frames, every_second, without_time_error
-from idic.fe.march import FrameState, StepList, march
-from idic.fe.model import Constraints, Direction, Loads, Model, PathControl, Reaction, Section, validate
-from idic.fe.superposition import superposed
-from idic.materials.core.compilation import compile as compile_law
-from idic.materials.core.law import EXPANSION
+from idic.fe import (
+    Constraints, Control, Direction, FrameState, Loads, Model, Motion, PathControl, Reaction, Section, StepList,
+    at_frames, dead_pressure, every_second, face_area, increments_to_try, is_extrapolated, march, march_extrapolated,
+    superposed, traction, validate, without_time_error,
+)
+from idic.laws import EXPANSION, compile as compile_law
 from idic.model.black_box import ExternalForward, build_external
 from idic.model.drives import COMPONENTS, DriveTable, build_drives, rates_since_reference, set_nodes
 from idic.model.experiment import Experiment, Load

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.fe.assembly.variation import Variation
-from idic.fe.mesh.mesh import Mesh
+from idic.fe import Mesh, Variation
 from idic.model.experiment import Experiment, Heterogeneity
 from idic.parameters import ParameterSet
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.fe.march import FrameState
+from idic.fe import FrameState
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.fe.march import FrameState
-from idic.fe.model import PathControl
+from idic.fe import FrameState, PathControl
 from idic.model.drives import COMPONENTS, DriveTable, set_nodes
 from idic.model.experiment import Channel, Controlled, Experiment
 from idic.model.loads import LoadHistories

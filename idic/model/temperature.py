@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.conduction import conducted
+from idic.fe import conducted
 from idic.model.experiment import Column, Experiment
 from idic.model.free_course import TEMPERATURE, knot_name
 from idic.parameters import ParameterSet

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.fields import green_strain, nodal_deformation
-from idic.fe.mesh.mesh import Mesh
-from idic.fields.strain import rotated, strain
-from idic.fields.surface import surface_of
+from idic.fe import Mesh, green_strain, nodal_deformation
+from idic.measure import rotated, strain, surface_of
 from idic.notebook.fields import Fields, checked_frame
 from idic.notebook.optional import optional
 

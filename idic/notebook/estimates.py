@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from idic.report.words import number, readable_unit, with_std
+from idic.report import number_text, readable_unit, with_std
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,8 @@ def _interval(estimate: Estimate) -> str:
     if estimate.ci95 is None:
         return ""
     factor, unit = readable_unit(estimate.value, estimate.unit)
-    return " … ".join(number(end / factor, estimate.std / factor) for end in estimate.ci95) + f" {unit}".rstrip(" -")
+    return " … ".join(number_text(end / factor,
+    estimate.std / factor) for end in estimate.ci95) + f" {unit}".rstrip(" -")
 
 
 def _state(estimate: Estimate) -> str:

@@ -13,20 +13,19 @@ from typing import Any
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.objects import ORIGIN, Objects, from_objects, further_files
-from idic.experiment_file.toml_file import NAME, locate, read_toml, to_toml, with_law_files, with_overrides
-from idic.fe.external.inp_writer import inp_text
-from idic.model.experiment import Experiment as Record
+from idic.experiment_file import (
+    EXPERIMENT_FILE, ORIGIN, Objects, from_objects, further_files, load_experiment, locate, read_toml, to_toml,
+    with_law_files, with_overrides,
+)
+from idic.fe import inp_text
+from idic.model import Experiment as Record
 from idic.notebook.saved_folder import saved_in_run
 from idic.parameters import ParameterSet
-from idic.readers.images import FileStack, read_image
-from idic.readers.logs import Log
-from idic.readers.objects.images import ArrayFrames, frames_of
-from idic.readers.objects.log import NAME as LOG_OBJECT, log_of
-from idic.readers.objects.mesh import NAME as MESH_OBJECT, mesh_of
-from idic.readers.raw_mesh import RawMesh, to_mesh
-from idic.virtual_tests.experiment_files import IMAGES, LOADS, empty_folder, write_images
+from idic.readers import (
+    ArrayFrames, FileStack, LOG_IN_MEMORY as LOG_OBJECT, Log, MESH_IN_MEMORY as MESH_OBJECT, RawMesh, frames_of,
+    log_of, mesh_of, read_image, to_mesh,
+)
+from idic.virtual_tests import IMAGES, LOADS, empty_folder, write_images
 
 MESH, MASK = "mesh.inp", "mask.tif"
 _KEYS = {"images": f"{IMAGES}/*.tif", "loads": LOADS, "mesh": MESH, "mask": MASK}  # as `Experiment.save` writes them
@@ -226,7 +225,7 @@ class _Objects:
             os.replace(folder / "frame_000.tif", folder / MASK)
         tables = self.tables | {"experiment": {**self.tables["experiment"], "images": pattern,
                                                **_named_frames(self.tables, record, labels)}}
-        (folder / NAME).write_text(to_toml(tables), encoding="utf-8")
+        (folder / EXPERIMENT_FILE).write_text(to_toml(tables), encoding="utf-8")
         return folder
 
 

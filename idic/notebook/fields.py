@@ -10,26 +10,20 @@ from typing import Protocol
 
 import numpy as np
 
-from idic.correlation.channels import channel_values, measured_values
-from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.experiment_reference import camera_at
-from idic.correlation.frame import ResidualMap
-from idic.correlation.frame_equations import with_all_cameras
-from idic.correlation.view import view_of
-from idic.diagnose.residual.residual_evidence import context_of
+from idic.correlation import (
+    CorrelationContext, FrameResponse, ResidualMap, camera_at, channel_values, measured_values, view_of,
+    with_all_cameras,
+)
+from idic.diagnose import context_of
 from idic.errors import InputError
-from idic.fields.free import free_motion, in_mm, seen_by
-from idic.identify.in_memory import Identification
-from idic.identify.kept_simulation import response_of
-from idic.images.camera import Camera
-from idic.images.placed_camera import AnyCamera
-from idic.model.experiment import Experiment
-from idic.run.context import RunContext, correlation_context, open_run
-from idic.run.joint_run import folders_of, is_joint
-from idic.run.judgement.accepted_point import channels_of, refuse_passed_point
-from idic.run.judgement.residual_maps import residuals_of
-from idic.store.arrays import FrameArrays
-from idic.store.layout import BASE, group_name
+from idic.measure import free_motion, in_mm, seen_by
+from idic.identification import Identification, response_of
+from idic.images import AnyCamera, Camera
+from idic.model import Experiment
+from idic.run import (
+    BASE, FrameArrays, RunContext, channels_of, correlation_context, folders_of, group_name, is_joint, open_run,
+    refuse_passed_point, residuals_of,
+)
 
 
 class Fields(Protocol):
@@ -205,7 +199,7 @@ def _freely_measured(context: CorrelationContext, frame: int, simulated: Callabl
                          found=f"{experiment.quantity} images" if seen is None else "a camera with a lens, which sees "
                          "motion towards it as motion in the plane",
                          remedy="use the simulated fields" if seen is None else
-                         "use the simulated fields, or idic.dic.stereo.surface_motion with two cameras")
+                         "use the simulated fields, or idic.measure.dic.stereo.surface_motion with two cameras")
     nodes, view = experiment.mesh.nodes, view_of(experiment, camera)
     motion = free_motion(seen, (frame,), lambda k: view.at(k).motion(nodes, experiment.turned(simulated(k)))[:, :2])[0]
     return in_mm(motion, nodes, camera, camera.at(frame))

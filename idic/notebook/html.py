@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from html import escape
 
-from idic.model.experiment import Column, Constant, Controlled, Drive, Experiment, Parametrised
+from idic.model import Column, Constant, Controlled, Drive, Experiment, Parametrised
 from idic.notebook.estimates import Estimates, estimates_html
 from idic.parameters import Parameter
-from idic.report.evidence.check import overlay
-from idic.report.words import headline, with_std
+from idic.report import overlay, result_headline, with_std
 
 PICTURE_PX = 480  # width
 
@@ -37,7 +36,7 @@ def experiment_html(experiment: Experiment) -> str:
 
 def result_html(content: Mapping, estimates: Estimates, failure: str | None = None) -> str:
     """What was found, in sentences and as a table; locked parameters are left out. failure : of the last simulation"""
-    first, *others = [*headline(content), *([failure] if failure else [])]
+    first, *others = [*result_headline(content), *([failure] if failure else [])]
     free = [estimate for estimate in estimates.values() if estimate.free]
     return (f"<div><b>{escape(content.get('title') or 'Result')}</b><p>{escape(first)}</p>{estimates_html(free)}"
             f"{''.join(f'<p>{escape(sentence)}</p>' for sentence in others)}</div>")

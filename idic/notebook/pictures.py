@@ -17,9 +17,10 @@ from matplotlib.ticker import MaxNLocator
 
 from idic.notebook.fields import Fields, checked_frame
 from idic.notebook.posterior import Posterior, posterior_of
-from idic.report.figures.maps import RESIDUAL_RANGE, bare, residual_window
-from idic.report.figures.style import BLUE, DIVERGING, DPI, FAINT, GREY, ORANGE, look, new_figure
-from idic.report.words import short_names, time_label, with_std
+from idic.report import (
+    BLUE, DIVERGING, DPI, FAINT, GREY, ORANGE, RESIDUAL_RANGE, bare, look, new_figure, residual_window, short_names,
+    time_label, with_std,
+)
 
 MAP_INCH, CORNER_INCH = 6.0, 1.9  # width of a map, side of a panel
 # standard deviations that hold so many % of a plane Gaussian: chi, 2 degrees

@@ -98,7 +98,7 @@ class Result:
 
         Returns
         -------
-        (n_nodes, d, d), NaN at nodes of no element or not seen; `idic.fields.strain.principal` gives principal values
+        (n_nodes, d, d), NaN at nodes of no element or not seen; `principal` gives values
 
         Raises
         ------

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from idic.errors import InputError
-from idic.store.result_file import RESULT_FILE
+from idic.run import RESULT_FILE
 
 BEGUN = ("run.zarr", RESULT_FILE)  # either makes a RUN of a folder; `idic clean` leaves the second
 MAX_NAMED = 3  # files that a message names

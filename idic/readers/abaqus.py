@@ -14,7 +14,7 @@ from typing import NoReturn
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh import element
+from idic.fe import CELL_TYPES, n_face_corners
 from idic.readers.abaqus_sets import LabelSets, ScopedNames
 from idic.readers.delimited.text_files import text_of
 from idic.readers.raw_mesh import RawMesh
@@ -255,10 +255,10 @@ class _Reader:
                            ", ".join(cells))
             for label in elements_of.named(self._label_or_name(cells[0], number), number, f"surface {name}"):
                 cell, nodes = where[label]
-                table = element.CELLS[cell].faces if cell in element.CELLS else ()
+                table = CELL_TYPES[cell].faces if cell in CELL_TYPES else ()
                 if not 1 <= int(match.group(1)) <= len(table):
                     self.fail(number, f"surface {name}: a {cell} has no such face", f"S1 … S{len(table)}", cells[1])
-                corners = element.face_corners(cell)
+                corners = n_face_corners(cell)
                 faces.append(tuple(index[nodes[k]] for k in table[int(match.group(1)) - 1][:corners]))
         raw.face_sets[name] = faces
 

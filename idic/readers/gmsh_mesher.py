@@ -11,8 +11,7 @@ import threading
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh.outline import Boundary, Segments
-from idic.fe.mesh.polygon import Filling
+from idic.fe import Boundary, Filling, Segments
 
 FRONTAL, FRONTAL_QUADS, BLOSSOM = 6, 8, 1  # numbers of gmsh's algorithms
 _LOCK = threading.Lock()  # gmsh has one model per process

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Mesh
-from idic.fe.mesh.polygon import fill, follow_arcs, mesh_polygon
-from idic.images.placed_camera import AnyCamera
+from idic.fe import Mesh, fill, follow_arcs, mesh_polygon
+from idic.images import AnyCamera
 from idic.readers.gmsh_mesher import fill_with_gmsh
 from idic.readers.raw_mesh import turned_around
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh import element
-from idic.fe.mesh.mesh import Mesh, make_mesh
+from idic.fe import CELL_TYPES, Mesh, cell_type, make_mesh, n_face_corners
 
 SUPPORTED = ("tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8", "hex20")
 DIMENSION = {"point": 0, "line2": 1, "line3": 1, "tri3": 2, "tri6": 2, "quad4": 2, "quad8": 2, "quad9": 2, "hex8": 3,
@@ -142,7 +141,7 @@ def _counter_clockwise(nodes, cells, n_dim, file, notes):
     """Reverse the node order if all plane elements are clockwise: a mirrored mesh is valid."""
     if n_dim != 2:
         return cells
-    corners = [nodes[c[:, :element.cell(kind).n_corners]] for kind, c in cells]
+    corners = [nodes[c[:, :cell_type(kind).n_corners]] for kind, c in cells]
     areas = np.concatenate([_area(x) for x in corners])
     if not (areas < 0).all():
         return cells
@@ -156,7 +155,7 @@ def turned_around(mesh: Mesh) -> Mesh:
                    for b in mesh.blocks)
     edge_sets = {}
     for name, faces in mesh.edge_sets.items():
-        corners = np.array([element.cell(mesh.block_of(int(e)).cell).n_corners for e, _ in faces])
+        corners = np.array([cell_type(mesh.block_of(int(e)).cell).n_corners for e, _ in faces])
         edge_sets[name] = np.column_stack([faces[:, 0], corners - 1 - faces[:, 1]])  # edge k: corners k, k + 1
     return replace(mesh, blocks=blocks, edge_sets=edge_sets)
 
@@ -186,7 +185,7 @@ def _lower_sets(raw: RawMesh, n_dim: int):
                 continue
             points.extend(inside.ravel())
             if DIMENSION[kind] == n_dim - 1:
-                corners = element.cell(kind).n_corners if kind in element.CELLS else len(inside[0])
+                corners = cell_type(kind).n_corners if kind in CELL_TYPES else len(inside[0])
                 face_sets.setdefault(name, []).extend(tuple(row[:corners]) for row in inside)
         if points and name not in node_sets:
             node_sets[name] = np.unique(points)
@@ -205,8 +204,8 @@ def _faces(mesh: Mesh, face_sets: dict[str, list[tuple[int, ...]]]) -> dict[str,
         return {}
     known = {}
     for block in mesh.blocks:
-        cell = element.cell(block.cell)
-        corners = element.face_corners(block.cell)
+        cell = cell_type(block.cell)
+        corners = n_face_corners(block.cell)
         for k, local in enumerate(cell.faces):
             for e, nodes in enumerate(np.sort(block.connectivity[:, list(local[:corners])], axis=1)):
                 known.setdefault(tuple(int(n) for n in nodes), (block.first + e, k))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from idic.model.mode_names import is_mode
-from idic.report import words
-from idic.report.batch_table import in_one_unit
+from idic.model import is_mode
+from idic.report.words import number_text, short_names, with_std
+from idic.report.batch_numbers import in_one_unit
 from idic.report.design.page import short
 from idic.report.figures.style import CYCLE, GREY, Picture, look, new_figure, to_picture
 from idic.report.html import filled_in
@@ -17,7 +17,7 @@ SUBPLOTS_PER_ROW = 3
 MAX_LABELLED_RUNS = 12  # runs whose names fit below a panel
 
 
-def headline(content: Mapping) -> str:
+def batch_headline(content: Mapping) -> str:
     """How many runs converged, and the status of the others, in one sentence."""
     rows = content["runs"]
     others: dict[str, int] = {}
@@ -99,9 +99,9 @@ def _limits(points) -> tuple[float, float] | None:
 def render_batch(content: Mapping, picture: Picture | None) -> str:
     """The HTML text; the reports of the runs are linked, everything else is in the page."""
     names = batch_parameters(content)
-    shown = words.short_names(names)
+    shown = short_names(names)
     return filled_in(
-        "batch.html.j2", first=headline(content), finished=content["status"] == "finished",
+        "batch.html.j2", first=batch_headline(content), finished=content["status"] == "finished",
         names=[shown[n] for n in names],
         rows=[_row(row, names) for row in content["runs"]], groups=[_group(g, names, shown) for g in content["groups"]],
         picture=picture)
@@ -117,7 +117,7 @@ def _row(row: Mapping, names: Sequence[str]) -> dict:
             "chi2": "–" if row["image_chi2_dof"] is None else f"{row['image_chi2_dof']:.3f}",
             "wall": "–" if row["wall_s"] is None else f"{row['wall_s']:.0f}",
             "cells": ["–" if e is None else "not determined" if e["std"] is None
-                      else words.with_std(e["value"], e["std"], e.get("unit") or "") for e in entries]}
+                      else with_std(e["value"], e["std"], e.get("unit") or "") for e in entries]}
 
 
 def _group(group: Mapping, names: Sequence[str], shown: Mapping[str, str]) -> dict:
@@ -127,8 +127,8 @@ def _group(group: Mapping, names: Sequence[str], shown: Mapping[str, str]) -> di
             entry = group["parameters"][name]
             ratio = entry["std"] / entry["formal_std"] if entry["formal_std"] else float("inf")
             rows.append({"name": shown[name], "unit": entry["unit"] or "–", "n": entry["n"],
-                         "mean": words.number(entry["mean"], entry["std"]), "std": short(entry["std"]),
+                         "mean": number_text(entry["mean"], entry["std"]), "std": short(entry["std"]),
                          "formal": short(entry["formal_std"]), "ratio": f"{ratio:.2g}",
-                         "range": f"{words.number(entry['min'], entry['std'])} … "
-                                  f"{words.number(entry['max'], entry['std'])}"})
+                         "range": f"{number_text(entry['min'], entry['std'])} … "
+                                  f"{number_text(entry['max'], entry['std'])}"})
     return {"title": group["experiment"] or "all experiments", "runs": group["runs"], "rows": rows}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from idic.identify.judgement.significance import z_text
+from idic.identification import z_text
 
 NOISE_CHI2 = (0.9, 1.1)  # image chi² per pixel that camera noise explains: its own uncertainty is below 1 %,
 #                          the rest is the uncertainty of the estimate of sigma

@@ -8,8 +8,12 @@ from functools import partial
 from itertools import groupby
 from typing import Any
 
-from idic.model.mode_names import is_mode
-from idic.report import words
+from idic.model import is_mode
+from idic.report.words import (
+    MAX_CHANNEL_CHI2, NOISE_SOURCE, derived_names, discrepancy_text, hardly_determined, left_open, number_text,
+    parts_of_std, relative_std, result_cautions, result_headline, result_verdict, short_names, two_digits,
+    virtual_boundaries,
+)
 from idic.report.fields.tables import gauge_rows
 from idic.report.fields.viewer import viewer_data
 from idic.report.figures import charts, maps, matrices
@@ -199,8 +203,8 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         Finished figures, from :func:`draw_sections`; drawn here if not given.
     """
     sections = draw_sections(record) if sections is None else sections
-    first, *rest = words.headline(record.result)
-    level, verdict = words.verdict(record.result)
+    first, *rest = result_headline(record.result)
+    level, verdict = result_verdict(record.result)
     shown = replace(record, result=in_ratios(record.result))
     return in_words_of(record.result, filled_in(
         "page.html.j2",
@@ -210,13 +214,13 @@ def render_page(record: RunRecord, sections: tuple[Section, ...] | None = None) 
         first=first,
         many=first.count(" = ") > MAX_LARGE_TEXT_VALUES,
         rest=rest,
-        cautions=words.cautions(shown.result),
+        cautions=result_cautions(shown.result),
         practice=practice_table(record),
         facts=_facts(record),
         value_unit=record.value_unit,
         parameters=_parameter_rows(shown),
         remedies=_remedy_rows(record),
-        discrepancy=words.discrepancy(record.result),
+        discrepancy=discrepancy_text(record.result),
         sections=sections,
         notes=record.notes,
         frames=_frame_rows(record),
@@ -255,9 +259,9 @@ def _facts(record: RunRecord) -> list[tuple[str, str, bool | None]]:
         if value is not None:
             few = sum(map(_is_used, result.get("frames", ()))) < MIN_READINGS
             facts.append((f"χ² of {name}", f"{value:.2f}",
-                          (few or value >= MIN_CHANNEL_CHI2) and value <= words.MAX_CHANNEL_CHI2))
+                          (few or value >= MIN_CHANNEL_CHI2) and value <= MAX_CHANNEL_CHI2))
     if record.noise_gv:
-        source = words.NOISE_SOURCE.get(result["noise"].get("source", ""), result["noise"].get("source", ""))
+        source = NOISE_SOURCE.get(result["noise"].get("source", ""), result["noise"].get("source", ""))
         facts.append(("noise of one image σ", f"{record.noise_gv:.3g} {record.value_unit}, {source}", None))
     statuses = [f.get("status") for f in result.get("frames", ())]
     if statuses:
@@ -284,7 +288,7 @@ def _is_used(frame) -> bool:
 
 
 def _parameter_rows(record: RunRecord) -> list[dict]:
-    shown, hardly = words.short_names(record.result["parameters"]), words.hardly_determined(record.result)
+    shown, hardly = short_names(record.result["parameters"]), hardly_determined(record.result)
     rows = []
     for name, p in record.result["parameters"].items():
         if is_mode(name):
@@ -296,14 +300,14 @@ def _parameter_rows(record: RunRecord) -> list[dict]:
                 "name": shown[name],
                 "full": name,
                 "unit": p.get("unit") or "–",
-                "start": words.number(p.get("start")),
-                "value": "–" if status == "not determined" else words.number(p.get("value"), std),
-                "std": words.two_digits(std) if std else "–",
-                "parts": words.parts_of_std(p) if std else "–",
-                "relative": words.relative(p.get("value"), std),
-                "systematic": words.number(p.get("systematic_std"), p.get("systematic_std")),
-                "bias": words.number(p.get("discretisation_bias"), std),
-                "ci": f"{words.number(ci[0], std)} … {words.number(ci[1], std)}" if ci and std else "–",
+                "start": number_text(p.get("start")),
+                "value": "–" if status == "not determined" else number_text(p.get("value"), std),
+                "std": two_digits(std) if std else "–",
+                "parts": parts_of_std(p) if std else "–",
+                "relative": relative_std(p.get("value"), std),
+                "systematic": number_text(p.get("systematic_std"), p.get("systematic_std")),
+                "bias": number_text(p.get("discretisation_bias"), std),
+                "ci": f"{number_text(ci[0], std)} … {number_text(ci[1], std)}" if ci and std else "–",
                 "status": status,
             }
         )
@@ -315,7 +319,7 @@ def _parameter_rows(record: RunRecord) -> list[dict]:
 def _virtual_rows(record: RunRecord) -> list[dict]:
     """One row per virtual boundary and component for all of its modes; parameters.csv has every one."""
     rows = []
-    for entry in words.virtual_boundaries(record.result):
+    for entry in virtual_boundaries(record.result):
         status = "identified" if entry["determined"] else "not determined" if entry["free"] else "locked"
         rows.append(dict.fromkeys(("start", "value", "parts", "relative", "systematic", "bias", "ci"), "–") | {
             "name": f"{entry['name']}: {entry['text']}", "full": entry["name"], "unit": entry["unit"],
@@ -325,7 +329,7 @@ def _virtual_rows(record: RunRecord) -> list[dict]:
 
 def _derived_rows(record: RunRecord) -> list[dict]:
     """What follows from the parameters, in rows of the same table."""
-    shown, open_, rows = words.derived_names(record.result), words.left_open(record.result), []
+    shown, open_, rows = derived_names(record.result), left_open(record.result), []
     for name, d in record.result.get("derived", {}).items():
         lost = name in open_
         std, ci = (None, None) if lost else (d.get("std"), d.get("ci95"))
@@ -333,12 +337,12 @@ def _derived_rows(record: RunRecord) -> list[dict]:
             "name": shown[name],
             "full": name,
             "unit": d.get("unit") or "–",
-            "value": "–" if lost else words.number(d["value"], std),
-            "std": words.two_digits(std) if std else "–",
-            "parts": words.parts_of_std(d) if std else "–",
-            "relative": words.relative(d["value"], std),
-            "ci": f"{words.number(ci[0], std)} … {words.number(ci[1], std)}" if ci and std else "–",
-            "systematic": words.number(d.get("systematic_std"), d.get("systematic_std")),
+            "value": "–" if lost else number_text(d["value"], std),
+            "std": two_digits(std) if std else "–",
+            "parts": parts_of_std(d) if std else "–",
+            "relative": relative_std(d["value"], std),
+            "ci": f"{number_text(ci[0], std)} … {number_text(ci[1], std)}" if ci and std else "–",
+            "systematic": number_text(d.get("systematic_std"), d.get("systematic_std")),
             "status": "not determined" if lost else "derived",
         }
         rows.append(dict.fromkeys(("start", "bias"), "–") | row)
@@ -359,8 +363,8 @@ def _frame_rows(record: RunRecord) -> list[dict]:
                 "frame": f.get("frame", k),
                 "label": f.get("label", ""),
                 "status": "reference" if f.get("reference") else f.get("status", ""),
-                "rms": words.number(f.get("rms_gv"), 0.01),
-                "chi2": words.number(f.get("chi2_dof"), 0.01),
+                "rms": number_text(f.get("rms_gv"), 0.01),
+                "chi2": number_text(f.get("chi2_dof"), 0.01),
                 "pixels": "–" if f.get("n_pixels") is None else str(f["n_pixels"]),
             }
         )

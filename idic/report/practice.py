@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from idic.images.quality.drift import MIN_TOLD_SHIFT_PX
-from idic.report import words
+from idic.images import MIN_TOLD_SHIFT_PX
+from idic.report.words import NOISE_SOURCE
 from idic.report.record import Practice, RunRecord
 
 NOT_STATED = "not stated"
@@ -126,7 +126,7 @@ def _correlation(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bo
 
 def _floors(record: RunRecord, facts: Practice) -> tuple[tuple[str, str, bool], ...]:
     floor, px = facts.floor, record.pixel_size_mm
-    source = words.NOISE_SOURCE.get(record.result["noise"].get("source", ""), "")
+    source = NOISE_SOURCE.get(record.result["noise"].get("source", ""), "")
     grey = None if record.noise_gv is None else f"{record.noise_gv:.3g} {record.value_unit}{source and ', ' + source}"
     free = None if floor.free_strain is None else _strain(floor.free_strain)
     model = None if floor.model_strain is None else _strain(floor.model_strain)

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from idic.materials.composed.free_curve import ClassicalFit
-from idic.materials.composed.smoothness import Smoothness
-from idic.fields.series import FieldSeries
-from idic.model.gauges import Gauge
+from idic.laws import ClassicalFit, Smoothness
+from idic.measure import FieldSeries
+from idic.model import Gauge
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.materials.composed.terms import TIMES
+from idic.laws import PRODUCT_SIGN
 from idic.report.figures.style import BLUE, ORANGE, Picture, look, new_figure, to_picture
 from idic.report.record import LawCurve, RunRecord
 from idic.report.stress_scale import stress_unit
@@ -40,7 +40,7 @@ def stress_strain(record: RunRecord, curve: LawCurve) -> Picture | None:
             f"main direction of the test, in {curve.seconds:.4g} {record.time_label_unit}, up to "
             f"the 99th percentile of the specimen's strain ({strain[-1]:.3g} %): {last} there. The band (half-width "
             "below) follows from the standard deviations and correlations of the parameters; a wrong law is not in it."
-            f"{' It is drawn at the reference temperature.' if TIMES in curve.law else ''}"
+            f"{' It is drawn at the reference temperature.' if PRODUCT_SIGN in curve.law else ''}"
         )
         return to_picture(figure, f"stress_strain_{curve.name}", f"Identified law: {curve.name}", caption)
 

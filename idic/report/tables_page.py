@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from idic.model.mode_names import is_mode
-from idic.report import words
+from idic.model import is_mode
+from idic.report.words import between_specimens, result_cautions, result_headline, result_verdict, two_digits, with_std
 from idic.report.batch_page import draw_batch
 from idic.report.figures.matrices import correlation
 from idic.report.fit_words import MAX_P_OF_EQUAL_SPECIMENS, in_words_of
@@ -113,7 +113,7 @@ def _fits(runs: Sequence[Mapping]) -> Table:
 def _value(entry: Mapping, unit: str) -> str:
     if entry["std"] is None:
         return "not determined" if entry["free"] else f"{entry['value']:.6g} (given)"
-    return words.with_std(entry["value"], entry["std"], unit)
+    return with_std(entry["value"], entry["std"], unit)
 
 
 def _plain(value: float | None, unit: str = "") -> str:
@@ -144,10 +144,10 @@ def joint_page(result: Mapping) -> str:
                               "image noise"), tuple(rows), "The report of each shows its images, fields and channels."),
     ]
     tables[1:1] = specimen_tables(shown)
-    first = [*words.headline(result), *words.between_specimens(shown), *words.cautions(shown)]
+    first = [*result_headline(result), *between_specimens(shown), *result_cautions(shown)]
     picture = correlation(RunRecord(result["title"], shown))
     page = render_tables(result["title"], [line for line in first if line], tables, [picture] if picture else [],
-                         verdict=words.verdict(result))
+                         verdict=result_verdict(result))
     fields = all(part["noise"]["unit"] == result["noise"]["unit"] for part in result["experiments"].values())
     return in_words_of(result, page) if fields else page
 
@@ -158,14 +158,14 @@ def specimen_tables(result: Mapping) -> list[Table]:
     names = list(result["experiments"])
     rows = []
     for name, entry in content.items():
-        own = [Cell(words.with_std(entry["values"][other]["value"], entry["values"][other]["std"]) if other in
+        own = [Cell(with_std(entry["values"][other]["value"], entry["values"][other]["std"]) if other in
                     entry["values"] else "not determined") for other in names]
         known = entry["between_std"] is not None
         low, high = entry["between_ci95"] or (None, None)
         rows.append((Cell(name), Cell(entry["unit"] or NONE), *own,
-                     Cell(words.two_digits(entry["between_std"]) if known else NONE),
-                     Cell(f"{words.two_digits(low)} … {words.two_digits(high)}" if known else NONE),
-                     Cell(words.with_std(entry["mean"], entry["mean_std"]) if known else NONE),
+                     Cell(two_digits(entry["between_std"]) if known else NONE),
+                     Cell(f"{two_digits(low)} … {two_digits(high)}" if known else NONE),
+                     Cell(with_std(entry["mean"], entry["mean_std"]) if known else NONE),
                      Cell(f"{entry['p_value']:.2g}" if known else NONE,
                           far=known and entry["p_value"] < MAX_P_OF_EQUAL_SPECIMENS)))
     if not rows:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from idic.identify.systematic.spread import ratios_of
-from idic.model.mode_names import is_mode
-from idic.report import words
+from idic.identification import ratios_of
+from idic.model import is_mode
+from idic.report.words import derived_names, number_text, short_names
 
 THE_RUN = "as given"
 NOT_DETERMINED = "not determined"
@@ -30,13 +30,13 @@ def treatment_table(result: Mapping) -> TreatmentTable | None:
     if not treatments:
         return None
     own = _own(result)
-    shown = words.short_names(result["parameters"]) | words.derived_names(result)
-    rows = [(THE_RUN, THE_RUN, result["status"], *(words.number(value, std) for value, std in own.values()))]
+    shown = short_names(result["parameters"]) | derived_names(result)
+    rows = [(THE_RUN, THE_RUN, result["status"], *(number_text(value, std) for value, std in own.values()))]
     for treatment in treatments:
         values = treatment["values"] | ratios_of(result, treatment["values"])
         absent = "–" if treatment["status"] == "failed" else NOT_DETERMINED
         rows.append((*_with_added(treatment), treatment["status"],
-                     *(words.number(values[name], std) if name in values else absent
+                     *(number_text(values[name], std) if name in values else absent
                        for name, (_, std) in own.items())))
     return TreatmentTable(tuple(shown[name] for name in own), tuple(rows))
 
@@ -45,7 +45,7 @@ def _with_added(treatment: Mapping) -> tuple[str, ...]:
     """Boundary and camera of a treatment, with the values of their degrees of freedom."""
     said: dict[bool, list[str]] = {True: [], False: []}
     for name, entry in treatment.get("added", {}).items():
-        value = f"{words.number(entry['value'], entry['std'])} {entry['unit']}" if entry["std"] else NOT_DETERMINED
+        value = f"{number_text(entry['value'], entry['std'])} {entry['unit']}" if entry["std"] else NOT_DETERMINED
         said[name.startswith("boundary.")].append(f"{name.rpartition('.')[2]} {value}".rstrip())
     return tuple(": ".join((treatment[key], *([", ".join(said[key == "boundary"])] if said[key == "boundary"] else [])))
                  for key in ("boundary", "camera"))

@@ -7,9 +7,9 @@ from math import floor, isfinite, log10
 
 import numpy as np
 
-from idic.fe.mesh.edge_morph import OUTLINE
-from idic.identify.result import STRESS_UNITS
-from idic.model.mode_names import in_words, is_mode, motions
+from idic.fe import OUTLINE
+from idic.identification import STRESS_UNITS
+from idic.model import in_words, is_mode, motions
 from idic.report.fit_words import (
     MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, cluster, images, in_error_bars, noise_chi2, remedies,
 )
@@ -58,7 +58,7 @@ def with_std(value: float, std: float | None, unit: str = "") -> str:
     return f"{value:.{digits}f} ± {std:.{digits}f}{tail}"
 
 
-def number(value: float | None, like: float | None = None) -> str:
+def number_text(value: float | None, like: float | None = None) -> str:
     """A plain number, rounded to two digits of `like` (a standard deviation) where that is given; – for None."""
     if value is None or not isfinite(value):
         return "–"
@@ -69,7 +69,7 @@ def number(value: float | None, like: float | None = None) -> str:
     return f"{value:.6g}" if value == 0 or 1e-4 <= abs(value) < 1e6 else f"{value:.4g}"
 
 
-def relative(value: float | None, std: float | None) -> str:
+def relative_std(value: float | None, std: float | None) -> str:
     """A standard deviation in per cent of the value; a value within it of zero has none."""
     if not value or not std:
         return "–"
@@ -88,26 +88,26 @@ def two_digits(std: float) -> str:
     return f"{float(text):.0f}" if "e+" in text and abs(std) < 1e7 else text  # from 99.5 on, which is rounded to 100
 
 
-def discrepancy(result: Mapping) -> str:
+def discrepancy_text(result: Mapping) -> str:
     """The part of the standard deviations that is due to the model, in a sentence; "" without an estimate."""
-    found = result.get("discrepancy") or {}
-    if "not_estimated" in found:
-        return f"The error bars do not count the error of the model: {found['not_estimated']}."
-    if "significant" not in found:
+    values_text = result.get("discrepancy") or {}
+    if "not_estimated" in values_text:
+        return f"The error bars do not count the error of the model: {values_text['not_estimated']}."
+    if "significant" not in values_text:
         return ""
-    if not found["significant"]:
+    if not values_text["significant"]:
         return "No error beyond noise widens the intervals."
     unit = "distances of the points" if (result.get("noise") or {}).get("unit") == "µm" else "px"
     return (f"The residual shows an error of the model (twice the gain in log-likelihood: "
-            f"{found['likelihood_ratio']:.0f}; {_left_unexplained(found, unit)}): the intervals count it.")
+            f"{values_text['likelihood_ratio']:.0f}; {_left_unexplained(values_text, unit)}): the intervals count it.")
 
 
-def _left_unexplained(found: Mapping, unit: str) -> str:
+def _left_unexplained(values_text: Mapping, unit: str) -> str:
     """The parts of a discrepancy that are not zero; of several experiments the largest. unit : of motions, in words"""
     def largest(kind: str) -> float:
-        return max((std for name, std in found["std"].items() if name.split(".")[-1] == kind), default=0.0)
+        return max((std for name, std in values_text["std"].items() if name.split(".")[-1] == kind), default=0.0)
 
-    motion = max(found["motion_px"].values())
+    motion = max(values_text["motion_px"].values())
     parts = [f"smooth motion of about {motion:.2g} {unit}" if motion > MIN_SHOWN_PX else "",
              f"smooth stress of about {100 * largest('stress'):.2g} %" if largest("stress") > MIN_SHOWN_SHARE else "",
              f"channels of about {100 * largest('channel'):.2g} %" if largest("channel") > MIN_SHOWN_SHARE else "",
@@ -121,7 +121,7 @@ def short_names(names) -> dict[str, str]:
     return {n: n.split(".", 1)[1] if len(sets) == 1 and n.split(".", 1)[0] in sets else n for n in names}
 
 
-def found(result: Mapping) -> str:
+def values_text(result: Mapping) -> str:
     """``E = 70.012 ± 0.055 GPa, nu = 0.3001 ± 0.0004`` of the free parameters that were determined."""
     hardly = hardly_determined(result)
     free = {n: p for n, p in result["parameters"].items()
@@ -201,13 +201,13 @@ def undetermined(result: Mapping) -> str:
 def _together(listed: Sequence[Mapping]) -> dict[str, tuple[str, frozenset]]:
     """Reason of every open parameter, and the group that it is said of: one reason where each imitates the others."""
     groups = {item["name"]: frozenset((item["name"], *item["together_with"])) for item in listed}
-    found = {}
+    values_text = {}
     for item in listed:
         name, reason, alike = item["name"], item["reason"], item.get("correlation")
         if alike is not None and all(groups.get(other) == groups[name] for other in groups[name]):
             reason = f"cannot be told apart from each other: correlation {alike:.3f}"
-        found[name] = (reason, groups[name] if alike is not None else frozenset())
-    return found
+        values_text[name] = (reason, groups[name] if alike is not None else frozenset())
+    return values_text
 
 
 def hardly_determined(result: Mapping) -> list[str]:
@@ -220,16 +220,16 @@ def hardly_determined(result: Mapping) -> list[str]:
 
 def virtual_boundaries(result: Mapping) -> list[dict]:
     """One entry per virtual boundary and component: name, modes, how many are determined, range of their std, unit."""
-    found = []
+    values_text = []
     for motion, names in motions(result["parameters"]).items():
         entries = [result["parameters"][n] for n in names]
         stds = sorted(p["std"] for p in entries if p.get("std") is not None)
         free = sum(bool(p.get("free")) for p in entries)
         text = f"{len(names)} modes" + ("" if free == len(names) else f", {free} free")
-        found.append({"name": motion, "free": free, "determined": len(stds), "unit": entries[0].get("unit", ""),
+        values_text.append({"name": motion, "free": free, "determined": len(stds), "unit": entries[0].get("unit", ""),
                       "std": f"{two_digits(stds[0])} … {two_digits(stds[-1])}" if stds else "–",
                       "text": text + ("" if len(stds) == free else f", {len(stds)} determined")})
-    return found
+    return values_text
 
 
 def left_out(result: Mapping) -> str:
@@ -261,10 +261,10 @@ def _listed(frames: Sequence[Mapping]) -> str:
     return f"frame{'' if len(frames) == 1 else 's'} {shown}{more}"
 
 
-def headline(result: Mapping) -> list[str]:
+def result_headline(result: Mapping) -> list[str]:
     """The sentences a user wants first, in order: values, convergence, residual, undetermined parameters."""
     held, result = held_stresses(result), in_ratios(result)
-    values = ", ".join(text for text in (found(result), ratios(result)) if text)
+    values = ", ".join(text for text in (values_text(result), ratios(result)) if text)
     first = f"{values}." if values else "No parameter could be determined from this test."
     if values and result["status"] != "converged":
         first = f"Not converged: {first}"
@@ -273,11 +273,11 @@ def headline(result: Mapping) -> list[str]:
     return [s for s in sentences if s]
 
 
-def verdict(result: Mapping) -> tuple[str, str]:
+def result_verdict(result: Mapping) -> tuple[str, str]:
     """The fit in a few words: ("good" | "look" | "bad", text)."""
     if result["status"] != "converged":
         return "bad", "Not converged: do not use the values"
-    if not found(result) and not ratios(result):
+    if not values_text(result) and not ratios(result):
         return "bad", "Converged, but no parameter is determined"
     level, text, _ = images(result)
     if missed := channels_missed(result):
@@ -287,7 +287,7 @@ def verdict(result: Mapping) -> tuple[str, str]:
 
 def advice(result: Mapping) -> list[str]:
     """Advice on a fit that is not good, and cautions, in sentences."""
-    level, text = verdict(result)
+    level, text = result_verdict(result)
     chi2 = result.get("residual", {}).get("image_chi2_dof")
     sentences = [] if level == "good" else [f"{text}."]
     if result["status"] != "converged" or ending(result):
@@ -304,7 +304,7 @@ def advice(result: Mapping) -> list[str]:
                          f"shows where "
                          "and when. Check the position of the mesh (idic check), scale, thickness and boundaries; idic "
                          "diagnose looks for the missing effect.")
-    return sentences + cautions(result)
+    return sentences + result_cautions(result)
 
 
 def channels_missed(result: Mapping) -> list[str]:
@@ -313,7 +313,7 @@ def channels_missed(result: Mapping) -> list[str]:
             if value is not None and value > MAX_CHANNEL_CHI2]
 
 
-def cautions(result: Mapping) -> list[str]:
+def result_cautions(result: Mapping) -> list[str]:
     """Strong correlations, and biases larger than the error bars, in sentences."""
     names, table = short_names(result["parameters"]) | derived_names(result), result.get("correlation", {})
     open_, sentences = left_open(result), []

@@ -10,29 +10,25 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.comparison import Reference
-from idic.correlation.context import CorrelationContext
-from idic.correlation.equations import Weights
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.correlation.frame_equations import with_all_cameras
-from idic.dic.boundary import BoundaryStart, with_boundary_start
+from idic.correlation import (
+    CorrelationContext, Reference, Weights, build_experiment_reference, camera_at, with_all_cameras,
+)
+from idic.measure import BoundaryStart, with_boundary_start
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.identify.step.schedule import seen_in
-from idic.identify.two_step import is_two_step, measured_reference
-from idic.images.camera import Camera
-from idic.model.experiment import Experiment, Stage
-from idic.model.forward import ForwardModel, build_forward
+from idic.experiment_file import load_experiment
+from idic.identification import is_two_step, measured_reference, seen_in
+from idic.images import Camera
+from idic.model import Experiment, ForwardModel, Stage, build_forward
 from idic.parameters import ParameterSet
 from idic.remote_files import here
-from idic.store.arrays import read_array
-from idic.store.camera_groups import group_of, with_stored_images, with_stored_noise
-from idic.store.checkpoint import from_hex, load_checkpoint
-from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, EXPERIMENTS, FROM_PYTHON
-from idic.store.path_names import path_name
-from idic.store.result_file import RESULT_FILE
-from idic.store.run_store import RunStore
-from idic.workers.probe import ExperimentToSee
+from idic.run.store.arrays import read_array
+from idic.run.store.camera_groups import group_of, with_stored_images, with_stored_noise
+from idic.run.store.checkpoint import from_hex, load_checkpoint
+from idic.run.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, EXPERIMENTS, FROM_PYTHON
+from idic.path_names import path_name
+from idic.run.store.result_file import RESULT_FILE
+from idic.run.store.run_store import RunStore
+from idic.run.workers.probe import ExperimentToSee
 
 
 @dataclass(frozen=True)
@@ -144,7 +140,7 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
         if kept != key:
             for other in [other for other in list(_references) if _family(other[0]) != _family(place[0])]:
                 _references.pop(other, None)  # threads of one worker share them
-            reference = _with_motion(context, view, build_reference(view, camera))
+            reference = _with_motion(context, view, build_experiment_reference(view, camera))
             _references[place] = (key, reference)
         return reference
 

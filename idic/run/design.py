@@ -33,17 +33,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from idic.correlation.view import view_of
+from idic.correlation import view_of
 from idic.errors import InputError
-from idic.fe.mesh.mesh import surface_cells
-from idic.identify.design import Design, design_test, join
-from idic.identify.joint import joint_names
-from idic.identify.plan.planned_test import VIRTUAL_SPECKLE, Plan, load_plan
-from idic.report.design.page import PlanPictures, design_table, draw_design, render_design
-from idic.report.design.summary import MIN_CONFUSABLE_CORRELATION, compare, joint_summary, summary
-from idic.store.result_file import write_json
-from idic.workers.dask_executor import default_workers, open_cluster
-from idic.workers.runner import Progress
+from idic.fe import surface_cells
+from idic.identification import Design, Plan, VIRTUAL_SPECKLE, design_test, join_designs, joint_names, load_plan
+from idic.report import (
+    MIN_CONFUSABLE_CORRELATION, PlanPictures, compare, design_table, draw_design, joint_summary, render_design,
+    summary,
+)
+from idic.run.store.result_file import write_json
+from idic.run.workers.dask_executor import default_workers, open_cluster
+from idic.run.workers.runner import Progress
 
 SCHEMA = "idic.design/1"
 DESIGN_FILE, PAGE_FILE, TABLE_FILE = "design.json", "design.html", "design.csv"
@@ -115,7 +115,7 @@ def evaluate_plans(paths: Sequence[Path | str], overrides: Mapping[str, Any] | N
     wanted = min(len(jobs), default_workers() if workers is None else workers)
     with open_cluster(wanted if len(jobs) > 1 and wanted > 1 else 0) as runner:
         designs = runner.map(run_design, jobs, [f"design-{job.name}" for job in jobs], progress=progress)
-    joint = join(designs) if len(designs) > 1 else None
+    joint = join_designs(designs) if len(designs) > 1 else None
     content = {"schema": SCHEMA, "confusable_above": confusable,
                "plans": [summary(design, job.plan.pattern, path, confusable)
                          for design, job, path in zip(designs, jobs, paths, strict=True)],

@@ -1,9 +1,9 @@
 """``result.json`` of several experiments identified together, and the part of each experiment.
 
-Keys as in `idic.identify.result`; parameters that belong to one experiment are named ``NAME.parameter``, channels
+Keys as in `idic.identification.result`; parameters that belong to one experiment are named ``NAME.parameter``, channels
 ``NAME.column``. ``experiments`` holds noise, residual and folder of each; ``frames`` lists those of all, each with its
 ``experiment``. ``specimens`` holds, per shared parameter, what each experiment alone says of it and the scatter between
-them (`idic.identify.specimens`).
+them (`idic.identification.specimens`).
 """
 
 from __future__ import annotations
@@ -14,12 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.identify.discrepancy.normal_equations import DiscrepancySystem
-from idic.identify.joint import Joint
-from idic.identify.result import build_result
-from idic.identify.specimens.own_values import specimens_content
-from idic.identify.step.state import Evaluation, LoopState
-from idic.store.result_file import write_result
+from idic.identification import DiscrepancySystem, Evaluation, Joint, LoopState, build_result, specimens_content
+from idic.run.store.result_file import write_result
 
 
 @dataclass(frozen=True)

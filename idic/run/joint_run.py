@@ -14,24 +14,20 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from idic.identify.discrepancy.normal_equations import DiscrepancySystem, joined
-from idic.identify.joint import Joint, join
-from idic.identify.loop import start
-from idic.identify.step.stages import resolve_stages
-from idic.identify.step.state import Evaluation, LoopState
-from idic.model.experiment import Experiment
+from idic.identification import DiscrepancySystem, Evaluation, Joint, LoopState, join, joined, resolve_stages, start
+from idic.model import Experiment
 from idic.run.joint_result import JointEvaluation, joint_result, result_of_part
 from idic.run.points import RunPoints, simulate_trials
 from idic.run.recovery.recover import finished_result, restored, result_of_state, start_over
 from idic.run.runs import Progress, SingleRun, earlier_run
 from idic.run.session import Timing
-from idic.store.checkpoint import load_checkpoint, save_checkpoint
-from idic.store.discrepancy_store import load_discrepancy
-from idic.store.layout import EXPERIMENTS
-from idic.store.run_store import RunStore
-from idic.store.state_file import STATE_FILE, load_state, save_state
-from idic.workers.probe import ExperimentToSee
-from idic.workers.runner import TaskRunner
+from idic.run.store.checkpoint import load_checkpoint, save_checkpoint
+from idic.run.store.discrepancy_store import load_discrepancy
+from idic.run.store.layout import EXPERIMENTS
+from idic.run.store.run_store import RunStore
+from idic.run.store.state_file import STATE_FILE, load_state, save_state
+from idic.run.workers.probe import ExperimentToSee
+from idic.run.workers.runner import TaskRunner
 
 DESCRIPTION, SCHEMA = "joint.json", "idic.joint/1"
 

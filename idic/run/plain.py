@@ -19,16 +19,15 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from idic.errors import InputError
-from idic.experiment_file.laws.free_curves import by_evidence
-from idic.identify.driver import log_progress, run_loop
-from idic.identify.step.state import LoopState
+from idic.experiment_file import by_evidence
+from idic.identification import LoopState, log_progress, run_loop
 from idic.run.runs import Points, Run, SingleRun, check_pause
 from idic.run.session import Timing
-from idic.store.arrays import leave_stuck_io
-from idic.store.run_store import RunStore
-from idic.workers.dask_executor import default_workers, open_cluster
-from idic.workers.runner import SerialRunner, TaskRunner
-from idic.workers.workplace import Workplace
+from idic.run.store.arrays import leave_stuck_io
+from idic.run.store.run_store import RunStore
+from idic.run.workers.dask_executor import default_workers, open_cluster
+from idic.run.workers.runner import SerialRunner, TaskRunner
+from idic.run.workers.workplace import Workplace
 
 
 @dataclass(frozen=True)

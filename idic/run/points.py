@@ -12,31 +12,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.shared_noise import closed_system, generalised_weights
-from idic.correlation.system import CorrelationSystem, reduce_systems
-from idic.identify.driver import next_local
-from idic.identify.loop import start, trial_states
-from idic.identify.noise.end_noise import with_end_noise
-from idic.identify.sensitivity import PERTURBED, perturbations
-from idic.identify.step.stages import resolve_stages
-from idic.identify.step.state import Evaluation, LoopState, Trial
-from idic.identify.weights import paper_weights
-from idic.model.experiment import Experiment, Stage
+from idic.correlation import CorrelationSystem, closed_system, generalised_weights, reduce_systems
+from idic.identification import (
+    Evaluation, LoopState, PERTURBED, Trial, next_local, paper_weights, perturbations, resolve_stages, start,
+    trial_states, with_end_noise,
+)
+from idic.model import Experiment, Stage
 from idic.run.context import correlation_context
 from idic.run.prepare import write_description
 from idic.run.search import start_values
 from idic.run.session import Session, Timing
 from idic.run.spool import Spool, open_spool
 from idic.run.tasks import CorrelationJob, SimulationJob, correlate, simulate
-from idic.store.arrays import read_array, write_array
-from idic.store.layout import BASE, chunk_frames, group_name, local_label
-from idic.store.state_file import load_state, save_state
-from idic.store.system_store import load_evaluation, save_evaluation
+from idic.run.store.arrays import read_array, write_array
+from idic.run.store.layout import BASE, chunk_frames, group_name, local_label
+from idic.run.store.state_file import load_state, save_state
+from idic.run.store.system_store import load_evaluation, save_evaluation
 
 
 @dataclass(frozen=True)
 class RunPoints:
-    """The points of one RUN folder. See `idic.identify.driver.PointStore`."""
+    """The points of one RUN folder. See `idic.identification.driver.PointStore`."""
 
     session: Session
     timing: Timing

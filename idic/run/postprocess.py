@@ -14,34 +14,31 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.frame_equations import correlated_frames
-from idic.correlation.pinhole.texture import texture_pairs
-from idic.correlation.view import GREY, SPACE
-from idic.identify.frame_fit import FrameFit, camera_entries, frame_entries, residual_summary
-from idic.identify.judgement.local_residual import ElementSums, element_sums
-from idic.identify.result import build_result
-from idic.identify.step.stages import resolve_stages
-from idic.identify.step.state import Evaluation, LoopState
+from idic.correlation import GREY, SPACE, correlated_frames, texture_pairs
+from idic.identification import (
+    ElementSums, Evaluation, FrameFit, LoopState, build_result, camera_entries, element_sums, frame_entries,
+    residual_summary, resolve_stages,
+)
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.accepted_point import channel_table, solver_notes
 from idic.run.judgement.discrepancy import discrepancy_job, discrepancy_of
 from idic.run.judgement.fields import write_fields
 from idic.run.judgement.floor import PointJob
 from idic.run.judgement.judgement import Judgement, judged
-from idic.model.experiment import Experiment, Stage
+from idic.model import Experiment, Stage
 from idic.run.prepare import read_free_dic
 from idic.run.recovery.recover import EVALUATIONS, START, SYSTEM, remove_damaged_judgement
 from idic.run.judgement.residual_maps import PointResiduals
 from idic.run.judgement.shown_frames import shown_frames
 from idic.run.session import Session, Timing
-from idic.store.arrays import FrameArrays, write_array
-from idic.store.camera_groups import group_of
-from idic.store.layout import BASE, chunk_frames, group_name
-from idic.store.result_file import write_result
-from idic.store.state_file import load_state
-from idic.store.system_store import load_evaluation
-from idic.workers.dask_settings import cpu_seconds
-from idic.workers.peak_memory import peak_memory_mb
+from idic.run.store.arrays import FrameArrays, write_array
+from idic.run.store.camera_groups import group_of
+from idic.run.store.layout import BASE, chunk_frames, group_name
+from idic.run.store.result_file import write_result
+from idic.run.store.state_file import load_state
+from idic.run.store.system_store import load_evaluation
+from idic.run.workers.dask_settings import cpu_seconds
+from idic.run.workers.peak_memory import peak_memory_mb
 
 MAPS = "final"
 # binary digits; without the influence of frame-local unknowns

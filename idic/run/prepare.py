@@ -12,33 +12,25 @@ from typing import Any, cast
 
 import numpy as np
 
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.dic.boundary import BoundaryStart, boundary_start, virtual_boundaries
+from idic.correlation import build_experiment_reference, camera_at
+from idic.measure import BoundaryStart, boundary_start, virtual_boundaries
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.tables.camera_noise import recorded
-from idic.identify.input_noise import measured_noise
-from idic.identify.measured_start import (
-    measured_nodes, measured_start, motion_in_space, needs_free_dic, needs_motion_in_space, without_edges,
+from idic.experiment_file import load_experiment, recorded
+from idic.identification import (
+    check_method, is_two_step, measured_nodes, measured_noise, measured_start, motion_in_space, needs_free_dic,
+    needs_motion_in_space, noise_weights, regularisation_of, resolve_stages, without_edges,
 )
-from idic.identify.step.stages import resolve_stages
-from idic.identify.two_step import check_method, is_two_step, regularisation_of
-from idic.identify.weights import noise_weights
-from idic.images.stack import Stack
-from idic.model.drives import build_drives, set_nodes
-from idic.model.experiment import Experiment, Measured, Parametrised
-from idic.model.forward import build_forward
-from idic.readers.fields.series import FieldStack
-from idic.readers.fields.sound_stages import check_stages
-from idic.readers.images import FileStack
-from idic.store.arrays import FrameArrays, read_array, write_array
-from idic.store.camera_groups import group_of, ingest_all, noise_entry, with_stored_images
-from idic.store.checkpoint import save_checkpoint, to_hex
-from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, stored_frames
-from idic.store.path_names import path_name
-from idic.store.run_store import RunStore
-from idic.store.stack import Ingested, IngestJob
-from idic.workers.runner import TaskRunner
+from idic.images import Stack
+from idic.model import Experiment, Measured, Parametrised, build_drives, build_forward, set_nodes
+from idic.readers import FieldStack, FileStack, check_stages
+from idic.run.store.arrays import FrameArrays, read_array, write_array
+from idic.run.store.camera_groups import group_of, ingest_all, noise_entry, with_stored_images
+from idic.run.store.checkpoint import save_checkpoint, to_hex
+from idic.run.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, stored_frames
+from idic.path_names import path_name
+from idic.run.store.run_store import RunStore
+from idic.run.store.stack import Ingested, IngestJob
+from idic.run.workers.runner import TaskRunner
 
 BYTES_FOR_WORKERS = 200_000_000  # half a second of one process; less is not worth the wait for the workers
 
@@ -64,7 +56,8 @@ def check_before_writing(experiment: Experiment) -> None:
     build_forward(experiment)
     if experiment.solver is not None:
         experiment.solver.require_ready()
-    reference, *_ = [build_reference(view, camera_at(view, experiment.parameters)) for view in experiment.views]
+    reference, *_ = [build_experiment_reference(view, camera_at(view,
+    experiment.parameters)) for view in experiment.views]
     _check_measurable(experiment, reference.pixel_map.visible_nodes)
 
 
@@ -215,7 +208,7 @@ def run_free_dic(job: tuple[str, str, dict, int]) -> None:
 
     job : the RUN, the experiment, ``--set key=value``, the number of the camera (0: the main one)
     """
-    from idic.dic import dic_stack
+    from idic.measure import dic_stack
 
     run, path, overrides, number = job
     store = RunStore(run)

@@ -15,25 +15,21 @@ from pathlib import Path
 from typing import Protocol
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.identify.driver import PointStore
-from idic.identify.measured_start import needs_free_dic
-from idic.identify.sensitivity import checked_sensitivity
-from idic.identify.step.stages import resolve_stages
-from idic.identify.step.state import LoopState
-from idic.model.experiment import Experiment
-from idic.report.evidence.cost import expected_cost
+from idic.experiment_file import load_experiment
+from idic.identification import LoopState, PointStore, checked_sensitivity, needs_free_dic, resolve_stages
+from idic.model import Experiment
+from idic.report import expected_cost
 from idic.run.points import RunPoints
 from idic.run.prepare import check_before_writing, ingest, prepare
 from idic.run.recovery.recover import finished_result, recover
 from idic.run.recovery.scan import BYTES_FOR_WORKERS, stored_bytes
 from idic.run.session import Timing, open_session
-from idic.store.camera_groups import refuse_changed_images
-from idic.store.layout import DESCRIPTION
-from idic.store.path_names import refuse_names_that_are_one
-from idic.store.run_store import RunStore
-from idic.workers.probe import ExperimentToSee
-from idic.workers.runner import TaskRunner
+from idic.run.store.camera_groups import refuse_changed_images
+from idic.run.store.layout import DESCRIPTION
+from idic.path_names import refuse_names_that_are_one
+from idic.run.store.run_store import RunStore
+from idic.run.workers.probe import ExperimentToSee
+from idic.run.workers.runner import TaskRunner
 
 Progress = Callable[[str, int, int], None]
 

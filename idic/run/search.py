@@ -11,16 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.identify.coarse import CoarseFit, coarse_fit
-from idic.identify.search import Found, Trial, search
-from idic.identify.step.schedule import first_free, wants_search
-from idic.model.experiment import Experiment, Measured
+from idic.identification import CoarseFit, FoundStart, StartTrial, coarse_fit, first_free, search, wants_search
+from idic.model import Experiment, Measured
 from idic.run.context import open_run
 from idic.run.prepare import read_free_motion, run_free_dic
 from idic.run.session import Session
-from idic.store.arrays import Damaged, read_array, write_array
-from idic.store.checkpoint import to_hex
-from idic.store.result_file import write_json
+from idic.run.store.arrays import Damaged, read_array, write_array
+from idic.run.store.checkpoint import to_hex
+from idic.run.store.result_file import write_json
 
 SEARCH_FILE, SCHEMA = "search.json", "idic.search/1"
 
@@ -31,7 +29,7 @@ class TrialJob:
 
     run: str
     number: int
-    trial: Trial
+    trial: StartTrial
 
 
 def start_values(session: Session) -> Mapping[str, float] | None:
@@ -44,7 +42,7 @@ def start_values(session: Session) -> Mapping[str, float] | None:
         session.runner.map(run_free_dic, [job], ["free-dic"], retries=1)
     made = [0]
 
-    def fit_all(trials: Sequence[Trial]) -> list[CoarseFit]:
+    def fit_all(trials: Sequence[StartTrial]) -> list[CoarseFit]:
         jobs = [TrialJob(session.run, made[0] + k, trial) for k, trial in enumerate(trials)]
         made[0] += len(jobs)
         return session.runner.map(fit_trial, jobs, [f"search-{job.number:02d}" for job in jobs], retries=1,
@@ -88,7 +86,7 @@ def _kept(folder: Path | None, names: Sequence[str]) -> CoarseFit | None:
     return CoarseFit(dict(zip(names, values, strict=True)), float(phi), int(points), int(evaluations), float(part))
 
 
-def _summary(experiment: Experiment, found: Found) -> dict:
+def _summary(experiment: Experiment, found: FoundStart) -> dict:
     shown = lambda values: {name: values[name] / experiment.parameters[name].factor  # noqa: E731
                             for name in experiment.parameters.free}
     return {"schema": SCHEMA, "begins_at": shown(found.values),

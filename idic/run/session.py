@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from idic.identify.sensitivity import checked_sensitivity, choose_sensitivity
-from idic.model.experiment import Experiment
+from idic.identification import checked_sensitivity, choose_sensitivity
+from idic.model import Experiment
 from idic.run.context import RunContext, open_run
 from idic.run.tasks import SimulationJob
-from idic.workers.dask_settings import cpu_seconds
-from idic.workers.runner import TaskRunner
+from idic.run.workers.dask_settings import cpu_seconds
+from idic.run.workers.runner import TaskRunner
 
 
 @dataclass

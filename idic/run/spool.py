@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.system import CorrelationSystem, LocalEquations, OpenSums
+from idic.correlation import CorrelationSystem, LocalEquations, OpenSums
 
 SPOOLED = ("matrix", "noise", "columns", "product", "kappa")  # of `LocalEquations`: the large ones
 MIN_BYTES = 1_000_000  # of a part; less stays in memory

@@ -13,29 +13,22 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.context import FrameResponse
-from idic.correlation.equations import Weights
-from idic.correlation.frame_equations import correlated_frames, frame_system
-from idic.correlation.system import CorrelationSystem, reduce_systems
+from idic.correlation import CorrelationSystem, FrameResponse, Weights, correlated_frames, frame_system, reduce_systems
 from idic.errors import NotConverged
-from idic.fe.solver.threads import solver_threads
-from idic.identify.discrepancy.normal_equations import discrepancy_system
-from idic.identify.in_memory import evaluate_at
-from idic.identify.step.state import HALF_RATE
-from idic.identify.systematic.discretisation import is_coarse, with_mesh_error
-from idic.model.experiment import Stage
-from idic.model.forward import tried_increments
+from idic.fe import solver_threads
+from idic.identification import HALF_RATE, discrepancy_system, evaluate_at, is_coarse, with_mesh_error
+from idic.model import Stage, tried_increments
 from idic.parameters import ParameterSet
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.warm_start import first_order_prediction, repeated, write_without_time_error
-from idic.store.arrays import FrameArrays, read_array, write_array
-from idic.store.checkpoint import to_hex
-from idic.store.discrepancy_store import save_discrepancy
-from idic.store.layout import BASE, SCRATCH, group_name, local_label, stored_frames
-from idic.store.path_names import path_name
-from idic.store.repeated_arrays import RepeatedReader, RepeatedWriter
-from idic.store.run_store import RunStore
-from idic.store.system_store import load_evaluation
+from idic.run.store.arrays import FrameArrays, read_array, write_array
+from idic.run.store.checkpoint import to_hex
+from idic.run.store.discrepancy_store import save_discrepancy
+from idic.run.store.layout import BASE, SCRATCH, group_name, local_label, stored_frames
+from idic.path_names import path_name
+from idic.run.store.repeated_arrays import RepeatedReader, RepeatedWriter
+from idic.run.store.run_store import RunStore
+from idic.run.store.system_store import load_evaluation
 
 
 LOCAL = "local_du"  # influence of the frame-local unknowns: the largest record of a simulation

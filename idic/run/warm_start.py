@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.fe.half_rate import Motion
-from idic.model.forward import ForwardModel
+from idic.fe import Motion
+from idic.model import ForwardModel
 from idic.parameters import ParameterSet
-from idic.store.arrays import Damaged, FrameArrays, read_array
-from idic.store.run_store import RunStore
+from idic.run.store.arrays import Damaged, FrameArrays, read_array
+from idic.run.store.run_store import RunStore
 
 SAME_POINT_KEYS = ("label", "values", "names", "influence")  # equal in two simulations of one point
 

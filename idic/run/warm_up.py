@@ -10,17 +10,16 @@ from importlib import import_module
 
 import numpy as np
 
-from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.equations import Weights
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.correlation.frame_equations import correlated_frames, frame_system
-from idic.experiment_file.load import load_experiment
-from idic.materials.core import points
-from idic.model.forward import build_forward
-from idic.store.camera_groups import with_stored_images
-from idic.store.run_lock import RunBusy, run_lock
-from idic.store.run_store import RunStore
-from idic.workers.working_folder import cache_folder
+from idic.correlation import (
+    CorrelationContext, FrameResponse, Weights, build_experiment_reference, camera_at, correlated_frames, frame_system,
+)
+from idic.experiment_file import load_experiment
+from idic.laws import compiled_loop
+from idic.model import build_forward
+from idic.run.store.camera_groups import with_stored_images
+from idic.run.store.run_lock import RunBusy, run_lock
+from idic.run.store.run_store import RunStore
+from idic.run.workers.working_folder import cache_folder
 
 _LONGEST_WAIT_S = 60.0
 
@@ -48,7 +47,7 @@ def _correlate_at_rest(job: tuple[str, str, dict]) -> None:
     n_channels, m = len(experiment.channels), forward.drives.n_local
     context = CorrelationContext(
         experiment=experiment, parameters=parameters, names=parameters.free, moving=moving, camera=camera,
-        reference=build_reference(experiment, camera),
+        reference=build_experiment_reference(experiment, camera),
         weights=Weights(1.0, 1.0, np.ones(n_channels), np.ones(n_channels)),
         local_precision=forward.drives.local_precision)
     at_rest = np.zeros((len(experiment.mesh.nodes), experiment.n_dim))
@@ -74,7 +73,7 @@ def _one_at_a_time() -> Iterator[None]:
 
 def compile_stress_kernel(_: None) -> None:
     """Compile what only the result needs (a task): the last stage would wait for it, with one process at work."""
-    points.loop("stress")
+    compiled_loop("stress")
 
 
 def import_meanwhile(module: str, after_s: float = 20.0) -> None:

@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from idic.fe.march import march
-from idic.fe.mesh.mesh import Mesh
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.images.camera import Camera
-from idic.materials.core.compilation import compile as compile_law
+from idic.fe import Constraints, Mesh, Model, Reaction, Section, march
+from idic.images import Camera
+from idic.laws import compile as compile_law
 from idic.virtual_tests.meshes import strip_with_hole
 from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest, medium_speckle
 
 LENGTH, WIDTH, RADIUS, THICKNESS = 28.0, 16.0, 3.0, 2.0  # mm
-TRUTH = {"sheet.E": 70000.0, "sheet.nu": 0.3, "sheet.yield_stress": 200.0, "sheet.hardening_modulus": 1500.0}
+DEMO_TRUTH = {"sheet.E": 70000.0, "sheet.nu": 0.3, "sheet.yield_stress": 200.0, "sheet.hardening_modulus": 1500.0}
 FORCE_NOISE_N = 5.0  # N: 1/1000 of the largest force
 GRIP_NOISE_MM = 0.0002  # mm: an LVDT
 
@@ -69,7 +67,7 @@ substeps = 1                       # increments per frame; without this line an 
 
 
 @dataclass(frozen=True)
-class Size:
+class DemoSize:
     """Pixel size (mm), image (rows, columns), frames per stage (elastic, yielding, plastic), mesh densities."""
 
     pixel: float
@@ -80,8 +78,8 @@ class Size:
     substeps: int
 
 
-FULL = Size(0.1, (200, 300), (6, 6, 8), (4, 6, 3), (7, 9, 5), 2)
-REDUCED = Size(0.16, (125, 190), (4, 4, 4), (3, 4, 2), (5, 7, 4), 1)
+FULL = DemoSize(0.1, (200, 300), (6, 6, 8), (4, 6, 3), (7, 9, 5), 2)
+REDUCED = DemoSize(0.16, (125, 190), (4, 4, 4), (3, 4, 2), (5, 7, 4), 1)
 
 
 @dataclass(frozen=True)
@@ -107,7 +105,7 @@ def demo(reduced: bool = False) -> VirtualTest:
     return strip(REDUCED if reduced else FULL)
 
 
-def strip(size: Size) -> VirtualTest:
+def strip(size: DemoSize) -> VirtualTest:
     """The same test at any size."""
     grip = _grip_motion(*size.frames)
     times = np.arange(len(grip), dtype=float)
@@ -130,7 +128,7 @@ def strip(size: Size) -> VirtualTest:
         background=0.1,
         mesh=strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *size.user),
         toml=toml,
-        truth=TRUTH,
+        truth=DEMO_TRUTH,
     )
 
 
@@ -160,7 +158,7 @@ def _solve(mesh: Mesh, grip: np.ndarray, times: np.ndarray, substeps: int) -> tu
         constraints=Constraints(dofs, basis, grip[:, None]),
         channels=(Reaction(2 * right),),
     )
-    values = np.array([TRUTH[f"sheet.{name}"] for name in law.spec.parameter_names])
+    values = np.array([DEMO_TRUTH[f"sheet.{name}"] for name in law.spec.parameter_names])
     states, known = march(model, {"sheet": values}, times, substeps=substeps), []
 
     def state(k: int) -> tuple[np.ndarray, float]:

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.fe.external.inp_writer import inp_text
-from idic.fe.mesh.mesh import Mesh, make_mesh
+from idic.fe import Mesh, inp_text, make_mesh
 
 MERGE_DISTANCE = 1e-7  # mm: nodes of neighbouring patches closer than this are one node
 

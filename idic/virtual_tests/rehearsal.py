@@ -14,14 +14,11 @@ from string import Template
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from idic.materials.core import points
-from idic.run.plain import Console, OpenRun, plan_run
-from idic.run.session import Timing
-from idic.run.warm_up import compile_image_kernels
+from idic.laws import compiled_loop
+from idic.run import Console, OpenRun, SerialRunner, Timing, compile_image_kernels, plan_run
 from idic.virtual_tests.demo import FULL, LENGTH, RADIUS, TOML, WIDTH
 from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads
 from idic.virtual_tests.meshes import strip_with_hole, write_inp
-from idic.workers.runner import SerialRunner
 
 PIXEL_MM, SHAPE = 0.2, (100, 150)
 GRIP_MM, FORCE_N = np.array([0.0, 0.01, 0.02]), np.array([0.0, 600.0, 1200.0])
@@ -46,7 +43,7 @@ def rehearse() -> None:
     `idic demo` compiles its law meanwhile, which is then read from the cache.
     """
     for kind in ("tangent", "directional", "stress"):
-        points.loop(kind)
+        compiled_loop(kind)
     with tempfile.TemporaryDirectory() as folder:
         planned = plan_run([write_rehearsal(Path(folder) / "experiment")], Path(folder) / "run",
                            {"options.max_iterations": 1})

@@ -17,8 +17,7 @@ from typing import Protocol
 import numpy as np
 
 from idic.errors import InputError
-from idic.images.camera import Camera
-from idic.images.inverse_mapping import carry, locate
+from idic.images import Camera, carry, locate
 
 STRIP_SAMPLES = 600_000  # samples held at a time: bounds the memory of a 4 Mpx frame to some 50 MB
 BOX_MARGIN = 0.15  # a quad8 edge may bulge out of the box of its nodes

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Mesh
+from idic.fe import Mesh
 
 NEWTON_STEPS = 30
 

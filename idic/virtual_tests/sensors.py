@@ -12,8 +12,7 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from idic.images.stack import Stack
-from idic.images.stack_views import NoisyStack, StackView
+from idic.images import NoisyStack, Stack, StackView
 
 SMOOTHING_PX = 0.6  # of the noise of "blurred"
 JPEG_QUALITY = 80

@@ -10,10 +10,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from idic.fe.mesh.mesh import Block, Mesh
-from idic.images.camera import Camera
-from idic.identify.plan.planned_test import DOT_SIGMA_PER_SPECKLE
-from idic.images.pattern import Pattern, dense_speckle
+from idic.fe import Block, Mesh
+from idic.images import Camera, Pattern, dense_speckle
+from idic.identification import DOT_SIGMA_PER_SPECKLE
 from idic.virtual_tests.experiment_files import write_loads, write_truth
 from idic.virtual_tests.meshes import write_inp
 from idic.virtual_tests.render import Sensor, Texture, clean_image, painted

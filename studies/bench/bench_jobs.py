@@ -6,10 +6,8 @@ import time
 
 import numpy as np
 
-from idic.fe.march import march
-from idic.fe.mesh.mesh import Block, Mesh
-from idic.fe.model import Constraints, Direction, Model, Reaction, Section
-from idic.materials.core.compilation import compile as compile_law
+from idic.fe import Block, Constraints, Direction, Mesh, Model, Reaction, Section, march
+from idic.laws import compile as compile_law
 
 PLASTIC = {"E": 70000.0, "nu": 0.3, "yield_stress": 200.0, "hardening_modulus": 1500.0}
 

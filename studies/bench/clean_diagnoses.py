@@ -25,16 +25,11 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "diagnose"))
 import material_twins as twins
 from side_twins import GRIP_NOISE, NOISE, ORIGIN, PIXEL, SHAPE
 
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
-from idic.images.stack import ArrayStack
-from idic.run.diagnosis.diagnose import diagnose_run
-from idic.run.plain import identify_experiment
+from idic.images import ArrayStack, Camera, dense_speckle
+from idic.run import diagnose_run, identify_experiment
 from idic_studies.cases.coverage import WORLDS
 from idic_studies.cases.realisation import autoregression
-from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.render import Sensor, clean_image, painted
-from idic.virtual_tests.sensors import recorded_by
+from idic.virtual_tests import Sensor, clean_image, painted, recorded_by, write_images, write_loads
 
 NAMES = {"elastic": "clean", "plastic": "clean_plastic"}
 

@@ -23,13 +23,13 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.images.camera import Camera
-from idic.run.plain import identify_experiment
+from idic.images import Camera
+from idic.run import identify_experiment
 from idic_studies.cases.open_hole_strip import POLYMER, polymer, write_clean
 from idic_studies.subset_dic import subset_displacements, subset_grid
-from idic.virtual_tests.demo import LENGTH, RADIUS, THICKNESS, WIDTH, Size
+from idic.virtual_tests import DemoSize, LENGTH, RADIUS, THICKNESS, WIDTH
 
-SIZE = Size(0.1, (200, 300), (3, 3, 3), (4, 6, 3), (7, 9, 5), 1)
+SIZE = DemoSize(0.1, (200, 300), (3, 3, 3), (4, 6, 3), (7, 9, 5), 1)
 FORCE_NOISE_N, GRIP_MM = 1.0, 0.25
 HALF, STEP, MARGIN_PX = 8, 8, 2
 START = {"E": 1900.0, "nu": 0.38}

@@ -16,10 +16,9 @@ import numpy as np
 from bench_jobs import brick, directions, stretched
 from scipy.sparse.linalg import splu
 
-from idic.fe.march import march
+from idic.fe import march, solver_threads
 from idic.fe.solver import linear
-from idic.fe.solver.threads import solver_threads
-from idic.workers.peak_memory import peak_memory_mb
+from idic.run import peak_memory_mb
 
 
 def minimum_degree(pattern: linear.Pattern, values: np.ndarray) -> linear.Factor:

@@ -17,8 +17,8 @@ import numpy as np
 import tifffile
 from scipy.ndimage import zoom
 
-from idic.images.pinhole import PinholeCamera
-from idic.virtual_tests.render import Sensor, record
+from idic.images import PinholeCamera
+from idic.virtual_tests import Sensor, record
 from idic.virtual_tests.stereo.plate import INCREMENTS, Size, plate_test, speckle_of, write_plate
 from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
 from idic.virtual_tests.stereo.rig import Rig, write_calibration

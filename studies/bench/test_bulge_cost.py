@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bench_jobs import best_of
 
-from idic.fe.march import march
+from idic.fe import march
 from idic_studies.examples.bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from idic.materials import compile, points
+from idic.laws import compile, directional_stresses, point_tangents
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 N, REPEATS = 4000, 15
@@ -18,8 +18,8 @@ def cost(law, mode, path, params):
     dF = np.zeros((N, len(params), *path.shape[2:]))
     began = time.process_time()
     for F in path:
-        points.directional(law, mode, F, state, params, 1.0, dF, dparams=directions)
-        _, state, _, ok = points.tangent(law, mode, F, state, params, 1.0)
+        directional_stresses(law, mode, F, state, params, 1.0, dF, dparams=directions)
+        _, state, _, ok = point_tangents(law, mode, F, state, params, 1.0)
         assert ok
     return time.process_time() - began
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import idic
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
-from idic.run.diagnosis.diagnose import diagnose_run
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.experiment_file import load_experiment
+from idic.identification import identify
+from idic.run import diagnose_run
+from idic.virtual_tests import strip_with_hole, write_inp
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

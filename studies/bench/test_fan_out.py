@@ -6,7 +6,7 @@ import time
 import pytest
 from bench_jobs import simulations
 
-from idic.workers.dask_executor import open_cluster
+from idic.run import open_cluster
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

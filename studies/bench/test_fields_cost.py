@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 from idic.correlation.field.point_map import build_point_map
-from idic.experiment_file.load import load_experiment
-from idic.fe.mesh.mesh import surface_cells
-from idic.model.forward import build_forward, solve
+from idic.experiment_file import load_experiment
+from idic.fe import surface_cells
+from idic.model import build_forward, solve
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

@@ -9,14 +9,11 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from idic.correlation.frame import nodal_equations
+from idic.correlation import N_NODES, build_pixel_map, build_reference, nodal_equations
 from idic.correlation.image_kernel import N_SUMS, image_pass
-from idic.correlation.pixels.cells import N_NODES
-from idic.correlation.pixels.pixel_map import build_pixel_map, element_coefficients
-from idic.correlation.reference import build_reference
-from idic.fe.mesh.mesh import Block
-from idic.images.camera import Camera
-from idic.images.interpolate import prefilter
+from idic.correlation.pixels.pixel_map import element_coefficients
+from idic.fe import Block
+from idic.images import Camera, prefilter
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

@@ -11,14 +11,10 @@ import pytest
 from bench_jobs import best_of
 from scipy import ndimage, sparse
 
-from idic.correlation.frame import nodal_equations
+from idic.correlation import build_pixel_map, build_reference, nodal_equations
 from idic.correlation.normal_equations import normal_equations
-from idic.correlation.pixels.pixel_map import build_pixel_map
-from idic.correlation.reference import build_reference
-from idic.fe.mesh.mesh import Block
-from idic.images.camera import Camera
-from idic.images.interpolate import prefilter
-from idic.images.quality.lowpass import lowpass
+from idic.fe import Block
+from idic.images import Camera, lowpass, prefilter
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 from bench_jobs import PLASTIC, brick, stretched
 
-from idic.fe.march import march
-from idic.fe.model import Section
-from idic.materials.core.compilation import compile as compile_law
+from idic.fe import Section, march
+from idic.laws import compile as compile_law
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

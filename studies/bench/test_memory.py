@@ -13,12 +13,12 @@ import psutil
 import pytest
 
 from idic.virtual_tests import examples as example
-from idic.virtual_tests.demo import Size, strip
+from idic.virtual_tests import DemoSize, strip
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 
 FEW, HOLD = 50, 16  # frames; every state of the long test is held for so many of them
-SIZE = Size(0.1, (200, 300), (15, 15, 20), (2, 2, 1), (3, 4, 2), 1)  # 50 frames, a small mesh
+SIZE = DemoSize(0.1, (200, 300), (15, 15, 20), (2, 2, 1), (3, 4, 2), 1)  # 50 frames, a small mesh
 GROWTH = 1.10
 
 

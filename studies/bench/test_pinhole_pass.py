@@ -5,18 +5,11 @@ import time
 import numpy as np
 import pytest
 
-from idic.correlation.frame import nodal_equations
+from idic.correlation import GREY, PinholeView, View, build_pixel_map, build_reference, nodal_equations
 from idic.correlation.pinhole.ray_map import build_ray_map
-from idic.correlation.pinhole.view import PinholeView
-from idic.correlation.pixels.pixel_map import build_pixel_map
-from idic.correlation.reference import build_reference
-from idic.correlation.view import GREY, View
-from idic.fe.mesh.mesh import make_mesh, surface_cells
-from idic.images.camera import Camera
-from idic.images.interpolate import prefilter
-from idic.images.pinhole import PinholeCamera, rotation_of
-from idic.images.placed_camera import PlacedCamera
-from idic.virtual_tests.meshes import Patch, mesh_patches
+from idic.fe import make_mesh, surface_cells
+from idic.images import Camera, PinholeCamera, PlacedCamera, prefilter, rotation_of
+from idic.virtual_tests import Patch, mesh_patches
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

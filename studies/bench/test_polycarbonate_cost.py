@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bench_jobs import best_of
 
-from idic.fe.march import march
+from idic.fe import march
 from idic_studies.examples.polycarbonate_model import (FULL_MESH, REDUCED_MESH, TRUTH, directions, strip_mesh,
                                                        strip_model)
 

@@ -3,9 +3,9 @@
 import pytest
 from bench_jobs import best_of, brick, directions, stretched
 
-from idic.experiment_file.load import load_experiment
-from idic.fe.march import march
-from idic.model.forward import build_forward
+from idic.experiment_file import load_experiment
+from idic.fe import march
+from idic.model import build_forward
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
 

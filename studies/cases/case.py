@@ -10,24 +10,19 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.dic import dic_stack
-from idic.dic.boundary import boundary_start, with_boundary_start
-from idic.experiment_file.load import load_rendered
-from idic.identify.coarse import coarse_fit
-from idic.identify.in_memory import Identification, identify
-from idic.identify.input_noise import with_measured_noise
-from idic.identify.search import search
-from idic.identify.step.schedule import wants_search
-from idic.model.experiment import Experiment, Measured
-from idic.model.leading_frames import leading_frames
+from idic.measure import boundary_start, dic_stack, with_boundary_start
+from idic.experiment_file import load_rendered
+from idic.identification import (
+    Identification, coarse_fit, identify, measured_start, search, starts_from_dic, wants_search, with_measured_noise,
+)
+from idic.model import Experiment, Measured, leading_frames
 from idic.parameters import ParameterSet
-from idic.identify.measured_start import measured_start, starts_from_dic
 from idic_studies.cases.fields import stored_fields
 from idic_studies.cases.realisation import quantised, realisation
 from idic_studies.cases.registry import make_study
 from idic_studies.cases.store import StudyStore
 from idic_studies.cases.study import Case, Rendering
-from idic.workers.peak_memory import peak_memory_mb
+from idic.run import peak_memory_mb
 
 EXPERIMENTS = "experiments"
 

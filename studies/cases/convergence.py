@@ -21,7 +21,7 @@ from idic_studies.cases.polycarbonate import polycarbonate_study
 from idic_studies.cases.study import Case, Rendering, Study
 from idic_studies.examples.bulge import RMS_UM
 from idic_studies.examples.bulge_model import TRUTH as BULGE_TRUTH
-from idic.virtual_tests.demo import TRUTH as METAL_TRUTH
+from idic.virtual_tests import DEMO_TRUTH as METAL_TRUTH
 from idic_studies.examples.polycarbonate_model import TRUTH as POLYCARBONATE_TRUTH
 
 SEED = 1944

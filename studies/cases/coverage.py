@@ -14,15 +14,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from idic.images.stack import ArrayStack
+from idic.images import ArrayStack
 from idic_studies.pages.coverage_page import draw_coverage
 from idic_studies.cases.open_hole_strip import NOISE_GV, POLYMER_TABLE, metal, polymer, write_clean
 from idic_studies.cases.realisation import Disturbance
 from idic_studies.cases.study import Case, Rendering, Study
-from idic.virtual_tests.demo import TRUTH, Size
-from idic.virtual_tests.virtual_test import VirtualTest
+from idic.virtual_tests import DEMO_TRUTH, DemoSize, VirtualTest
 
-SAME = Size(0.2, (100, 152), (3, 3, 4), (2, 3, 1), (2, 3, 1), 1)
+SAME = DemoSize(0.2, (100, 152), (3, 3, 4), (2, 3, 1), (2, 3, 1), 1)
 FOREIGN = replace(SAME, true=(5, 7, 3))
 DISTURBANCE = Disturbance(records=True, gain=0.02, offset_gv=1.0)
 SEED = 20260
@@ -32,7 +31,7 @@ ESTIMATORS = ("ordinary", "generalised")
 EDGES = ("LEFT", "RIGHT")
 ON_POLYMER = {"material": {"sheet": POLYMER_TABLE}}
 ROUTES = {  # starts at the truth: the result of a draw does not depend on it
-    "grips": dict(TRUTH),
+    "grips": dict(DEMO_TRUTH),
     "polymer": ON_POLYMER,
     "measured": ON_POLYMER | {"boundary": [{"nodes": edge, "ux": "measured", "uy": "measured"} for edge in EDGES]},
     "virtual": ON_POLYMER | {"boundary": [{"nodes": edge, "u": {"virtual": "bspline", "modes": 3, "time_modes": 2}}
@@ -91,7 +90,7 @@ def _overrides(route: str, estimator: str) -> dict[str, Any]:
     return {**ROUTES[route], "options.estimator": estimator}  # type: ignore[dict-item]
 
 
-def _rendering(name: str, make: Callable[[Size], VirtualTest], size: Size) -> Rendering:
+def _rendering(name: str, make: Callable[[DemoSize], VirtualTest], size: DemoSize) -> Rendering:
     def write(folder: Path) -> ArrayStack:
         return write_clean(folder, make(size))
 

@@ -10,13 +10,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.correlation.frame_equations import correlated_frames
-from idic.correlation.view import view_of
-from idic.experiment_file.model_checks import seen_nodes, visible_cells
-from idic.fe.march import FrameState
-from idic.model.experiment import Experiment
-from idic.model.forward import build_forward
+from idic.correlation import build_experiment_reference, camera_at, correlated_frames, view_of
+from idic.experiment_file import seen_nodes, visible_cells
+from idic.fe import FrameState
+from idic.model import Experiment, build_forward
 from idic.parameters import ParameterSet
 
 STORED_FIELDS: dict[str, Callable[..., dict[str, np.ndarray]]] = {}
@@ -109,7 +106,7 @@ def _residual_maps(experiment: Experiment, parameters: ParameterSet,
                    frames: list[int]) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
     """Frame, residual image, and the residuals of its valid pixels, for experiments without brightness corrections."""
     camera = camera_at(experiment, parameters)
-    reference, view = build_reference(experiment, camera), view_of(experiment, camera)
+    reference, view = build_experiment_reference(experiment, camera), view_of(experiment, camera)
     for state in _march(experiment, parameters):
         frame = state.frame + experiment.reference
         if frame not in frames:

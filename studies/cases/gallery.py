@@ -9,14 +9,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from idic.errors import InputError
-from idic.report import words
-from idic.run.diagnosis.diagnose import diagnose_run
-from idic.run.joint_run import is_joint
-from idic.run.plain import identify_experiment
-from idic.run.reporting.write import write_report
+from idic.report import result_verdict, undetermined
+from idic.run import cpu_seconds, diagnose_run, identify_experiment, is_joint, write_report
 from idic_studies.pages.gallery_page import key_numbers, render_gallery, thumbnail
 from idic_studies.cases.gallery_examples import GalleryExample, gallery_examples
-from idic.workers.dask_settings import cpu_seconds
 
 PAGE, ENTRY, RUN, TESTS = "index.html", "entry.json", "run", "tests"
 
@@ -86,10 +82,10 @@ def _make(folder: Path, example: GalleryExample, say: Callable[[str], None]) -> 
         say(f"{example.name}: diagnosing")
         diagnosis = diagnose_run(run, resume=True)["sentence"]  # finished refits are used
         pages["diagnosis"] = f"{example.name}/{RUN}/diagnosis.html"
-    level, verdict = words.verdict(result)
+    level, verdict = result_verdict(result)
     return {"name": example.name, "title": example.title, "sentence": example.sentence, "status": result["status"],
             "level": level, "verdict": verdict, "parameters": key_numbers(result, _truth(paths)),
-            "diagnosis": diagnosis, "open": words.undetermined(result), "pages": pages,
+            "diagnosis": diagnosis, "open": undetermined(result), "pages": pages,
             "thumbnail": thumbnail(run, folder.parent),
             "frames": len(result["frames"]), "cpu_s": cpu_seconds() - before}
 

@@ -14,13 +14,11 @@ from idic_studies.cases.bulge import SKETCH_SIZE
 from idic_studies.cases.polycarbonate import KNOWN, SKETCH, SPLINE_FLOOR
 from idic_studies.examples.bulge import write_bulge
 from idic_studies.examples.bulge_model import TRUTH as BULGE
-from idic.virtual_tests.examples import write_example
-from idic.virtual_tests.experiment_files import empty_folder, write_images
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.virtual_tests import (
+    empty_folder, simulate, strip_with_hole, write_example, write_images, write_inp, write_virtual_model,
+)
 from idic_studies.examples.polycarbonate import necking_strip
 from idic_studies.examples.polycarbonate_model import TRUTH as POLYCARBONATE
-from idic.virtual_tests.simulate import simulate
-from idic.virtual_tests.virtual_test import write_virtual_model
 
 PLAN, SEED = "plan", 7
 PLATE = (28.0, 16.0, 3.0)  # mm: length, width, radius of the hole

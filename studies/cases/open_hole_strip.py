@@ -8,15 +8,13 @@ from string import Template
 
 import numpy as np
 
-from idic.fe.march import march
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.images.stack import ArrayStack
-from idic.materials.core.compilation import compile as compile_law
-from idic.virtual_tests.demo import LENGTH, RADIUS, THICKNESS, WIDTH, Size, strip
-from idic.virtual_tests.experiment_files import write_loads, write_truth
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
-from idic.virtual_tests.render import Sensor, clean_image
-from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest
+from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.images import ArrayStack
+from idic.laws import compile as compile_law
+from idic.virtual_tests import (
+    DemoSize, LENGTH, LoggedColumn, RADIUS, Sensor, THICKNESS, VirtualTest, WIDTH, clean_image, strip, strip_with_hole,
+    write_inp, write_loads, write_truth,
+)
 
 POLYMER = {"sheet.E": 2000.0, "sheet.nu": 0.35}
 POLYMER_TABLE = {"law": "elastic", "kinematics": "finite", "E": {"value": 2000.0, "unit": "MPa", "identify": True},
@@ -25,12 +23,12 @@ HIDDEN_GRIP_MM = 1.0  # 5 px
 NOISE_GV, BITS, TEXTURE_SEED = 2.0, 8, 20260
 
 
-def metal(size: Size) -> VirtualTest:
+def metal(size: DemoSize) -> VirtualTest:
     """The strip of metal, pulled into plasticity: E, nu, yield stress, hardening modulus."""
     return strip(size)
 
 
-def polymer(size: Size, grip_mm: float = HIDDEN_GRIP_MM) -> VirtualTest:
+def polymer(size: DemoSize, grip_mm: float = HIDDEN_GRIP_MM) -> VirtualTest:
     """The strip of a polymer, elastic at finite strain, pulled in equal steps by `grip_mm`: E, nu (`POLYMER_TABLE`)."""
     bare = strip(size)
     times = bare.times

@@ -19,7 +19,7 @@ from idic_studies.cases.study import Case, Rendering, Study
 from idic_studies.examples.polycarbonate import (FOREIGN_INCREMENTS_PER_STEP, FOREIGN_MESH_REFINEMENT, FULL, REDUCED,
                                               Size, necking_strip)
 from idic_studies.examples.polycarbonate_model import TRUTH, Divisions
-from idic.virtual_tests.virtual_test import write_virtual_model
+from idic.virtual_tests import write_virtual_model
 
 SKETCH = Size(0.3724, (49, 105), 10, 5, Divisions(20, 2), 2.2)
 POINT_SAMPLED = {  # the tables of docs/evidence/polycarbonate.md: computed pictures, whose pixels have no area

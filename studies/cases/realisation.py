@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.experiment_reference import build_reference
-from idic.images.quality.field_noise import field_noise
-from idic.images.stack import ArrayStack
-from idic.images.stack_views import LitStack, RoundedStack
-from idic.model.experiment import Column, CorrelatedNoise, Experiment, FieldPoints, Noise
+from idic.correlation import build_experiment_reference
+from idic.images import ArrayStack, LitStack, RoundedStack, field_noise
+from idic.model import Column, CorrelatedNoise, Experiment, FieldPoints, Noise
 from idic_studies.subset_dic import subset_displacements, subset_grid
-from idic.virtual_tests.sensors import recorded_by
+from idic.virtual_tests import recorded_by
 
 RECORDS_STREAM, LIGHT_STREAM, EXPOSURE_STREAM = 1_000_001, 1_000_002, 1_000_003  # above every frame number: those seed
 # the noise of the images
@@ -73,7 +71,7 @@ def as_measured_fields(experiment: Experiment, half: int, step: int) -> Experime
 
     Subsets are 2 half + 1 px wide and `step` px apart. Their noise is estimated from the displacements.
     """
-    stack, pm = experiment.stack, build_reference(experiment, experiment.camera).pixel_map
+    stack, pm = experiment.stack, build_experiment_reference(experiment, experiment.camera).pixel_map
     whole = pm.to_image(np.ones(pm.n_pixels), 0.0) > 0.0  # type: ignore[union-attr]
     centres = subset_grid(whole, half, step)
     frames = range(experiment.reference, experiment.n_frames)

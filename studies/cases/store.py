@@ -19,10 +19,8 @@ from pathlib import Path
 import numpy as np
 import zarr
 
-from idic.images.stack import Stack
-from idic.store.arrays import read_array, write_array
-from idic.store.run_store import RunStore
-from idic.store.stack import ZarrStack, ingest
+from idic.images import Stack
+from idic.run import RunStore, ZarrStack, ingest, read_array, write_array
 from idic_studies.pages.case_record import CaseRecord
 from idic_studies.pages.study_page import write_page_files
 from idic_studies.cases.study import Study

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from idic.errors import InputError
-from idic.images.stack import Stack
+from idic.images import Stack
 from idic_studies.pages.case_record import CaseRecord
 from idic_studies.pages.study_page import StudyPage
 from idic_studies.cases.realisation import Disturbance

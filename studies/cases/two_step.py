@@ -12,12 +12,12 @@ from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
-from idic.images.stack import ArrayStack
+from idic.images import ArrayStack
 from idic_studies.pages.two_step_page import METHODS, draw_two_step
 from idic_studies.cases.coverage import DISTURBANCE
 from idic_studies.cases.open_hole_strip import metal, write_clean
 from idic_studies.cases.study import Case, Rendering, Study
-from idic.virtual_tests.demo import TRUTH, Size
+from idic.virtual_tests import DEMO_TRUTH, DemoSize
 
 SEED = 31000
 DRAWS = {"full": 100, "reduced": 30, "sketch": 3}
@@ -44,14 +44,14 @@ def _cases(draws: int) -> Iterable[Case]:
         for mesh in MESHES:
             for noise, level in NOISE_GV.items():
                 for method in METHODS:
-                    yield Case(f"{mesh}-{noise}-{method}/{k:03d}", mesh, {**TRUTH, **OVERRIDES[method]}, noise=level,
-                               seed=SEED + k, disturbance=DISTURBANCE)
+                    yield Case(f"{mesh}-{noise}-{method}/{k:03d}", mesh, {**DEMO_TRUTH, **OVERRIDES[method]},
+                               noise=level, seed=SEED + k, disturbance=DISTURBANCE)
 
 
 def _rendering(name: str) -> Rendering:
-    size = Size(0.125, (140, 236), (2, 3, 4), MESHES[name], MESHES[name], 1)
+    size = DemoSize(0.125, (140, 236), (2, 3, 4), MESHES[name], MESHES[name], 1)
     return Rendering(name, partial(_write, size), f"open-hole strip metal {size}, without noise")
 
 
-def _write(size: Size, folder: Path) -> ArrayStack:
+def _write(size: DemoSize, folder: Path) -> ArrayStack:
     return write_clean(folder, metal(size))

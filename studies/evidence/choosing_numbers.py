@@ -16,17 +16,15 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.experiment_reference import build_reference
-from idic.experiment_file.load import load_rendered
-from idic.identify.in_memory import identify
-from idic.images.pattern import dense_speckle
-from idic.run.plain import identify_experiment
-from idic.report.evidence.free_dic import noise_floor, seen_by
-from idic.virtual_tests.demo import LENGTH, RADIUS, REDUCED, TRUTH, WIDTH, strip
-from idic.virtual_tests.experiment_files import write_images
-from idic.virtual_tests.meshes import strip_with_hole
-from idic.virtual_tests.render import painted
-from idic.virtual_tests.virtual_test import write_virtual_model
+from idic.correlation import build_experiment_reference
+from idic.experiment_file import load_rendered
+from idic.identification import identify
+from idic.images import dense_speckle
+from idic.run import identify_experiment
+from idic.report import noise_floor, seen_by
+from idic.virtual_tests import (
+    DEMO_TRUTH, LENGTH, RADIUS, REDUCED, WIDTH, painted, strip, strip_with_hole, write_images, write_virtual_model,
+)
 
 NOISE_GV = 2.0
 TRUE_MESH = (9, 12, 7)
@@ -91,7 +89,7 @@ def row(folder: Path, label: str, division, cell: str, overrides) -> str:
     else:
         result = identify(experiment_of(folder, division, cell, overrides)).result
     cpu, cells = time.process_time() - began, []
-    for name, true in TRUTH.items():
+    for name, true in DEMO_TRUTH.items():
         entry = result["parameters"][name]
         cells.append("–" if entry["std"] is None else
                      f"{100 * (entry['value'] / true - 1):+.2f} ± {100 * entry['std'] / true:.2f}")
@@ -104,7 +102,7 @@ def free_displacement(folder: Path) -> None:
     sys.stdout.write("\n**free FE-DIC**\n\n| elements | displacement [px] | strain [µm/m] |\n| --- | --- | --- |\n")
     for number, (label, division, cell, overrides) in enumerate(groups()["elements"]):
         experiment = experiment_of(folder / f"free-{number}", division, cell, overrides)
-        seen = seen_by(experiment, build_reference(experiment, experiment.camera))
+        seen = seen_by(experiment, build_experiment_reference(experiment, experiment.camera))
         floor = noise_floor(seen, None, {}, seen.reference)
         sys.stdout.write(f"| {label} | {floor.free_px:.3f} | {1e6 * floor.free_strain:.0f} |\n")
 

@@ -28,11 +28,10 @@ STATES = 50  # the test is written with so many frames; longer ones hold each st
 
 def write_strip(folder: Path) -> Path:
     """50 frames of a strip, elastic in 42 pieces along its length."""
-    from idic.virtual_tests.demo import Size, strip
-    from idic.virtual_tests.examples import EXAMPLES, write_example
+    from idic.virtual_tests import DemoSize, EXAMPLES, strip, write_example
 
     EXAMPLES["strip"] = lambda reduced, foreign: strip(
-        Size(0.1, (200, 300), (15, 15, 20), (6, 7, 9), (3, 4, 2), 1)
+        DemoSize(0.1, (200, 300), (15, 15, 20), (6, 7, 9), (3, 4, 2), 1)
     )
     write_example("strip", folder)
     file = folder / "experiment.toml"

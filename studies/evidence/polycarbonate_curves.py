@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.materials import compile
-from idic.materials.core.point import uniaxial
-from idic.report.figures.style import BLACK, CYCLE, FAINT, look, new_figure
+from idic.laws import compile, uniaxial
+from idic.report import BLACK, CYCLE, FAINT, look, new_figure
 
 STRAIN = np.linspace(0.0, 0.8, 401)
 RATES = (1e-4, 1e-3, 1e-2)  # 1/s

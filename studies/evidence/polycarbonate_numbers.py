@@ -15,19 +15,15 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from idic.correlation.experiment_reference import build_reference
-from idic.correlation.frame import nodal_equations, residual_map, solve_brightness
+from idic.correlation import build_experiment_reference, nodal_equations, residual_map, solve_brightness
 from idic.errors import NotConverged
-from idic.experiment_file.load import load_rendered
-from idic.identify.covariance import covariance, scaled_system, spectrum
-from idic.identify.in_memory import identify
-from idic.images.interpolate import prefilter
-from idic.images.stack import ArrayStack
-from idic.images.stack_views import RoundedStack
+from idic.experiment_file import load_rendered
+from idic.identification import covariance, identify, scaled_system, spectrum
+from idic.images import ArrayStack, RoundedStack, prefilter
 from idic_studies.cases.polycarbonate import SPLINE_FLOOR, scaled
 from idic_studies.examples.polycarbonate import FULL, REDUCED, Size, necking_strip
 from idic_studies.examples.polycarbonate_model import TRUTH, Divisions, pull, strip_mesh
-from idic.virtual_tests.virtual_test import write_virtual_model
+from idic.virtual_tests import write_virtual_model
 
 PIXEL = 0.0931  # mm
 FRAMES = 200
@@ -94,7 +90,7 @@ def _misfits(test, stack, overrides: Mapping[str, object]) -> dict[str, list[flo
         write_virtual_model(Path(folder), test, floor_gv=SPLINE_FLOOR)
         experiment = load_rendered(folder, stack, {"options.element_order": "as_given", **overrides})
     nodes, project = experiment.mesh.nodes, experiment.camera.project
-    own = build_reference(experiment, experiment.camera)
+    own = build_experiment_reference(experiment, experiment.camera)
     found: dict[str, list[float]] = {"blur matched": [], "blur as it is": []}
     for frame in range(7, stack.n_frames, 7):
         u = project(nodes + np.pad(test.displacements[frame][:len(nodes)], ((0, 0), (0, 1)))) - project(nodes)

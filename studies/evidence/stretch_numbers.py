@@ -11,13 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.frame import nodal_equations, residual_map, solve_brightness
-from idic.correlation.pixels.pixel_map import build_pixel_map
-from idic.correlation.reference import ReferenceImage, build_reference
-from idic.fe.mesh.mesh import Block
-from idic.images.camera import Camera
-from idic.images.interpolate import prefilter
-from idic.images.pattern import Pattern, dense_speckle
+from idic.correlation import (
+    ReferenceImage, build_pixel_map, build_reference, nodal_equations, residual_map, solve_brightness,
+)
+from idic.fe import Block
+from idic.images import Camera, Pattern, dense_speckle, prefilter
 
 SIDE, RIM, SAMPLES = 160, 34, 3  # px, px, per pixel and direction
 LOWPASS_PX, NOISE_GV, SPECKLE_PX = 0.6, 1.0, 1.6

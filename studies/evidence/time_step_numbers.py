@@ -12,11 +12,9 @@ import sys
 
 import numpy as np
 
-from idic.fe.extrapolation import march_extrapolated
-from idic.fe.march import march
-from idic.fe.model import Constraints, Direction, Model, Reaction, Section
-from idic.materials.core.compilation import compile as compile_law
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.fe import Constraints, Direction, Model, Reaction, Section, march, march_extrapolated
+from idic.laws import compile as compile_law
+from idic.virtual_tests import strip_with_hole
 
 LENGTH, WIDTH, RADIUS, FRAMES, TRUE_INCREMENTS = 20.0, 10.0, 2.0, 16, 128
 MOTION_STD_MM, FORCE_STD_SHARE = 5e-4, 1e-3

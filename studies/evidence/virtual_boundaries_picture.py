@@ -18,8 +18,8 @@ sys.path.append(str(ROOT / "tests" / "twins"))
 
 from reduced_domains import CAMERA, HALF, SHAPE, WIDTH, true_mesh, user_mesh  # noqa: E402
 
-from idic.images.pattern import dense_speckle  # noqa: E402
-from idic.virtual_tests.render import Sensor, clean_image, painted  # noqa: E402
+from idic.images import dense_speckle  # noqa: E402
+from idic.virtual_tests import Sensor, clean_image, painted  # noqa: E402
 
 BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#8c959f"
 FULL = ("full", "full, log 1 % off")

@@ -8,7 +8,7 @@ from string import Template
 
 import numpy as np
 
-from idic.fe.mesh.mesh import Mesh
+from idic.fe import Mesh
 from idic_studies.examples.bulge_mesh import FULL, REDUCED, Columns, bulge_mesh
 from idic_studies.examples.bulge_model import (
     FIXED,
@@ -19,9 +19,7 @@ from idic_studies.examples.bulge_model import (
     model_toml,
     true_displacements,
 )
-from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads, write_truth
-from idic.virtual_tests.meshes import write_inp
-from idic.virtual_tests.section_images import SectionImages, roughness
+from idic.virtual_tests import SectionImages, empty_folder, roughness, write_images, write_inp, write_loads, write_truth
 
 RMS_UM = 1.5  # roughness of the surface
 FOREIGN = Columns(101, 115, 180, (2.0, 4.0, 5.0))  # the twin: another mesh, finer, and finer in time

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.fe.mesh.mesh import Mesh, make_mesh
-from idic.virtual_tests.meshes import grid_cells
+from idic.fe import Mesh, make_mesh
+from idic.virtual_tests import grid_cells
 
 HALF_WIDTH, HALF_STRIP, FINE_END = 0.5, 0.05, 0.13  # mm: clamp, edge of the strip, end of the fine columns
 STRIP_THICKNESS = 0.0002  # mm

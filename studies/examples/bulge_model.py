@@ -11,11 +11,8 @@ from string import Template
 
 import numpy as np
 
-from idic.fe.boundary import constrain, dofs_of
-from idic.fe.march import march
-from idic.fe.mesh.mesh import Mesh
-from idic.fe.model import Direction, Loads, Model, Section
-from idic.materials.core.compilation import compile as compile_law
+from idic.fe import Direction, Loads, Mesh, Model, Section, constrain, dofs_of, march
+from idic.laws import compile as compile_law
 from idic_studies.examples.bulge_mesh import FULL, Columns, bulge_mesh
 
 BULK_MODULUS_MPA = 660.0  # MPa, 100 times the elastomer's shear modulus: known, never identified

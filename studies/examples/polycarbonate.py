@@ -8,9 +8,8 @@ from string import Template
 
 import numpy as np
 
-from idic.fe.mesh.mesh import Block, Mesh, surface_cells
-from idic.images.camera import Camera
-from idic.images.pattern import sparse_speckle
+from idic.fe import Block, Mesh, surface_cells
+from idic.images import Camera, sparse_speckle
 from idic_studies.examples.polycarbonate_model import (
     FULL_MESH,
     REDUCED_MESH,
@@ -20,8 +19,7 @@ from idic_studies.examples.polycarbonate_model import (
     pull,
     strip_mesh,
 )
-from idic.virtual_tests.render import Texture, painted
-from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest
+from idic.virtual_tests import LoggedColumn, Texture, VirtualTest, painted
 
 TITLE = "Polycarbonate strip, necking"
 FORCE_NOISE_N = 0.5  # N: a thousandth of the largest force

@@ -11,11 +11,8 @@ from string import Template
 
 import numpy as np
 
-from idic.fe.boundary import constrain, dofs_of
-from idic.fe.march import march
-from idic.fe.mesh.mesh import Mesh, boundary_faces, make_mesh
-from idic.fe.model import Direction, Model, Reaction, Section
-from idic.materials.core.compilation import compile as compile_law
+from idic.fe import Direction, Mesh, Model, Reaction, Section, boundary_faces, constrain, dofs_of, make_mesh, march
+from idic.laws import compile as compile_law
 
 HALF_LENGTH, WIDTH, HALF_THICKNESS = 50.0, 21.0, 0.25  # mm
 TAPER_SHARE = 0.025  # so much narrower in the middle, linear to the grips

@@ -13,9 +13,8 @@ from string import Template
 
 import numpy as np
 
-from idic.fe.mesh.mesh import Mesh
-from idic.virtual_tests.experiment_files import IMAGES, empty_folder
-from idic.virtual_tests.meshes import write_inp
+from idic.fe import Mesh
+from idic.virtual_tests import IMAGES, empty_folder, write_inp
 from idic_studies.examples.polycarbonate import FORCE_NOISE_N, FULL, VISIBLE_LEFT_OF_MIDDLE_MM, REDUCED, TOML, Size
 from idic_studies.examples.polycarbonate_model import DURATION_S, GRIP_SPEED_MM_PER_S, WIDTH, model_toml, strip_mesh
 

@@ -12,8 +12,7 @@ from idic_studies.pages.trial_page import write_trial_page
 from idic_studies.trial.plan import Campaign, Trial
 from idic_studies.trial.seal import REGISTER, Folder, seal, tool_state
 from idic_studies.trial.trial import TrialJob, check_solvers, run_trial
-from idic.workers.dask_executor import check_scheduler, open_cluster
-from idic.workers.runner import TaskRunner
+from idic.run import TaskRunner, check_scheduler, open_cluster
 # before Prefect: it reads its settings from the environment
 from idic_flows.settings import connected, flow_server, show_dashboards
 from idic_flows.shown_runner import ShownRunner

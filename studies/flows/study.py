@@ -16,8 +16,7 @@ from idic_studies.cases.case import CaseJob, render, run_case
 from idic_studies.cases.registry import make_study
 from idic_studies.cases.store import StudyStore, write_page
 from idic_studies.cases.study import Case, Study
-from idic.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
-from idic.workers.runner import TaskRunner
+from idic.run import TaskRunner, check_scheduler, checked_memory_limit, open_cluster
 # before Prefect: it reads its settings from the environment
 from idic_flows.settings import connected, flow_server, show_dashboards
 from idic_flows.shown_runner import ShownRunner

@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from idic.images.stack import ArrayStack
+from idic.images import ArrayStack
 from idic_studies.misfit.page import draw_misfit
 from idic_studies.misfit.worlds import METAL_SIZE, POLYMER_SIZE, RIGHT, WRONG, Draw, draw, virtual_test
 from idic_studies.cases.open_hole_strip import write_clean

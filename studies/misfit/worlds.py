@@ -21,16 +21,15 @@ from typing import Any
 
 import numpy as np
 
-from idic.fe.march import march
-from idic.fe.mesh.mesh import Block, Mesh, make_mesh
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.materials.core.compilation import CompiledLaw, compile as compile_law
+from idic.fe import Block, Constraints, Mesh, Model, Reaction, Section, make_mesh, march
+from idic.laws import CompiledLaw, compile as compile_law
 from idic_studies.cases.open_hole_strip import HIDDEN_GRIP_MM, POLYMER, POLYMER_TABLE
-from idic.virtual_tests.demo import LENGTH, RADIUS, THICKNESS, TRUTH, WIDTH, Size, strip
-from idic.virtual_tests.meshes import strip_with_hole
-from idic.virtual_tests.virtual_test import LoggedColumn, VirtualTest, medium_speckle
+from idic.virtual_tests import (
+    DEMO_TRUTH, DemoSize, LENGTH, LoggedColumn, RADIUS, THICKNESS, VirtualTest, WIDTH, medium_speckle, strip,
+    strip_with_hole,
+)
 
-METAL_SIZE = Size(0.2, (100, 152), (3, 3, 4), (3, 4, 2), (5, 7, 3), 1)
+METAL_SIZE = DemoSize(0.2, (100, 152), (3, 3, 4), (3, 4, 2), (5, 7, 3), 1)
 POLYMER_SIZE = replace(METAL_SIZE, pixel=0.1, shape=(200, 304), user=(8, 10, 5), true=(10, 14, 6))  # the error of both
 # meshes together: 0.2 standard deviations of nu by noise; 1.4 with (4, 6, 3), which the discrepancy finds
 RIGHT, WRONG = ("metal", "polymer"), ("solid", "coarse", "hardening", "orthotropy", "rotation", "lens", "off_axis",
@@ -76,7 +75,7 @@ class Draw:
     def overrides(self) -> dict[str, Any]:
         """Of experiment.toml."""
         table = COMPOSITE_TABLE if self.world == "off_axis" else POLYMER_TABLE
-        found: dict[str, Any] = {"material": {"sheet": table}} if self.elastic else dict(TRUTH)
+        found: dict[str, Any] = {"material": {"sheet": table}} if self.elastic else dict(DEMO_TRUTH)
         if self.world == "coarse":
             found["options.element_order"] = "as_given"
         return found | ({"experiment.thickness_mm": self.thickness_mm} if self.world == "solid" else {})
@@ -95,14 +94,14 @@ def draw(world: str, seed: int) -> Draw:
 def flow_stress(drawn: Draw, plastic_strain: float) -> float:
     """True flow stress of the metal that saturates, MPa."""
     saturated = MAX_SATURATION_MPA * drawn.size * (1.0 - np.exp(-SATURATION_RATE * plastic_strain))
-    return float(TRUTH["sheet.yield_stress"] + TRUTH["sheet.hardening_modulus"] * plastic_strain + saturated)
+    return float(DEMO_TRUTH["sheet.yield_stress"] + DEMO_TRUTH["sheet.hardening_modulus"] * plastic_strain + saturated)
 
 
 def virtual_test(drawn: Draw) -> VirtualTest:
     """The test of a draw: its truth, and the files of a user who does not know it."""
     pixels = POLYMER_SIZE if drawn.elastic else METAL_SIZE
     bare = strip(replace(pixels, true=(2, 2, 1)))  # its files, times and camera; the motion is replaced
-    grip, known, camera, mesh = bare.columns[1].values, dict(TRUTH), bare.camera, bare.mesh
+    grip, known, camera, mesh = bare.columns[1].values, dict(DEMO_TRUTH), bare.camera, bare.mesh
     if drawn.elastic:
         grip = HIDDEN_GRIP_MM * bare.times / bare.times[-1]
         known = dict(COMPOSITE if drawn.world == "off_axis" else POLYMER)
@@ -147,7 +146,7 @@ class _Truth:
 def _truth_of(drawn: Draw) -> _Truth:
     """The law and the boundary of a draw on a fine mesh."""
     mesh = strip_with_hole(LENGTH, WIDTH, RADIUS, "quad8", *(POLYMER_SIZE if drawn.elastic else METAL_SIZE).true)
-    metal = {key.partition(".")[2]: value for key, value in TRUTH.items()}
+    metal = {key.partition(".")[2]: value for key, value in DEMO_TRUTH.items()}
     polymer = {key.partition(".")[2]: value for key, value in POLYMER.items()}
     if drawn.world == "polymer":
         return _Truth(mesh, "elastic", polymer)

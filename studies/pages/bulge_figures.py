@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.colors import Normalize
 
-from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, look, new_figure, to_picture
+from idic.report import DIVERGING, Picture, SEQUENTIAL, look, new_figure, to_picture
 from idic_studies.pages.case_record import CaseRecord
 
 STRIP_UM = 50.0  # half width of the strip

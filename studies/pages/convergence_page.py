@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from idic.report.figures.style import CYCLE, Picture, look, new_figure, to_picture
+from idic.report import CYCLE, Picture, look, new_figure, to_picture
 from idic_studies.pages.case_record import CaseRecord
 from idic_studies.pages.study_page import StudyPage, StudySection, Table
 

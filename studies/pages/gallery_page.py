@@ -6,8 +6,8 @@ import base64
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from idic.report import words
-from idic.run.joint_run import folders_of, is_joint
+from idic.report import derived_names, short_names, with_std
+from idic.run import folders_of, is_joint
 from idic_studies.pages.study_page import render_template
 
 MAX_VALUES = 10  # of one experiment; its report lists all
@@ -29,11 +29,11 @@ def render_gallery(entries: Sequence[Mapping], pictures: Mapping[str, bytes]) ->
 
 def key_numbers(result: Mapping, truth: Mapping[str, float]) -> list[dict]:
     """Identified values with their true values; ratios where the test determines nothing else."""
-    shown, rows = words.short_names(result["parameters"]), []
+    shown, rows = short_names(result["parameters"]), []
     for name, entry in result["parameters"].items():
         if entry["free"] and entry["std"] is not None:
             rows.append(_row(shown[name], entry["value"], entry["std"], entry["unit"], truth.get(name)))
-    names = words.derived_names(result)
+    names = derived_names(result)
     for name, entry in result["derived"].items():
         first, _, second = name.partition("/")
         stem = first.rpartition(".")[0]
@@ -45,8 +45,8 @@ def key_numbers(result: Mapping, truth: Mapping[str, float]) -> list[dict]:
 
 def _row(name: str, value: float, std: float | None, unit: str, truth: float | None) -> dict:
     off = None if truth is None or not std else round((value - truth) / std, 1) + 0.0  # no -0.0
-    return {"name": name, "text": words.with_std(value, std, unit or ""),
-            "truth": "" if truth is None else words.with_std(truth, None, unit or ""), "off": off}
+    return {"name": name, "text": with_std(value, std, unit or ""),
+            "truth": "" if truth is None else with_std(truth, None, unit or ""), "off": off}
 
 
 def thumbnail(run: Path, top: Path) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.colors import LogNorm, Normalize
 
-from idic.report.figures.style import BLUE, DIVERGING, SEQUENTIAL, Picture, look, new_figure, to_picture
+from idic.report import BLUE, DIVERGING, Picture, SEQUENTIAL, look, new_figure, to_picture
 from idic_studies.pages.case_record import CaseRecord
 
 Y_LINE_MM = 8.0  # mm: the line of the maps over place and time, as published

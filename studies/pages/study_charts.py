@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from idic.report.figures.style import CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, look, new_figure, to_picture
+from idic.report import CYCLE, FAINT, GREY, MARKERS, ORANGE, Picture, RED, look, new_figure, to_picture
 from idic_studies.pages.case_record import CaseRecord
 
 MIN_SHOWN_ERROR = 1e-7  # relative error that a logarithmic axis still shows

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from idic.report.figures.style import Picture
-from idic.report.html import filled_in
+from idic.report import Picture, filled_in
 
 FIGURES, TABLES = "figures", "tables.md"
 

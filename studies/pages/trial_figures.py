@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from idic.report.figures.style import BLUE, GREY, ORANGE, RED, Picture, look, new_figure, to_picture
+from idic.report import BLUE, GREY, ORANGE, Picture, RED, look, new_figure, to_picture
 from idic_studies.trial.evaluation import TrialRecord
 from idic_studies.trial.scores import confusion
 

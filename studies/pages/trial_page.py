@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from idic.store.result_file import write_json
+from idic.run import write_json
 from idic_studies.pages.study_page import StudyPage, StudySection, Table, write_page_files
 from idic_studies.pages.trial_figures import confusion_picture, decoy_picture, place_and_onset
 from idic_studies.trial.evaluation import TrialRecord, evaluated

@@ -13,12 +13,9 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from idic.diagnose.residual.evidence import Columns, Evidence
-from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.screen.decoys import decoy_scores
-from idic.diagnose.screen.score import null_model
-from idic.diagnose.screen.score_columns import ScoreColumn
-from idic.diagnose.screen.select import MAX_FAMILYWISE_P, screen
+from idic.diagnose import (
+    Columns, Evidence, MAX_FAMILYWISE_P, ResidualEvidence, ScoreColumn, decoy_scores, null_model, screen_candidates,
+)
 
 
 class Uncorrected(Evidence):
@@ -68,7 +65,7 @@ def ablations(residual: ResidualEvidence, trials: Sequence[ScoreColumn], columns
 
 
 def _first(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns) -> dict:
-    ranked = screen(evidence, parameters, trials, columns).ranked
+    ranked = screen_candidates(evidence, parameters, trials, columns).ranked
     best = max(ranked, key=lambda r: r.gain, default=None)
     if best is None:
         return {"name": None, "alarm": False}

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import FAMILIES
+from idic.diagnose import FAMILIES
 from idic_studies.trial.kinds import is_unseen
 from idic_studies.trial.plan import Truth, effect_named, scene_of
 from idic_studies.trial.scenes.recording import as_logged, model_mesh

@@ -24,7 +24,7 @@ from idic_studies.trial.plan import Campaign
 from idic_studies.trial.pool import records_of, target_table
 from idic_studies.trial.seal import Folder, seal, tool_state
 from idic_studies.trial.trial import TrialJob, check_solvers, run_trial
-from idic.workers.dask_settings import use_one_thread
+from idic.run import use_one_thread
 
 POLL_INTERVAL_S = 0.5
 TRIALS_PER_PROCESS = 20  # a new process returns fragmented memory to the system

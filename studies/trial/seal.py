@@ -26,8 +26,7 @@ from typing import Any
 
 import idic
 from idic.errors import InputError
-from idic.store.result_file import write_json
-from idic.store.run_lock import run_lock
+from idic.run import run_lock, write_json
 from idic_studies.trial.plan import KNOWN_WORLDS, WORLDS, Campaign, Trial, Truth, draw
 
 REGISTER = "register.json"

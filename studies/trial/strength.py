@@ -22,13 +22,10 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 from scipy.ndimage import map_coordinates
 
-from idic.diagnose.residual.evidence import Columns
-from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
-from idic.diagnose.screen.score import null_model, score
-from idic.experiment_file.load import load_rendered
-from idic.identify.in_memory import identify
-from idic.identify.input_noise import measured_noise
-from idic.images.camera import Camera
+from idic.diagnose import Columns, ResidualEvidence, null_model, residual_evidence, score
+from idic.experiment_file import load_rendered
+from idic.identification import identify, measured_noise
+from idic.images import Camera
 from idic_studies.trial.scenes.effects import Effect
 from idic_studies.trial.scenes.recording import Paint, as_logged, camera, clean_images, logged, write_public
 from idic_studies.trial.scenes.scene import Scene

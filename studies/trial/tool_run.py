@@ -15,24 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from idic.diagnose.chain import Diagnosis, diagnose
-from idic.diagnose.notes import Notes
-from idic.diagnose.screen.candidate import Candidate
-from idic.experiment_file.recording import Frames
-from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
-from idic.diagnose.selection.rounds import silent
-from idic.identify.in_memory import Identification, identify
-from idic.identify.input_noise import measured_noise
-from idic.images.stack import ArrayStack, Stack
-from idic.model.experiment import Experiment, Noise
-from idic.model.motion_error import MotionError
-from idic.run.diagnosis.files import diagnosis_content, free_parameters
-from idic.run.diagnosis.refits import run_refits
-from idic.run.diagnosis.source import EditedFolder
-from idic.run.diagnosis.spotless import without_spots
+from idic.diagnose import Candidate, Diagnosis, Notes, diagnose, silent
+from idic.experiment_file import Frames, locate, read_toml, validated, with_overrides
+from idic.identification import Identification, identify, measured_noise
+from idic.images import ArrayStack, Stack
+from idic.model import Experiment, MotionError, Noise
+from idic.run import EditedFolder, SerialRunner, diagnosis_content, free_parameters, run_refits, without_spots
 from idic_studies.trial.ablations import ablations, omnibus
 from idic_studies.trial.scenes.recording import IMAGES
-from idic.workers.runner import SerialRunner
 
 READ_FOLDERS: dict[str, dict] = {}  # frames and meshes of a folder that this process has read
 
@@ -63,7 +53,7 @@ class FolderSource:
         return replace(stated, noise=self.noise or stated.noise, motion_error=self.motion_error)
 
     def with_measured_noise(self) -> FolderSource:
-        """With the noise that a RUN of this folder would count (`idic.identify.input_noise`)."""
+        """With the noise that a RUN of this folder would count (`idic.identification.input_noise`)."""
         return replace(self, noise=measured_noise(self.load()))
 
     def with_edits(self, edits: Mapping[str, Any]) -> FolderSource:

@@ -10,9 +10,8 @@ import pytest
 
 from idic.errors import InputError
 from idic.parameters import Parameter
-from idic.run.batch.entries import read_batch
+from idic.run import read_batch, with_starts
 from idic.parameters import drawn_start
-from idic.run.batch.starts import with_starts
 
 
 @pytest.fixture(scope="module")

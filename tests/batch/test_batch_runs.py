@@ -15,10 +15,8 @@ from typer.testing import CliRunner
 
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.run.batch.runs import BatchJob, BatchOutcome, identify_whole
-from idic.store.run_lock import run_lock
-from idic.workers.dask_settings import ONE_THREAD
-from idic.workers.runner import JobKillsWorkers
+from idic.run import BatchJob, BatchOutcome, JobKillsWorkers, identify_whole, run_lock
+from idic.run.workers.dask_settings import ONE_THREAD
 
 pytestmark = pytest.mark.usefixtures("shared_server")
 SECONDS = 600.0
@@ -82,7 +80,7 @@ class Murderous:
 @pytest.mark.parametrize("victim", ["a", "b", "c"])
 def test_a_run_that_kills_its_workers_is_given_up_and_the_others_are_done(tmp_path, victim):
     from idic.run.batch.entries import BatchRun
-    from idic.run.batch.store import Batch
+    from idic.run import Batch
     from idic_flows.batch import BatchConsole, _side_by_side, _Work
 
     batch = Batch(tmp_path / "out", [BatchRun(name, "x") for name in "abc"])
@@ -97,7 +95,7 @@ def test_a_run_that_kills_its_workers_is_given_up_and_the_others_are_done(tmp_pa
 
 def test_the_run_that_kills_its_workers_is_given_up_also_where_earlier_ones_are_still_at_work(tmp_path):
     from idic.run.batch.entries import BatchRun
-    from idic.run.batch.store import Batch
+    from idic.run import Batch
     from idic_flows.batch import BatchConsole, _side_by_side, _Work
 
     class Numbered(Murderous):

@@ -12,10 +12,9 @@ import pytest
 
 from idic.errors import InputError
 from idic.run.batch.entries import BatchRun
-from idic.run.batch.runs import BatchOutcome
+from idic.run import Batch, BatchOutcome
 from idic.report.batch_page import _points
-from idic.report.batch_table import batch_table, scatter
-from idic.run.batch.store import Batch
+from idic.report import batch_table, scatter
 
 VALUES = (69.0, 70.0, 72.0)
 

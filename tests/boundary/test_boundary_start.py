@@ -13,18 +13,17 @@ from twin_bodies import CAMERA, SHAPE, TIMES, held_left, plate  # noqa: E402
 from twin_bodies import experiment as body  # noqa: E402
 from twin_runs import ELASTIC, FORCE, TRUTH, Twin, clean_images, identify, judged, solved, write_folder  # noqa: E402
 
-from idic.dic.boundary import boundary_start, with_boundary_start  # noqa: E402
+from idic.measure import boundary_start, with_boundary_start  # noqa: E402
 from idic.errors import InputError  # noqa: E402
-from idic.experiment_file.load import load_experiment  # noqa: E402
-from idic.images.stack import ArrayStack  # noqa: E402
-from idic.model.drives import build_drives  # noqa: E402
-from idic.model.experiment import Parametrised, Prescribed  # noqa: E402
-from idic.report.words import undetermined  # noqa: E402
+from idic.experiment_file import load_experiment  # noqa: E402
+from idic.images import ArrayStack  # noqa: E402
+from idic.model import Parametrised, Prescribed, build_drives  # noqa: E402
+from idic.report import undetermined  # noqa: E402
 from idic.run.session import open_session  # noqa: E402
 from idic.run.prepare import check_before_writing  # noqa: E402
-from idic.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA  # noqa: E402
-from idic.store.checkpoint import from_hex, load_checkpoint  # noqa: E402
-from idic.workers.runner import SerialRunner  # noqa: E402
+from idic.run.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA  # noqa: E402
+from idic.run.store.checkpoint import from_hex, load_checkpoint  # noqa: E402
+from idic.run import SerialRunner  # noqa: E402
 
 CUTS = """
 [[boundary]]

@@ -11,17 +11,13 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "twins"))
 from notched_tube import tube  # noqa: E402
 
-from idic.dic.boundary import boundary_start, with_boundary_start
-from idic.dic.stereo import surface_motion
+from idic.measure import boundary_start, surface_motion, with_boundary_start
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.fe.mesh.mesh import face_cells, face_set_nodes
-from idic.fe.mesh.surface_edges import followed, normal_axis, rim_second_differences, seen_first
-from idic.identify.in_memory import identify
-from idic.images.pinhole import rotation_of
-from idic.identify.measured_start import measured_start, motion_in_space, needs_motion_in_space
-from idic.model.drives import boundary_parameters, build_drives, set_nodes
-from idic.model.experiment import Measured, Parametrised, Prescribed
+from idic.experiment_file import load_experiment
+from idic.fe import face_cells, face_set_nodes, followed, normal_axis, rim_second_differences, seen_first
+from idic.identification import identify, measured_start, motion_in_space, needs_motion_in_space
+from idic.images import rotation_of
+from idic.model import Measured, Parametrised, Prescribed, boundary_parameters, build_drives, set_nodes
 from idic.parameters import ParameterSet
 from idic.report.evidence.rig import rig_warnings
 from idic.virtual_tests.stereo.plate import TRUTH, PlateTest, Size, plate, plate_test, write_plate

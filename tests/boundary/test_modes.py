@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe.mesh.mesh import boundary_edges, face_set_nodes, make_mesh
-from idic.fe.mesh.refine import raise_order
+from idic.fe import boundary_edges, face_set_nodes, make_mesh, raise_order
 from idic.model.boundary_modes import edge_pieces, edge_shapes, time_courses
 
 

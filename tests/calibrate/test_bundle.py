@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from idic.calibrate.calibrate import calibrate
+from idic.calibrate import Lens, calibrate
 from idic.calibrate.projection import derivatives, dot_shift, in_camera_0, moved, n_unknowns
-from idic.calibrate.records import Lens, Pose, State
+from idic.calibrate.records import Pose, State
 from idic.errors import InputError
-from idic.images.pinhole import PinholeCamera
-from idic.readers.targets.view import TargetView
+from idic.images import PinholeCamera
+from idic.readers import TargetView
 from target_images import TrueCamera, poses
 
 GRID, SPACING, SIZE = (9, 7), 5.0, (480, 400)

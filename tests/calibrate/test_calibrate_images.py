@@ -15,8 +15,7 @@ from typer.testing import CliRunner
 
 import idic.cli  # noqa: F401  (registers the commands)
 from idic.cli.app import app
-from idic.readers.calibration.read import read_calibration
-from idic.readers.targets.find import find_target
+from idic.readers import find_target, read_calibration
 
 SHARED = Path(os.environ.get("IDIC_SHARED_DATA", "../shared/data")) / "stereo"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="the shared stereo data are not here")

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from idic.correlation.pixels.pixel_map import build_pixel_map
-from idic.fe.mesh.mesh import Block
-from idic.images.camera import Camera
+from idic.correlation import build_pixel_map
+from idic.fe import Block
+from idic.images import Camera
 
 SHAPE = (90, 130)
 

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy import ndimage
 
-from idic.fe.mesh.mesh import make_mesh
-from idic.images.camera import Camera
+from idic.fe import make_mesh
+from idic.images import Camera
 
 PIXEL = 0.332e-3  # mm
 SHAPE = (41, 120)

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from idic.fe.mesh.mesh import make_mesh
-from idic.images.pinhole import PinholeCamera, rotation_of
-from idic.images.placed_camera import PlacedCamera
+from idic.fe import make_mesh
+from idic.images import PinholeCamera, PlacedCamera, rotation_of
 
 TOWARDS = np.diag([1.0, -1.0, -1.0])  # from above, x to the right, y up
 
@@ -34,14 +33,14 @@ def hexes(shape, n):
 
 def faces_where(mesh, chosen):
     """Boundary faces whose nodes all satisfy `chosen`(points)."""
-    from idic.fe.mesh.mesh import boundary_faces
+    from idic.fe import boundary_faces
 
     return np.array([f for f in boundary_faces(mesh) if chosen(mesh.nodes[mesh.face_nodes(f)]).all()])
 
 
 def tube(radius=5.0, wall=1.0, length=12.0, around=24, along=4):
     """A tube along y of tet10, its outer face OUT."""
-    from idic.fe.mesh.refine import raise_order
+    from idic.fe import raise_order
 
     def bent(g):
         angle, r = 2 * np.pi * g[:, 0], radius - wall * (1.0 - g[:, 2])

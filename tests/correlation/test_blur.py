@@ -4,16 +4,12 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from idic.correlation.frame import nodal_equations
-from idic.correlation.grey import GreyReference, blur_of_noise, with_blur
-from idic.correlation.pixels.pixel_map import build_pixel_map
-from idic.correlation.reference import build_reference
+from idic.correlation import GreyReference, build_pixel_map, build_reference, nodal_equations
+from idic.correlation.grey import blur_of_noise, with_blur
 from idic.correlation.system import solve_positive
-from idic.fe.mesh.mesh import make_mesh
-from idic.images.camera import Camera
-from idic.images.interpolate import prefilter
-from idic.images.quality.lowpass import blur_column, lowpass
-from idic.model.experiment import Noise
+from idic.fe import make_mesh
+from idic.images import Camera, blur_column, lowpass, prefilter
+from idic.model import Noise
 
 
 def test_a_gaussian_of_small_variance_takes_off_its_variance_times_the_column():

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from pictures import Texture, make_map
 
-from idic.correlation.frame import nodal_equations, residual_map
-from idic.correlation.reference import build_reference
-from idic.images.interpolate import prefilter
+from idic.correlation import build_reference, nodal_equations, residual_map
+from idic.images import prefilter
 
 SHAPE, BORDER = (90, 113), 6
 

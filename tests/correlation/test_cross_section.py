@@ -7,11 +7,11 @@ import pytest
 from scipy import ndimage
 from section_cases import PIXEL, SHAPE, WIDTH, Surface, camera, layer_mesh, pixelwise, strip_mesh
 
-from idic.correlation.height.cross_section import (build_section_reference, section_equations,
-                                                   section_residual_map)
+from idic.correlation.height.cross_section import build_section_reference
+from idic.correlation import section_equations, section_residual_map
 from idic.correlation.height.section_map import RIM_PX, build_section_map
 from idic.errors import InputError
-from idic.images.camera import Camera
+from idic.images import Camera
 from idic_studies.examples.bulge_mesh import Columns, bulge_mesh
 
 SURFACE = Surface()

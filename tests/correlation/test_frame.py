@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 from pictures import SHAPE, Texture, brightness_columns, make_map
 
-from idic.correlation.frame import nodal_equations, residual_map, solve_brightness
-from idic.correlation.grey import GreyReference
+from idic.correlation import GreyReference, build_reference, nodal_equations, residual_map, solve_brightness
 from idic.correlation.normal_equations import normal_equations
-from idic.correlation.reference import build_reference
 from idic.errors import InputError
-from idic.images.camera import Camera
-from idic.images.interpolate import prefilter
+from idic.images import Camera, prefilter
 
 KINDS = ["tri3", "quad4", "tri6", "quad8", "mixed", "mixed orders"]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pictures import SHAPE, Texture, make_map
 
-from idic.correlation.frame import solve_brightness
+from idic.correlation import solve_brightness
 from idic.correlation.height.gaps import pixels_at_gaps, fill_gaps, height_frame
 from idic.correlation.height.normal_equations import height_normal_equations
 from idic.correlation.height.surface import (LEVELLING, build_height_reference, height_residual_map, height_equations,

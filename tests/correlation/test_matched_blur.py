@@ -6,17 +6,12 @@ import numpy as np
 import pytest
 from pictures import Texture, make_map, with_middles
 
-from idic.correlation.frame import nodal_equations, residual_map, solve_brightness
+from idic.correlation import build_pixel_map, build_reference, nodal_equations, residual_map, solve_brightness
 from idic.correlation.normal_equations import normal_equations
 from idic.correlation.pixels.cells import monomial_slopes, monomials
-from idic.correlation.pixels.pixel_map import build_pixel_map, element_coefficients, element_curvature
-from idic.correlation.reference import build_reference
-from idic.fe.mesh.mesh import Block
-from idic.images.camera import Camera
-from idic.images.interpolate import prefilter
-from idic.images.matched_blur import derivative_maps, matching_weights
-from idic.images.pattern import dense_speckle
-from idic.images.quality.lowpass import lowpass, lowpass_weights
+from idic.correlation.pixels.pixel_map import element_coefficients, element_curvature
+from idic.fe import Block
+from idic.images import Camera, dense_speckle, derivative_maps, lowpass, lowpass_weights, matching_weights, prefilter
 
 LOWPASS, SIDE, RIM = 0.6, 160, 30
 MIDDLE = np.full(2, (SIDE - 1) / 2)

@@ -10,17 +10,12 @@ import pytest
 from scipy import sparse
 
 from idic.correlation.field.point_map import build_point_map
-from idic.correlation.field.reference import FieldReference, build_field_reference
-from idic.correlation.frame import solve_brightness
-from idic.dic import dic_stack
+from idic.correlation import FieldReference, build_field_reference, solve_brightness
+from idic.measure import dic_stack
 from idic.errors import InputError
-from idic.fe.mesh.mesh import make_mesh
-from idic.fe.mesh.refine import raise_order
-from idic.images.camera import Camera
-from idic.images.quality.field_noise import field_noise
-from idic.images.quality.noise_covariance import coloured
-from idic.images.stack import ArrayStack
-from idic.model.experiment import Experiment, FieldPoints, Noise, Options
+from idic.fe import make_mesh, raise_order
+from idic.images import ArrayStack, Camera, coloured, field_noise
+from idic.model import Experiment, FieldPoints, Noise, Options
 from idic.parameters import ParameterSet
 
 PITCH = 0.8  # mm

@@ -7,15 +7,11 @@ import pytest
 from pictures import SHAPE, Texture, grid, with_middles
 from surfaces import CAMERA, placed, tube
 
-from idic.correlation.frame import nodal_equations, residual_map
+from idic.correlation import PinholeView, build_reference, nodal_equations, residual_map
 from idic.correlation.pinhole.normal_equations import pinhole_normal_equations
 from idic.correlation.pinhole.ray_map import build_ray_map
-from idic.correlation.pinhole.view import PinholeView
-from idic.correlation.reference import build_reference
-from idic.fe.fields import nodal_deformation
-from idic.fe.mesh.mesh import make_mesh, surface_cells
-from idic.images.interpolate import prefilter
-from idic.images.rigid_motion import RigidMotion
+from idic.fe import make_mesh, nodal_deformation, surface_cells
+from idic.images import RigidMotion, prefilter
 
 TUBE_CAMERA = placed((5.0, 12.0, 3.0), distance=80.0, focal=1100.0, k1=-0.1, p1=1e-3)
 LENS = ("fx", "fy", "skew", "cx", "cy", "k1", "k2", "k3", "p1", "p2", "rotation_x", "rotation_y", "rotation_z",

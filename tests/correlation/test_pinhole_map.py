@@ -7,7 +7,7 @@ from surfaces import CAMERA, box, placed, tube
 
 from idic.correlation.pinhole.ray_map import build_ray_map
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Mesh, surface_cells
+from idic.fe import Mesh, surface_cells
 
 SHAPE = (90, 130)
 

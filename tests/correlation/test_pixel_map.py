@@ -5,10 +5,10 @@ import pytest
 from pictures import SHAPE, grid, make_map, make_mesh
 from scipy import ndimage
 
-from idic.correlation.pixels.pixel_map import build_pixel_map
+from idic.correlation import build_pixel_map
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Block
-from idic.images.camera import Camera
+from idic.fe import Block
+from idic.images import Camera
 
 KINDS = ["tri3", "quad4", "tri6", "quad8", "mixed", "mixed orders"]
 kinds = pytest.mark.parametrize("kind", KINDS)

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from idic.correlation.pixels.projection import onto_nodes
+from idic.correlation import onto_nodes
 from idic.errors import InputError
-from idic.fe.conduction import conductance, conducted, unreached, volume
-from idic.fe.mesh.mesh import make_mesh
-from idic.images.camera import Camera
+from idic.fe import conductance, conducted, make_mesh, unreached, volume
+from idic.images import Camera
 
 CAMERA = Camera.from_table(0.05, (20.0, 10.0), ("+col", "+row"))  # the body covers columns 20 to 100, rows 10 to 50
 SHAPE = (60, 120)

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from idic.cli.outcomes import NOT_CONVERGED
-from idic.workers.dask_settings import KEEP_MEMORY
+from idic.run.workers.dask_settings import KEEP_MEMORY
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 MANIFESTS = sorted((DEPLOY / "kubernetes").glob("*.yaml"))

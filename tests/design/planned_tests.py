@@ -10,7 +10,7 @@ sys.path.append(str(Path(__file__).parents[1] / "identify"))
 from twin_bodies import PIXEL, plate  # noqa: E402
 from twin_runs import ELASTIC, FORCE, GRIPS, NOISE, ORIGIN, SHAPE, THICKNESS, Twin, write_folder  # noqa: E402
 
-from idic.virtual_tests.meshes import write_inp  # noqa: E402
+from idic.virtual_tests import write_inp  # noqa: E402
 
 TRUE = {"BODY.E": 2000.0, "BODY.nu": 0.35}
 HEAD = f"""

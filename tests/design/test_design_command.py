@@ -16,12 +16,14 @@ from typer.testing import CliRunner
 from idic.cli.app import app
 from idic.cli.design_tables import show_design
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.report.design.page import _facts, draw_design, render_design
-from idic.report.design.words import best_plan, direction, fixed_product, headline, open_parameters, weakest
-from idic.identify.plan.planned_test import load_plan
-from idic.run.design import DesignJob, evaluate_plans, plan_names, run_design, write_design
-from idic.virtual_tests.simulate import simulate
+from idic.experiment_file import load_experiment
+from idic.report.design.page import _facts
+from idic.report import best_plan, draw_design, render_design
+from idic.report.design.words import direction, fixed_product, headline, open_parameters, weakest
+from idic.identification import load_plan
+from idic.run.design import DesignJob, evaluate_plans, plan_names, run_design
+from idic.run import write_design
+from idic.virtual_tests import simulate
 
 PLY = """
 [material.BODY]

@@ -10,15 +10,14 @@ import tifffile
 from planned_tests import (ELASTIC, FORCE, GRIPS, PLAN, PLASTIC, PROGRAM, TRUE, plan_folder,
                            recorded_folder)
 
-from idic.correlation.experiment_reference import build_reference
+from idic.correlation import build_experiment_reference
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.identify.design import design_test, join
-from idic.identify.in_memory import identify
-from idic.report.design.summary import compare
-from idic.identify.plan.planned_test import load_plan, virtual_speckle
+from idic.experiment_file import load_experiment
+from idic.identification import design_test, identify, join_designs, load_plan
+from idic.report import compare
+from idic.identification.plan.planned_test import virtual_speckle
 from idic.run.design import evaluate_plans
-from idic.virtual_tests.simulate import simulate
+from idic.virtual_tests import simulate
 
 
 def designed(folder, overrides=TRUE, **more):
@@ -58,7 +57,7 @@ def test_without_any_image_a_virtual_speckle_of_like_size_and_contrast_promises_
         planned, recorded, identified):
     """Another draw of the speckle on 4320 pixels, some 300 independent dots: five draws scatter by 4 %."""
     experiment = load_experiment(recorded)
-    pixels = build_reference(experiment, experiment.camera).pixel_map
+    pixels = build_experiment_reference(experiment, experiment.camera).pixel_map
     grey = experiment.stack.frame(0)[pixels.iy, pixels.ix].astype(float)
     contrast = float(np.sqrt(grey.var() - experiment.noise.std_gv**2))
     promised = stds(designed(planned, TRUE | {"design.contrast_gv": contrast}))
@@ -104,7 +103,7 @@ def test_twice_the_motion_halves_the_standard_deviations_of_small_strain_elastic
 def test_two_equal_tests_together_are_better_by_the_square_root_of_two(planned):
     """Every test has its own reference image: nothing is shared but the material."""
     one = designed(planned)
-    both = join([one, replace(one, name="again")]).full
+    both = join_designs([one, replace(one, name="again")]).full
     for name in one.names:
         assert both.std(name) == pytest.approx(one.full.std(name) / np.sqrt(2.0), rel=1e-9)
 
@@ -112,7 +111,7 @@ def test_two_equal_tests_together_are_better_by_the_square_root_of_two(planned):
 def test_a_parameter_of_one_test_only_is_not_shared(tmp_path):
     toml = ELASTIC + GRIPS + FORCE + '[[dof]]\nname = "camera.shift_col"\n' + PLAN + PROGRAM
     plans = [designed(plan_folder(tmp_path / name, toml)) for name in ("a", "b")]
-    names = join(plans).full.names
+    names = join_designs(plans).full.names
     assert names == ("BODY.E", "BODY.nu", "a/camera.shift_col", "b/camera.shift_col")
 
 
@@ -139,16 +138,16 @@ def off_axis(tmp_path_factory):
 
 def test_plans_share_what_an_identification_of_them_shares(off_axis):
     """As idic identify: directions that differ, and what says shared = false, are each specimen's own."""
-    both = join([off_axis["15"], off_axis["45"]])
+    both = join_designs([off_axis["15"], off_axis["45"]])
     assert both.full.names == ("BODY.E1", "15/BODY.angle", "45/BODY.angle") and not both.notes
-    said = join([off_axis["45"], off_axis["45.0, shared = false"]]).full.names
+    said = join_designs([off_axis["45"], off_axis["45.0, shared = false"]]).full.names
     assert said == ("BODY.E1", "BODY.angle", "45.0/BODY.angle")
 
 
 def test_an_own_direction_gains_from_another_specimen_no_more_than_the_shared_modulus_can_tell(off_axis):
     """At best E1 becomes known: the standard deviation of one parameter given all others is (Cov^-1)_ii^-1/2."""
     plans = [off_axis["15"], off_axis["45"]]
-    both = join(plans).full
+    both = join_designs(plans).full
     for plan in plans:
         i, full = plan.names.index("BODY.angle"), plan.full
         given_the_rest = np.linalg.inv(full.covariance)[i, i] ** -0.5 * abs(full.scaled.slopes[i])
@@ -166,7 +165,7 @@ def test_plans_may_state_a_modulus_in_several_units(planned, tmp_path):
     other = plan_folder(tmp_path / "other", ELASTIC.replace('1200, unit = "MPa"', '1.2, unit = "GPa"')
                         + GRIPS + FORCE + PLAN + PROGRAM)
     plans = [designed(planned, {}), designed(other, {})]
-    both = join(plans)
+    both = join_designs(plans)
     assert both.full.names == ("BODY.E", "BODY.nu") and not both.notes
     assert both.full.std("BODY.E") == pytest.approx(plans[0].full.std("BODY.E") / np.sqrt(2.0), rel=1e-9)
 
@@ -209,7 +208,7 @@ def test_a_test_that_goes_on_into_yielding_knows_the_hardening_and_a_short_one_d
 
 def test_the_motion_of_a_parameter_is_that_of_a_perturbed_simulation(planned):
     """max |nu dU/dnu| in px against a difference quotient of two simulations."""
-    from idic.model.forward import build_forward, solve
+    from idic.model import build_forward, solve
 
     design, step = designed(planned), 1e-4
     field = next(f for f in design.fields if f.name == "BODY.nu")
@@ -297,7 +296,7 @@ def test_a_planned_test_is_simulated_with_the_speckle_that_its_design_assumes(tm
     simulate(plan_folder(tmp_path / "plan"), tmp_path / "made", given | {"design.n_frames": 2}, bits, noise_std_gv=0.0)
     experiment = load_experiment(tmp_path / "made")
     image = experiment.stack.frame(0).astype(float) / 2**(bits - 8)
-    pixels = build_reference(experiment, experiment.camera).pixel_map
+    pixels = build_experiment_reference(experiment, experiment.camera).pixel_map
     assumed = virtual_speckle((400, 400), size_px or 4.0, contrast_gv or 50.0).astype(float)
     seen = np.full(image.shape, np.nan)
     seen[pixels.iy, pixels.ix] = image[pixels.iy, pixels.ix]

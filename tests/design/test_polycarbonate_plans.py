@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.identify.plan.planned_test import load_plan
-from idic.run.design import write_design
-from idic.virtual_tests.examples import write_example
+from idic.identification import load_plan
+from idic.run import write_design
+from idic.virtual_tests import write_example
 from idic_studies.examples.polycarbonate_model import REDUCED_MESH, strip_mesh
 from idic_studies.examples.polycarbonate_plans import NOTCH_DEPTH, NOTCH_RADIUS, PLANS, notched
 

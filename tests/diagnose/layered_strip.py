@@ -14,10 +14,9 @@ from pathlib import Path
 import numpy as np
 from side_twins import GRIP, LENGTH, RADIUS, THICKNESS, TRUTH, WIDTH, Side, write_folder
 
-from idic.diagnose.locate.place import element_centres
-from idic.fe.external.inp_writer import inp_text
-from idic.fe.external.solver_output import Wanted, gathered
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.diagnose import element_centres
+from idic.fe import Wanted, gathered, inp_text
+from idic.virtual_tests import strip_with_hole, write_inp
 
 FINE = (28, 24, 22)  # elements around an eighth of the hole, from it to the square around, beside that
 THIN = 100.0

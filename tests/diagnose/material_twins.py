@@ -12,14 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from side_twins import GRIP_NOISE, LENGTH, NOISE, ORIGIN, PIXEL, RADIUS, SHAPE, THICKNESS, WIDTH
 
-from idic.fe.march import march
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
-from idic.materials.core.compilation import compile as compile_law
-from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
-from idic.virtual_tests.render import Sensor, clean_image, painted, record
+from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.images import Camera, dense_speckle
+from idic.laws import compile as compile_law
+from idic.virtual_tests import (
+    Sensor, clean_image, painted, record, strip_with_hole, write_images, write_inp, write_loads,
+)
 
 TIMES = np.concatenate([np.arange(6.0), [8.0, 11.0], np.arange(12.0, 15.0), [17.0, 20.0], [21.0, 22.0, 23.0]])
 UP = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0, 1.0, 0.7, 0.4, 0.1, 0.1, 0.1, 0.5, 0.9, 1.2])

@@ -1,6 +1,7 @@
 """A strip with a hole in which one thing is not as the model says: at the grips, the load cell, the camera, the body.
 
-The truth is simulated by `idic.fe.march` on a finer mesh with motions, moduli and cameras of its own, and rendered by
+The truth is simulated by `idic.fe.time_march` on a finer mesh with motions, moduli and cameras of its own, and
+rendered by
 `idic.virtual_tests.render`; nothing of the corrections, distortions or heterogeneities of an experiment.toml is used
 for it.
 """
@@ -14,23 +15,18 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.linalg import block_diag
 
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.screen.candidate import candidates
-from idic.diagnose.screen.select import screen
+from idic.diagnose import candidate_library, residual_evidence, screen_candidates
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.screen.free_courses import with_free_courses
 from idic.diagnose.screen.score_columns import score_columns
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
-from idic.fe.march import march
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.identify.in_memory import identify
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
-from idic.materials.core.compilation import compile as compile_law
-from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
-from idic.virtual_tests.render import Sensor, clean_image, painted, record
+from idic.experiment_file import load_experiment, read_toml
+from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.identification import identify
+from idic.images import Camera, dense_speckle
+from idic.laws import compile as compile_law
+from idic.virtual_tests import (
+    Sensor, clean_image, painted, record, strip_with_hole, write_images, write_inp, write_loads,
+)
 
 LENGTH, WIDTH, RADIUS, PIXEL, THICKNESS = 10.0, 6.0, 1.0, 0.06, 1.5  # mm
 SHAPE, ORIGIN = (116, 184), (91.7, 57.4)  # px
@@ -175,11 +171,11 @@ def screening(path, names=None, own_courses=False):
     found = identify(load_experiment(path))
     residual = residual_evidence(found)
     where = situation(found, residual, read_toml(path))
-    trials = [(c, v) for c in candidates() if names is None or c.name in names for v in c.variants(where)]
+    trials = [(c, v) for c in candidate_library() if names is None or c.name in names for v in c.variants(where)]
     if own_courses:
         trials += with_free_courses(trials, where.document, found.parameters.free, load)
     labels, columns = score_columns(found, residual, trials, load)
-    return found, screen(residual.evidence, residual.null, labels, columns)
+    return found, screen_candidates(residual.evidence, residual.null, labels, columns)
 
 
 def refit(path, variant):

@@ -14,9 +14,8 @@ from material_twins import RUBBER
 from side_twins import LENGTH, RADIUS, THICKNESS, TIMES, WIDTH, Side, write_folder
 
 import side_twins
-from idic.fe.external.inp_writer import inp_text
-from idic.fe.external.solver_output import Wanted, gathered
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.fe import Wanted, gathered, inp_text
+from idic.virtual_tests import strip_with_hole, write_inp
 
 FINE, USER = (8, 8, 6), (4, 5, 4)
 THIN = 100.0

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence
+from idic.diagnose.residual.evidence import FrameEvidence
+from idic.diagnose import Columns, Evidence, holds
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.selection.block_step import BlockJudgement, holds, judged_by_step, judged_parts, parts_of
+from idic.diagnose.selection.block_step import BlockJudgement, judged_by_step, judged_parts, parts_of
 
 SIDE, T, ERROR = 13, 8, np.array([0.7, -0.3])
 AT = np.stack(np.meshgrid(np.arange(SIDE), np.arange(SIDE), indexing="ij"), axis=-1).reshape(-1, 2) * 10.0

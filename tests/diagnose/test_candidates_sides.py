@@ -9,10 +9,10 @@ import pytest
 from matrix_of_sides import CURVATURE, FRICTION, SEATING, SIDES, TIMES, shaken
 from side_twins import PIXEL, RADIUS, TOML, TRUTH, Side, refit, screening, write_folder
 
-from idic.diagnose.screen.candidate import candidates
-from idic.images.camera import Camera
+from idic.diagnose import candidate_library
+from idic.images import Camera
 
-OWN = tuple(c.name for c in candidates() if c.family in ("boundary", "force", "camera", "heterogeneity"))
+OWN = tuple(c.name for c in candidate_library() if c.family in ("boundary", "force", "camera", "heterogeneity"))
 LINEAR = tuple(name for name in OWN if name not in ("heterogeneity", "camera_motion"))
 FEW = tuple(name for name in LINEAR if name not in ("grip_slip", "grip_rotation", "hole_geometry"))  # quick columns
 
@@ -38,7 +38,7 @@ def twin(tmp_path_factory):
 
 
 def test_every_candidate_of_these_sides_is_in_the_library_and_complete():
-    library = {candidate.name: candidate for candidate in candidates()}
+    library = {candidate.name: candidate for candidate in candidate_library()}
     assert set(OWN) <= set(library)
     for name in OWN:
         assert library[name].rivals and library[name].separating_tests and library[name].null

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from test_verdicts import LEFT, POWER, left, ranked, rival, round_of, screening
 
-from idic.diagnose.cautions import channel_cautions, outline_caution
+from idic.diagnose.caution_texts import channel_cautions, outline_caution
 from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.probability import (P_NONE, P_NONE_BESIDE_A_SCORE, P_OF_STRENGTH, P_UNEXPLAINED, P_WITH_LEFTOVER,
                                        probability)
-from idic.diagnose.screen.candidate import Variant
+from idic.diagnose import Variant
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.verdict import conclude
-from idic.report.diagnosis.headline import headline, left_over
+from idic.report import diagnosis_headline, left_over
 from idic.report.diagnosis.words import is_sure
 from idic.report.diagnosis.not_excluded import hidden_shift, larger_models, probe_words
 
@@ -127,7 +127,7 @@ TITLES = {"friction": "friction in the load train", "viscoelasticity": "Prony vi
 
 
 def test_a_headline_says_cause_time_size_and_what_it_does_to_the_parameters():
-    said = headline(CONTENT, TITLES)
+    said = diagnosis_headline(CONTENT, TITLES)
     assert said.startswith("Friction in the load train (") and "0.0199 ± 0.0018" in said
     assert "from the start" in said and "explains 97 % of the residual" in said
     assert "(friction share of force_N 0.0199" in said
@@ -141,9 +141,9 @@ def test_a_cause_with_a_course_begins_where_its_course_does_and_its_knots_are_on
                        "candidates": [{"name": "force_drift"}],
                        "rounds": [{"winner": "force_drift", "form": None, "new": list(after), "equals": []}],
                        "model": {"parameters_before": {}, "parameters_after": after}}
-    said = headline(drift, {"force_drift": "force drift"})
+    said = diagnosis_headline(drift, {"force_drift": "force drift"})
     assert "11.00 ± 0.50 N at most, in frame 10" in said and "from frame 6 on" in said and "knot" not in said
-    assert "from the start" in headline(drift | {"courses": [{"onset_frames": (0, 1)}]}, TITLES)
+    assert "from the start" in diagnosis_headline(drift | {"courses": [{"onset_frames": (0, 1)}]}, TITLES)
 
 
 def test_a_cause_that_has_a_centre_is_not_told_at_another_place():
@@ -153,16 +153,16 @@ def test_a_cause_that_has_a_centre_is_not_told_at_another_place():
     spot = CONTENT | {"named": ["heterogeneity"], "mismatch": CONTENT["mismatch"] | {"place": "around (28.2, 13.7) mm"},
                       "rounds": [{"winner": "heterogeneity", "form": "inclusion", "new": list(after), "equals": []}],
                       "model": {"parameters_before": {}, "parameters_after": after}}
-    said = headline(spot, {"heterogeneity": "heterogeneous stiffness"})
+    said = diagnosis_headline(spot, {"heterogeneity": "heterogeneous stiffness"})
     assert "x 27.240 ± 0.040 mm" in said and "28.2" not in said
-    assert "around (28.2, 13.7) mm" in headline(spot | {"verdict": "outside_library"}, TITLES)
+    assert "around (28.2, 13.7) mm" in diagnosis_headline(spot | {"verdict": "outside_library"}, TITLES)
     after["PLATE.inclusion.x"]["std"] = after["PLATE.inclusion.y"]["std"] = None
-    assert "around (28.2, 13.7) mm" in headline(spot, TITLES)
+    assert "around (28.2, 13.7) mm" in diagnosis_headline(spot, TITLES)
 
 
 def test_indistinguishable_names_are_joined_by_or():
     rounds = [CONTENT["rounds"][0] | {"equals": ["viscoelasticity"]}]
-    assert "or Prony viscoelasticity" in headline(CONTENT | {"verdict": "set", "rounds": rounds}, TITLES)
+    assert "or Prony viscoelasticity" in diagnosis_headline(CONTENT | {"verdict": "set", "rounds": rounds}, TITLES)
 
 
 def test_finite_strains_beside_a_cause_belong_to_the_description_and_alone_they_are_the_finding():
@@ -170,32 +170,34 @@ def test_finite_strains_beside_a_cause_belong_to_the_description_and_alone_they_
     finite = {"winner": "geometric_nonlinearity", "form": None, "new": [], "equals": []}
     for rounds in ([*CONTENT["rounds"], finite], [finite, *CONTENT["rounds"]]):
         both = CONTENT | {"verdict": "multiple", "named": [one["winner"] for one in rounds], "rounds": rounds}
-        said = headline(both, titles)
+        said = diagnosis_headline(both, titles)
         assert said.startswith("Friction in the load train (") and "explains 97 %" in said
         assert said.endswith("; geometric nonlinearity belongs to the description.")
     blur = {"winner": "defocus", "form": None, "new": [], "equals": []}
     grew = {"name": "defocus", "form": None, "expected_change": {"blur grows with time, place 1 of 1": 0.02},
             "expected_change_std": 0.001}
-    said = headline(CONTENT | {"verdict": "multiple", "named": [CONTENT["rounds"][0]["winner"], "defocus"],
+    said = diagnosis_headline(CONTENT | {"verdict": "multiple", "named": [CONTENT["rounds"][0]["winner"], "defocus"],
                                "rounds": [*CONTENT["rounds"], blur], "candidates": [grew]}, titles)
     assert "and defocus (blur grows with time: 0.0200 ± 0.0010 px²)" in said and "belongs" not in said
-    alone = headline(CONTENT | {"named": ["geometric_nonlinearity"], "rounds": [finite]}, titles)
+    alone = diagnosis_headline(CONTENT | {"named": ["geometric_nonlinearity"], "rounds": [finite]}, titles)
     assert alone.startswith("Geometric nonlinearity") and "explains" in alone and "belongs" not in alone
 
 
 def test_good_news_is_a_probable_cause_that_leaves_nothing():
     sure = CONTENT | {"probability": 0.95, "left_over": None}
-    assert is_sure(sure) and headline(sure, TITLES).startswith("Friction in the load train (")
+    assert is_sure(sure) and diagnosis_headline(sure, TITLES).startswith("Friction in the load train (")
     for doubt in ({"probability": 0.72}, {"left_over": "Remaining residual: 0.01 px of motion."}, {"verdict": "set"}):
         assert not is_sure(sure | doubt)
-    assert headline(sure | {"probability": 0.72}, TITLES).startswith("Probably (72 %) friction in the load train (")
+    assert diagnosis_headline(sure | {"probability": 0.72},
+    TITLES).startswith("Probably (72 %) friction in the load train (")
     assert is_sure({"verdict": "none", "probability": P_NONE}) and is_sure({"verdict": "single"})
 
 
 def test_a_nearest_cause_that_explains_most_is_said_and_doubted():
-    said = headline(CONTENT | {"verdict": "outside_library"}, TITLES)
+    said = diagnosis_headline(CONTENT | {"verdict": "outside_library"}, TITLES)
     assert said.startswith("Friction in the load train") and "most of it (97 %)" in said and "do not trust" in said
-    far = headline(CONTENT | {"verdict": "outside_library", "fit": {"explainable_share_recovered": 0.3}}, TITLES)
+    unexplained = {"verdict": "outside_library", "fit": {"explainable_share_recovered": 0.3}}
+    far = diagnosis_headline(CONTENT | unexplained, TITLES)
     assert "No candidate explains" in far and "riction" not in far
 
 
@@ -215,7 +217,7 @@ def test_what_is_left_is_said_with_its_size():
     assert "0.002 px of motion, largest around (1, 2) mm (29 % of the excess before)" in said
     assert "below the practical margin of 0.004 px" in said
     assert said.endswith("; nearest further candidates, not selected: wrong place of the mesh.")
-    assert "explains nearly all of the residual" in headline(
+    assert "explains nearly all of the residual" in diagnosis_headline(
         near | {"fit": {"explainable_share_recovered": 0.999}}, TITLES)
 
 
@@ -244,10 +246,11 @@ def test_a_headline_of_nothing_tells_what_is_below_the_margin_and_what_a_refit_d
                for name, standing in (("defocus", "small"), ("creep", "significant"), ("damage", "excluded"))]
     said = {"verdict": "none", "named": [], "indistinguishable": [], "cannot_tell": [], "candidates": entries,
             "fit": {"explainable_share_recovered": None}, "model": {"parameters_before": {}}}
-    text = headline(said, {})
+    text = diagnosis_headline(said, {})
     assert "defocus is seen, but below the practical margin; creep is suspected" in text and "damage" not in text
     entries[:2] = []
-    assert headline(said, {}) == "No missing physics is significant: the residual of images and channels is noise."
+    assert diagnosis_headline(said,
+    {}) == "No missing physics is significant: the residual of images and channels is noise."
 
 
 @pytest.mark.parametrize(("left_px2", "told"), [(30.0, ["layers"]), (0.0, [])])

@@ -13,16 +13,16 @@ from typer.testing import CliRunner
 
 import idic
 from idic.cli.app import app
-from idic.diagnose.screen.candidate import candidates
-from idic.experiment_file.load import load_experiment
+from idic.diagnose import candidate_library
+from idic.experiment_file import load_experiment
 from idic.run.diagnosis.enriched import write_enriched
-from idic.run.diagnosis.diagnose import diagnose_run
+from idic.run import diagnose_run
 from idic.run.diagnosis.source import Source
 
 pytestmark = pytest.mark.usefixtures("shared_server")
 FEW = ("plasticity", "hardening_curvature", "orthotropy", "geometric_nonlinearity", "grip_rotation", "force_offset",
        "lens_distortion")
-LIBRARY = tuple(c for c in candidates() if c.name in FEW)
+LIBRARY = tuple(c for c in candidate_library() if c.name in FEW)
 
 
 def diagnosed(folder, name, seed=0, library=LIBRARY):
@@ -169,7 +169,7 @@ def test_the_inner_keys_of_the_json_are_those_of_the_contract(yielding):
     labels = set(load_experiment(run.parent / "test").mesh.element_labels)
     assert mismatch["elements"] and set(mismatch["elements"]) <= labels and len(mismatch["centroid_mm"]) == 2
     assert (run / mismatch["figure"]).read_bytes()[:4] == b"\x89PNG"
-    known = {c.name: c for c in candidates()}
+    known = {c.name: c for c in candidate_library()}
     for entry in content["candidates"]:
         assert entry["family"] == known[entry["name"]].family and 0.0 <= entry["p_familywise"] <= 1.0
         assert 0.0 <= entry["visibility"] <= 1.0 and np.isfinite(entry["score"]) and entry["expected_change"]

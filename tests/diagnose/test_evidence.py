@@ -3,8 +3,8 @@
 import numpy as np
 from scipy import sparse
 
-from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence
-from idic.diagnose.screen.score import null_model, score
+from idic.diagnose.residual.evidence import FrameEvidence
+from idic.diagnose import Columns, Evidence, null_model, score
 
 N_NODES, T = 5, 4
 

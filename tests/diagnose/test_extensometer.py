@@ -9,13 +9,11 @@ from side_twins import TIMES, TOML, Side, write_folder
 
 from idic.diagnose.locate.adjoint_sources import element_scores
 from idic.diagnose.locate.tangents import tangents
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.screen.candidate import Variant, candidates
+from idic.diagnose import Variant, candidate_library, residual_evidence
 from idic.diagnose.screen.score_columns import score_columns
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
-from idic.model.forward import build_forward, solve
-from idic.model.motion_error import MotionError
+from idic.experiment_file import load_experiment
+from idic.identification import identify
+from idic.model import MotionError, build_forward, solve
 from idic.parameters import ParameterSet
 
 EXTENSOMETER = """
@@ -56,7 +54,7 @@ def test_a_candidate_changes_the_extensometer_as_its_simulation_does(measured):
     nu = found.parameters["BODY.nu"].value
     trial = Variant("another nu", {}, ("BODY.nu",), {"BODY.nu": nu}, {"BODY.nu": nu + 1e-3}, exact=True)
     experiment = found.experiment
-    _, columns = score_columns(found, residual, [(candidates()[0], trial)], lambda edits: experiment)
+    _, columns = score_columns(found, residual, [(candidate_library()[0], trial)], lambda edits: experiment)
     change = extension(found, nu=nu + 1e-3) - extension(found)
     assert np.abs(change).max() > 1e-6
     np.testing.assert_allclose(columns.channels[:, 1, 0], change[residual.evidence.frames], rtol=0.02, atol=1e-9)

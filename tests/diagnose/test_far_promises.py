@@ -4,8 +4,8 @@ less."""
 import pytest
 
 import idic
-from idic.run.diagnosis.diagnose import diagnose_run
-from idic.virtual_tests.examples import write_example
+from idic.run import diagnose_run
+from idic.virtual_tests import write_example
 
 
 @pytest.mark.slow

@@ -11,21 +11,16 @@ from side_twins import TIMES, TRUTH, Side, write_folder
 from test_revision import chosen, refit, sets, world
 
 import idic
-from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.screen.candidate import Variant, candidates
+from idic.diagnose import Variant, candidate_library, identification_at, null_model, residual_evidence, score
 from idic.diagnose.screen.edits import with_correction
-from idic.diagnose.screen.score import null_model, score
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.few_jumps import few_jumps, without_idle_jumps
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
-from idic.model.forward import build_forward
-from idic.model.free_course import jump_frame, without_knot
+from idic.experiment_file import load_experiment, read_toml
+from idic.model import build_forward, jump_frame, without_knot
 from idic.report.diagnosis.words import new_values
-from idic.run.diagnosis.diagnose import diagnose_run
+from idic.run import diagnose_run
 
 JUMPS = {3: 0.004, 6: 0.006, 9: 0.003}  # mm, by frame
 SLIP = "boundary.RIGHT.x.slip"
@@ -53,7 +48,7 @@ def jump_scores(folder, side):
     names = tuple(f"{SLIP}_jump[{frame}]" for frame in frames)
     every = Variant("jumps", edits, names, dict.fromkeys(names, 0.0), dict.fromkeys(names, 1.0), exact=True,
                     free_course=True)
-    slip = next(c for c in candidates() if c.name == "grip_slip")
+    slip = next(c for c in candidate_library() if c.name == "grip_slip")
     _, columns = score_columns(found, residual, [(slip, every)], lambda own: load_experiment(path, own))
     return frames, score(residual.evidence, null_model(residual.evidence, residual.null), columns)
 
@@ -130,7 +125,7 @@ def test_a_diagnosis_tells_the_jumps_and_leaves_a_ramp(tmp_path, kind):
     ramp = 0.012 * np.clip((TIMES - 2.2) / 8.8, 0.0, 1.0)
     write_folder(tmp_path / "test", in_jumps() if kind == "jumps" else lagging(ramp))
     idic.identify_experiment(tmp_path / "test", tmp_path / "run")
-    content = diagnose_run(tmp_path / "run", library=tuple(c for c in candidates() if c.name in few))
+    content = diagnose_run(tmp_path / "run", library=tuple(c for c in candidate_library() if c.name in few))
     assert content["verdict"] == "single" and content["named"] == ["grip_slip"]
     (course,) = content["courses"]
     entry = content["model"]["parameters_after"]["BODY.E"]

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 from test_revision import chosen, ranked, refit, screening, sets
 
-from idic.diagnose.screen.candidate import Variant
+from idic.diagnose import Rival, Variant
 from idic.diagnose.selection.finite_strains import finite, plain_if_enough
-from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival
+from idic.diagnose.selection.rival import MIN_HELDOUT_DROP
 from idic.diagnose.selection.rivals import edits_of
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS

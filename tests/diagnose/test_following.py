@@ -8,11 +8,10 @@ from side_twins import Side, write_folder
 
 from idic.diagnose.discretisation.following import following, moved, share_of_step
 from idic.diagnose.discretisation.weight import followed
-from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
-from idic.model.motion_error import MotionError
+from idic.diagnose import identification_at, residual_evidence
+from idic.experiment_file import load_experiment
+from idic.identification import identify
+from idic.model import MotionError
 from idic.parameters import ParameterSet
 
 

@@ -11,19 +11,16 @@ from side_twins import TIMES, Side, write_folder
 from test_evidence import N_NODES, T, made
 from test_revision import ranked
 
-from idic.diagnose.residual.evidence import Columns
+from idic.diagnose import Columns, Variant, candidate_library, null_model, residual_evidence, score, screen_candidates
 from idic.diagnose.residual.grey_value_effects import LIGHT, columns_of_kind
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.screen.candidate import Variant, candidates
 from idic.diagnose.screen.effect_sizes import effects
 from idic.diagnose.screen.free_courses import fewest_knots, with_free_courses, with_knots
-from idic.diagnose.screen.score import null_model, score, significances
+from idic.diagnose.screen.score import significances
 from idic.diagnose.screen.score_columns import score_columns
-from idic.diagnose.screen.select import proposed, screen
+from idic.diagnose.screen.select import proposed
 from idic.diagnose.screen.situation import situation
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
-from idic.identify.in_memory import identify
+from idic.experiment_file import load_experiment, read_toml
+from idic.identification import identify
 
 KNOTS = (1, 2, 3)  # columns of a course; 0 is a column of its own
 
@@ -105,10 +102,10 @@ def test_a_load_cell_that_wanders_off_and_back_is_proposed_with_its_course(wande
         return load_experiment(path, edits)
 
     names = ("force_drift", "force_offset", "grip_slip", "magnification", "machine_compliance")
-    trials = [(c, v) for c in candidates() if c.name in names for v in c.variants(here)]
+    trials = [(c, v) for c in candidate_library() if c.name in names for v in c.variants(here)]
     trials += with_free_courses(trials, here.document, found.parameters.free, load)
     labels, columns = score_columns(found, residual, trials, load)
-    first = max(screen(residual.evidence, residual.null, labels, columns).ranked, key=lambda r: r.gain)
+    first = max(screen_candidates(residual.evidence, residual.null, labels, columns).ranked, key=lambda r: r.gain)
     assert first.candidate.name == "force_drift" and first.variant.free_course and first.standing == "significant"
     course = np.interp(TIMES, [0, *(int(name[name.index("[") + 1:-1]) for name in first.start)],
                        [0, *first.start.values()])
@@ -120,7 +117,8 @@ def test_a_pattern_times_its_course_is_the_response_of_the_whole_model_to_it(wan
     """Without `exact` the same variant is answered by a model of its own, less that of its null, which is no change."""
     path, found, residual, here = wandering
     chosen = {"grip_slip": "slips slowly along x from 4.4", "grip_rotation": "turns (ux)"}
-    trials = [(c, v) for c in candidates() if c.name in chosen for v in c.variants(here) if chosen[c.name] in v.label]
+    trials = [(c,
+    v) for c in candidate_library() if c.name in chosen for v in c.variants(here) if chosen[c.name] in v.label]
     assert {c.name for c, _ in trials} == set(chosen)
     answers = [score_columns(found, residual, [(c, replace(v, exact=exact)) for c, v in trials],
                              lambda edits: load_experiment(path, edits))
@@ -137,7 +135,7 @@ def test_one_free_course_per_pattern_whatever_its_screened_courses():
                 for k in range(3)]
     loaded = SimpleNamespace(parameters=SimpleNamespace(free=("E", "channel.F.drift_knot[3]",
                                                               "channel.F.drift_knot[6]")))
-    made_of = with_free_courses([(candidates()[0], v) for v in variants], {"channel": [{"column": "F"}]}, ("E",),
+    made_of = with_free_courses([(candidate_library()[0], v) for v in variants], {"channel": [{"column": "F"}]}, ("E",),
                                 lambda edits: loaded)
     ((_, one),) = made_of
     assert one.free_course and one.new == ("channel.F.drift_knot[3]", "channel.F.drift_knot[6]")

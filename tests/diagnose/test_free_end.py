@@ -11,19 +11,17 @@ from side_twins import GRIP, TRUTH, WIDTH, Side, write_folder
 from test_channels_and_headline import CONTENT, TITLES
 
 import idic
-from idic.diagnose.refit import Refit
+from idic.diagnose import Fit, Refit, candidate_library
 from idic.diagnose.residual.excess_left import ExcessLeft
-from idic.diagnose.residual.heldout import Fit
-from idic.diagnose.screen.candidate import Situation, candidates
+from idic.diagnose.screen.candidate import Situation
 from idic.diagnose.selection.free_end import EndMotion, FreeEnd, end_motions, explains_more, may_be_an_end
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml, with_overrides
+from idic.experiment_file import load_experiment, read_toml, with_overrides
 from idic.parameters import Parameter, ParameterSet
-from idic.report.diagnosis.headline import headline
-from idic.run.diagnosis.diagnose import diagnose_run
+from idic.report import diagnosis_headline
+from idic.run import diagnose_run
 
 FEW = ("heterogeneity", "orthotropy", "grip_rotation", "grip_slip", "machine_compliance", "lens_distortion")
-LIBRARY = tuple(c for c in candidates() if c.name in FEW)
+LIBRARY = tuple(c for c in candidate_library() if c.name in FEW)
 COURSE = GRIP / GRIP.max()
 
 
@@ -96,7 +94,7 @@ def test_the_headline_names_the_end_its_shape_and_what_to_do():
     entry = {"nodes": "RIGHT", "share": 0.97, "shapes": [
         {"component": "x", "degree": 3, "words": "s-shaped", "value": 0.03, "std": 0.0004, "unit": "mm"},
         {"component": "x", "degree": 2, "words": "bent", "value": 0.01, "std": 0.0003, "unit": "mm"}]}
-    said = headline(CONTENT | {"verdict": "outside_library", "named": [], "free_end": entry}, TITLES)
+    said = diagnosis_headline(CONTENT | {"verdict": "outside_library", "named": [], "free_end": entry}, TITLES)
     assert said.startswith("The end RIGHT moves in a way that no candidate describes (shape: s-shaped in ux by 0.030")
     assert "explains 97 % of the residual on held-out data: measure that end from the images" in said
 

@@ -13,15 +13,15 @@ from test_channels_and_headline import CONTENT, TITLES
 
 import idic
 from idic.diagnose.free_form import NEXT_TEST, free_laws
-from idic.diagnose.screen.candidate import Situation, candidates
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml, with_overrides
-from idic.report.diagnosis.headline import headline
-from idic.run.diagnosis.diagnose import diagnose_run
+from idic.diagnose.screen.candidate import Situation
+from idic.diagnose import candidate_library
+from idic.experiment_file import load_experiment, read_toml, with_overrides
+from idic.report import diagnosis_headline
+from idic.run import diagnose_run
 
 FEW = ("second_invariant", "viscoelasticity", "heterogeneity", "orthotropy", "grip_rotation", "lens_distortion",
        "force_offset", "force_scale")
-LIBRARY = tuple(c for c in candidates() if c.name in FEW)
+LIBRARY = tuple(c for c in candidate_library() if c.name in FEW)
 by_calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed (Debian: calculix-ccx)")
 ELASTIC = {"E": {"value": 2000.0, "unit": "MPa", "identify": True}, "nu": 0.35}
 LAWS = {
@@ -67,15 +67,15 @@ def test_a_law_without_a_free_one_of_its_class_gets_none(path):
 def test_the_headline_says_whether_a_curve_describes_what_no_name_does():
     outside = CONTENT | {"verdict": "outside_library"}
     entry = {"title": "free hardening curve", "material": "BODY", "share": 0.93, "describes": True}
-    said = headline(outside | {"free_form": entry}, TITLES)
+    said = diagnosis_headline(outside | {"free_form": entry}, TITLES)
     assert "a free hardening curve of BODY describes 93 % of the residual on held-out data" in said
     assert "No named physics fits;" in said and "do not trust the parameters yet." in said
-    assert said.startswith(headline(outside, TITLES))
-    most = headline(outside | {"free_form": entry | {"describes": False}}, TITLES)
+    assert said.startswith(diagnosis_headline(outside, TITLES))
+    most = diagnosis_headline(outside | {"free_form": entry | {"describes": False}}, TITLES)
     assert most.endswith("on held-out data, but not all.")
-    none = headline(outside | {"free_form": entry | {"describes": False, "share": 0.1}}, TITLES)
+    none = diagnosis_headline(outside | {"free_form": entry | {"describes": False, "share": 0.1}}, TITLES)
     assert "nor does a free hardening curve of BODY (10 % of the residual on held-out data)" in none
-    assert "free" not in headline(outside | {"free_form": None}, TITLES)
+    assert "free" not in diagnosis_headline(outside | {"free_form": None}, TITLES)
 
 
 @pytest.mark.slow

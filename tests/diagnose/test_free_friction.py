@@ -10,7 +10,7 @@ import pytest
 from side_twins import FORCE_NOISE, TIMES, TRUTH, Side, refit, screening, write_folder
 
 from idic.diagnose.courses import courses_of
-from idic.experiment_file.load import load_experiment
+from idic.experiment_file import load_experiment
 
 UP = np.where(TIMES < 8.5, 1.0, -1.0) * (TIMES > 0)  # the grip goes up, rests, comes back
 LATE = np.where(TIMES > 3.5, np.minimum((TIMES - 3.0) / 3.0, 1.0), 0.0)  # a seal that begins to rub in frame 4

@@ -10,12 +10,12 @@ import pytest
 from material_twins import BODY, TIMES, Truth, write_folder
 from side_twins import screening
 
-from idic.diagnose.courses import SUPPOSED_EXPANSION_PER_K, courses_of
+from idic.diagnose.courses import courses_of
+from idic.diagnose import SUPPOSED_EXPANSION_PER_K
 from idic.diagnose.screen.free_courses import free_edits
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
-from idic.identify.in_memory import identify
+from idic.experiment_file import load_experiment, read_toml
+from idic.identification import identify
 
 BUMP = 5e-4 * np.exp(-((TIMES - 10.0) / 4.0) ** 2)
 WARMTH = {"a while": BUMP - BUMP[0], "evenly": 4e-4 * TIMES / TIMES[-1]}

@@ -3,11 +3,10 @@
 import numpy as np
 from side_twins import Side, write_folder
 
-from idic.diagnose.refit import identification_at
+from idic.diagnose import identification_at, residual_evidence
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
+from idic.experiment_file import load_experiment
+from idic.identification import identify
 
 
 def test_a_model_with_a_lens_is_measured_by_the_same_free_motions(tmp_path):

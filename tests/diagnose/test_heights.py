@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from idic.diagnose.locate.adjoint_sources import BandFactor
-from idic.diagnose.locate.mismatch import SelectedEffect, locate
-from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose.locate.mismatch import locate
+from idic.diagnose import SelectedEffect, residual_evidence
 from idic.diagnose.selection.rival import MIN_FURTHER_SHARE
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
-from idic.images.stack import ArrayStack
-from idic.report.diagnosis.where import pictures
+from idic.experiment_file import load_experiment
+from idic.identification import identify
+from idic.images import ArrayStack
+from idic.report import pictures
 from idic.run.diagnosis.where import where_record
 from idic_studies.examples.bulge import Size, write_bulge
 from idic_studies.examples.bulge_mesh import REDUCED
@@ -90,15 +90,15 @@ def test_the_strip_is_said_to_yield_from_its_edge_on(tmp_path):
     The truth is on the mesh of the model: the error of the mesh, which this recording does not have, is not added.
     """
     import idic
-    from idic.diagnose.screen.candidate import candidates
-    from idic.run.diagnosis.diagnose import diagnose_run
+    from idic.diagnose import candidate_library
+    from idic.run import diagnose_run
     from idic_studies.examples.bulge import REDUCED_SIZE
 
     names = ("plasticity", "creep", "hardening_curvature", "grip_slip", "heterogeneity", "magnification")
     write_elastic_strip(tmp_path / "bulge", REDUCED_SIZE)
     before = idic.identify_experiment(tmp_path / "bulge", tmp_path / "run")["parameters"]["strip.E"]
     assert before["value"] < 0.6 * 15700.0
-    content = diagnose_run(tmp_path / "run", library=tuple(c for c in candidates() if c.name in names))
+    content = diagnose_run(tmp_path / "run", library=tuple(c for c in candidate_library() if c.name in names))
     assert content["named"][0] == "plasticity"
     after = content["model"]["parameters_after"]
     assert abs(after["strip.E"]["value"] - 15700.0) < 4.0 * after["strip.E"]["std"]

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from idic.diagnose.residual.heldout import Fit, better_blocks, ratio, share_recovered
+from idic.diagnose.residual.heldout import share_recovered
+from idic.diagnose import Fit, better_blocks, ratio
 
 T, RANK = 12, 200
 

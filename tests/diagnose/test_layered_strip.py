@@ -15,17 +15,15 @@ from test_revision import ranked
 
 import idic
 from idic.diagnose.locate.stiffness_score import stiffness_score, wave_scores
-from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.screen.candidate import MESH_TOO_COARSE, candidates
+from idic.diagnose import MESH_TOO_COARSE, candidate_library, identification_at, residual_evidence
 from idic.diagnose.selection.rivals import alternatives
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
-from idic.run.diagnosis.diagnose import diagnose_run
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.experiment_file import load_experiment
+from idic.identification import identify
+from idic.run import diagnose_run
+from idic.virtual_tests import strip_with_hole, write_inp
 
 FEW = ("layers", "heterogeneity", "orthotropy", "grip_rotation", "lens_distortion", "plasticity", "force_offset")
-LIBRARY = tuple(c for c in candidates() if c.name in FEW)
+LIBRARY = tuple(c for c in candidate_library() if c.name in FEW)
 FINE = (8, 8, 8)
 by_calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed (Debian: calculix-ccx)")
 

@@ -7,17 +7,13 @@ import pytest
 from side_twins import FORCE_NOISE, GRIP, GRIP_NOISE, LENGTH, NOISE, PIXEL, RADIUS, SHAPE, THICKNESS, TIMES, TOML
 from side_twins import TRUTH, WIDTH, Side, refit, screening, truth
 
-from idic.diagnose.screen.candidate import Situation, candidates
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
-from idic.fe.fields import nodal_deformation
-from idic.identify.systematic.treatments import treatments
-from idic.images.pinhole import PinholeCamera, rotation_of
-from idic.images.placed_camera import PlacedCamera
-from idic.images.rigid_motion import RigidMotion
-from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
-from idic.virtual_tests.render import Sensor
+from idic.diagnose.screen.candidate import Situation
+from idic.diagnose import candidate_library
+from idic.experiment_file import load_experiment, read_toml
+from idic.fe import nodal_deformation
+from idic.identification import treatments
+from idic.images import PinholeCamera, PlacedCamera, RigidMotion, rotation_of
+from idic.virtual_tests import Sensor, strip_with_hole, write_images, write_inp, write_loads
 from idic.virtual_tests.stereo.images import common_speckle, traced_images
 from idic.virtual_tests.stereo.rig import FROM_ABOVE, write_calibration
 
@@ -66,7 +62,7 @@ def test_every_candidate_loads_before_a_lens(blank):
     path, experiment = blank, load_experiment(blank)
     where = Situation(read_toml(path), experiment, experiment.parameters.as_values(), {"BODY": np.linspace(3, 9, 7)},
                       {"BODY": 0.01}, np.zeros((len(TIMES), experiment.mesh.n_nodes, 3)), 10.0 * TIMES[:, None])
-    found = {candidate.name: candidate.variants(where) for candidate in candidates()}
+    found = {candidate.name: candidate.variants(where) for candidate in candidate_library()}
     assert all(found[name] for name in OF_LENSES) and not any(found[name] for name in NOT_OF_LENSES)
     for name in OF_LENSES:
         for variant in found[name]:

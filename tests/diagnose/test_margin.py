@@ -14,18 +14,15 @@ from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.locate.mismatch import locate
 from idic.diagnose.locate.nested_tests import without_channels
 from idic.diagnose.residual.excess import margin_chi2, power
-from idic.diagnose.residual.margin import ASSUMED, FLOOR_FACTOR, PRACTICAL_MARGIN_PX, Margin
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.screen.candidate import candidates
+from idic.diagnose.residual.margin import ASSUMED, FLOOR_FACTOR
+from idic.diagnose import Margin, PRACTICAL_MARGIN_PX, candidate_library, residual_evidence, screen_candidates
 from idic.diagnose.screen.score_columns import score_columns
-from idic.diagnose.screen.select import screen
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.verdict import conclude
-from idic.dic.camera_floor import CameraFloor
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
-from idic.identify.in_memory import identify
+from idic.measure import CameraFloor
+from idic.experiment_file import load_experiment, read_toml
+from idic.identification import identify
 
 
 MANY = 1e9  # chi-square of one px of motion in many pixels
@@ -86,14 +83,15 @@ def distorted(tmp_path_factory):
     found = identify(load_experiment(path))
     residual = residual_evidence(found)
     here = situation(found, residual, read_toml(path))
-    trials = [(c, v) for c in candidates() if c.name == "lens_distortion" for v in c.variants(here)]
+    trials = [(c, v) for c in candidate_library() if c.name == "lens_distortion" for v in c.variants(here)]
     return found, residual, score_columns(found, residual, trials, lambda edits: load_experiment(path, edits))
 
 
 def screened(distorted, margin):
     """By the images alone: a force that the lens falsifies would matter for itself."""
     _, residual, (labels, columns) = distorted
-    return screen(without_channels(residual.evidence), residual.null, labels, columns, margin=margin).ranked[0]
+    return screen_candidates(without_channels(residual.evidence), residual.null, labels, columns,
+    margin=margin).ranked[0]
 
 
 def test_a_significant_candidate_with_an_effect_below_the_floor_is_small(distorted):
@@ -106,10 +104,10 @@ def test_a_significant_candidate_with_an_effect_below_the_floor_is_small(distort
 @pytest.mark.parametrize(("share", "standing"), [(0.5, "significant"), (1.5, "small")])
 def test_a_candidate_explains_more_than_a_finer_mesh_changes_along_its_own_pattern(distorted, share, standing):
     _, residual, (labels, columns) = distorted
-    plain = screen(residual.evidence, residual.null, labels, columns).ranked[0]
+    plain = screen_candidates(residual.evidence, residual.null, labels, columns).ranked[0]
     mesh = columns.pick([plain.best])
     mesh = replace(mesh, fields=share * plain.amplitude * mesh.fields, channels=share * plain.amplitude * mesh.channels)
-    found = screen(residual.evidence, residual.null, labels, columns, mesh=mesh).ranked[0]
+    found = screen_candidates(residual.evidence, residual.null, labels, columns, mesh=mesh).ranked[0]
     assert found.standing == standing
     assert (found.statistic, found.amplitude) == pytest.approx((plain.statistic, plain.amplitude), rel=1e-9)
 

@@ -8,17 +8,14 @@ import tifffile
 from material_twins import ELASTIC, NULLS, PLASTIC, TOML, TRUTHS, NullModel, expected, write_folder
 from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 
-from idic.diagnose import candidates as library
+from idic.diagnose import candidate_library as library
 from idic.diagnose.refit import warm_start
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.screen.candidate import Situation, candidates
-from idic.diagnose.screen.select import Ranked
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
-from idic.materials import compile
-from idic.materials.core import points
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.diagnose import Ranked, candidate_library, residual_evidence
+from idic.diagnose.screen.candidate import Situation
+from idic.experiment_file import load_experiment, read_toml
+from idic.laws import compile, point_stresses
+from idic.virtual_tests import strip_with_hole, write_inp
 
 MATERIAL = {"plasticity", "hardening_curvature", "kinematic_hardening", "pressure_dependence", "rate_dependence",
             "viscoelasticity", "creep", "damage", "orthotropy", "poisson_ratio", "geometric_nonlinearity",
@@ -104,14 +101,14 @@ def folders(tmp_path_factory):
 
 
 def variants_of(situation):
-    return [(c, v) for c in candidates() if c.name in MATERIAL for v in c.variants(situation)]
+    return [(c, v) for c in candidate_library() if c.name in MATERIAL for v in c.variants(situation)]
 
 
 def test_every_candidate_has_a_file_and_a_description_and_names_rivals_that_exist():
-    known = {c.name for c in candidates()}
+    known = {c.name for c in candidate_library()}
     assert MATERIAL | CONTRACT <= known
     assert known == {file.stem for file in Path(library.__file__).parent.glob("[a-z]*.py")}
-    for candidate in candidates():
+    for candidate in candidate_library():
         assert candidate.title and candidate.null and candidate.rivals and candidate.separating_tests
         assert set(candidate.rivals) <= known - {candidate.name}
 
@@ -178,7 +175,7 @@ def stress_of(experiment, values):
     directions /= np.linalg.norm(directions, axis=(1, 2))[:, None, None]
     state, found = np.tile(law.initial_state(2), (6, 1)), []
     for size in (0.01, 0.02, 0.03, 0.03, 0.01, -0.02):
-        P, state, ok = points.stress(law, 2, np.eye(2) + size * directions, state, params, 2.0)
+        P, state, ok = point_stresses(law, 2, np.eye(2) + size * directions, state, params, 2.0)
         assert ok
         found.append(P)
     return np.array(found)
@@ -186,7 +183,7 @@ def stress_of(experiment, values):
 
 def test_a_logged_temperature_drives_the_expansion_and_without_one_a_course_is_supposed(folders):
     path, situation = folders("elastic")
-    (candidate,) = [c for c in candidates() if c.name == "thermal_expansion"]
+    (candidate,) = [c for c in candidate_library() if c.name == "thermal_expansion"]
     labels = [v.label for v in candidate.variants(situation)]
     assert labels == ["BODY expands evenly with time", "BODY expands as if warming up"]
     heated = load_experiment(path, candidate.variants(situation)[0].edits)

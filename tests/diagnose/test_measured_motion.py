@@ -7,19 +7,18 @@ import numpy as np
 import pytest
 from material_twins import TRUTHS, write_folder
 
-from idic.diagnose.measured_motion import (MOTION_STD_PX, by_motion, holds_motion, may_be_out_of_register,
-                                           out_of_register, with_edge_modes)
-from idic.diagnose.refit import identification_at
+from idic.diagnose.measured_motion import MOTION_STD_PX
+from idic.diagnose import (
+    by_motion, candidate_library, holds_motion, identification_at, may_be_out_of_register, out_of_register,
+    residual_evidence, thinned, with_edge_modes,
+)
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.residual_maps import spread
-from idic.diagnose.residual.thinning import CHOICE, thinned
-from idic.diagnose.screen.candidate import candidates
+from idic.diagnose.residual.thinning import CHOICE
 from idic.diagnose.selection.rivals import other_laws
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
-from idic.model.drives import build_drives
-from idic.model.forward import build_forward, solve
+from idic.experiment_file import load_experiment
+from idic.identification import identify
+from idic.model import build_drives, build_forward, solve
 
 TRUTH = {f"BODY.{name}": value for name, value in TRUTHS["clean_rubber"].values.items()}
 MEASURED = [{"nodes": name, "u": "measured"} for name in ("LEFT", "RIGHT")]
@@ -124,7 +123,7 @@ def test_measured_edges_become_the_modes_of_their_motion_and_stay_as_measured(ru
 
 
 def test_where_the_model_is_pixels_off_all_significant_laws_are_refitted():
-    library = {candidate.name: candidate for candidate in candidates()}
+    library = {candidate.name: candidate for candidate in candidate_library()}
     names = ("heterogeneity", "plasticity", "grip_rotation", "nonlinear_elasticity", "lens_distortion", "orthotropy")
     significant = tuple(SimpleNamespace(candidate=library[name], gain=gain, key=(name, ""))
                         for gain, name in enumerate(names))

@@ -8,9 +8,8 @@ import pytest
 from side_twins import PIXEL, TRUTH, Side, refit, screening, write_folder
 
 from idic.diagnose.screen.edits import further_dofs
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
-from idic.identify.in_memory import identify
+from idic.experiment_file import load_experiment, read_toml
+from idic.identification import identify
 
 AT = (0.12, -0.09)  # mm: 2 and 1.5 px
 

@@ -11,9 +11,9 @@ from side_twins import PIXEL, TRUTH, Side, write_folder
 from test_revision import chosen, sets
 
 import idic
-from idic.diagnose.screen.candidate import candidates
+from idic.diagnose import candidate_library
 from idic.diagnose.selection.rival import judge
-from idic.run.diagnosis.diagnose import diagnose_run
+from idic.run import diagnose_run
 
 FEW = ("placement", "origin", "camera_rotation", "pixel_size", "camera_motion", "magnification", "grip_rotation",
        "hole_geometry", "machine_compliance", "heterogeneity")
@@ -41,7 +41,7 @@ def test_a_limit_stays_where_the_place_explains_less_than_a_further_cause_would(
 def test_a_misread_scale_and_point_are_one_cause_and_one_of_them_alone_keeps_its_name(tmp_path, name):
     write_folder(tmp_path / "test", Side(camera=misread) if name == "placement" else SIDES[name])
     idic.identify_experiment(tmp_path / "test", tmp_path / "run")
-    content = diagnose_run(tmp_path / "run", library=tuple(c for c in candidates() if c.name in FEW))
+    content = diagnose_run(tmp_path / "run", library=tuple(c for c in candidate_library() if c.name in FEW))
     assert content["verdict"] in ("single", "set") and content["named"] == [name]
     after = content["model"]["parameters_after"]
     assert abs(after["BODY.E"]["value"] - TRUTH["E"]) < 3.0 * after["BODY.E"]["std"]

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from idic.diagnose.candidates import illumination, plasticity  # noqa: F401  registered
-from idic.diagnose.residual.heldout import Fit
-from idic.diagnose.screen.candidate import Variant
-from idic.diagnose.screen.misregistration import HIDDEN_BY_MOTION, lost_contrast_chi2, reason_to_wait
-from idic.images.pattern import dense_speckle
+from idic.diagnose import Fit, HIDDEN_BY_MOTION, Variant
+from idic.diagnose.screen.misregistration import lost_contrast_chi2, reason_to_wait
+from idic.images import dense_speckle
 
 NOISE_GV = 2.0
 LIGHT = (Variant("the light grows with time", {}, (), {}, pixels=("light", np.ones((1, 2)))),)

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from idic.cli.diagnosis_commands import app
 from idic.diagnose.screen import candidate as library
-from idic.diagnose.screen.candidate import candidates
-from idic.report.diagnosis.words import sentence
+from idic.diagnose import candidate_library
+from idic.report import sentence
 
 DOCS = Path(__file__).parents[2] / "docs" / "add-a-candidate.md"
 
@@ -26,13 +26,13 @@ def example():
 @pytest.fixture
 def added(tmp_path, monkeypatch):
     """The candidate of the recipe page, registered from its one file for the time of a test."""
-    candidates()
+    candidate_library()
     monkeypatch.setattr(library, "_REGISTRY", dict(library._REGISTRY))
     file = tmp_path / "thickness_error.py"
     file.write_text(example(), encoding="utf-8")
     spec = importlib.util.spec_from_file_location("idic.diagnose.candidates.thickness_error", file)
     spec.loader.exec_module(importlib.util.module_from_spec(spec))
-    return next(c for c in candidates() if c.name == "thickness_error")
+    return next(c for c in candidate_library() if c.name == "thickness_error")
 
 
 def test_a_candidate_of_one_file_is_screened(added, tmp_path):
@@ -67,10 +67,10 @@ def test_every_candidate_has_a_twin_in_which_it_is_concealed():
     of_points = {"outline"}  # tests/identify/test_rail_shear.py
     elsewhere = {"dust", "paint_loss", "layers"}  # test_spots.py, test_layered_strip.py: with the right parameters
     concealed = {name.split("_of_")[0] for name in TRUTHS} | set(SIDES) | before_a_lens | of_points | elsewhere
-    assert {c.name for c in candidates()} <= concealed
+    assert {c.name for c in candidate_library()} <= concealed
 
 
 def test_every_candidate_is_called_by_its_standard_name_and_paraphrased():
-    for candidate in candidates():
+    for candidate in candidate_library():
         assert candidate.title and candidate.paraphrase, candidate.name
-    assert "orthotropic elasticity" in {c.title for c in candidates()}
+    assert "orthotropic elasticity" in {c.title for c in candidate_library()}

@@ -9,7 +9,7 @@ import pytest
 from side_twins import TOML, Side, write_folder
 
 from idic.correlation.channels import knots
-from idic.diagnose.cautions import cautions
+from idic.diagnose import Margin, candidate_library, cautions, identification_at, residual_evidence
 from idic.diagnose.next_test import (
     MIN_SEPARATING_CHI2,
     _shown,
@@ -24,19 +24,12 @@ from idic.diagnose.next_test import (
     unloads,
     reason_against_continuation,
 )
-from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.margin import Margin
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.screen.candidate import candidates
 from idic.diagnose.screen.situation import situation
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
-from idic.identify.in_memory import identify
-from idic.model.experiment import Controlled, Load, Temperature, TemperatureField
-from idic.model.forward import build_forward
-from idic.model.free_course import knot_name
-from idic.model.load_train import way_of
-from idic.model.temperature import nodal_temperature
+from idic.experiment_file import load_experiment, read_toml
+from idic.identification import identify
+from idic.model import (
+    Controlled, Load, Temperature, TemperatureField, build_forward, knot_name, nodal_temperature, way_of,
+)
 from idic_studies.trial.tool_run import FolderSource
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS, Geometry, plain_scene
@@ -55,7 +48,7 @@ def models(tmp_path_factory):
     source = FolderSource(str(folder), write_public(folder, scene, solve(scene), Paint(3, 4)))
     found = identify(source.load())
     here = situation(found, residual_evidence(found), read_toml(folder / "experiment.toml"))
-    known = {c.name: c for c in candidates()}
+    known = {c.name: c for c in candidate_library()}
     slip = next(v for v in known["grip_slip"].variants(here) if v.label.startswith("RIGHT slips slowly along x from 0"))
     compliance = next(v for v in known["machine_compliance"].variants(here) if v.new[0].startswith("boundary.RIGHT.x"))
     force = float(np.abs(found.experiment.channels[0].values).max())

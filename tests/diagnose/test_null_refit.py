@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from side_twins import Side, write_folder
 
-from idic.diagnose.chain import diagnose
-from idic.diagnose.refit import Refit
+from idic.diagnose import Refit, diagnose
 from idic.errors import NotConverged
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
+from idic.experiment_file import load_experiment
+from idic.identification import identify
 
 
 def failing(jobs):

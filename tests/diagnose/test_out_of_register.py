@@ -7,8 +7,8 @@ import pytest
 from material_twins import TRUTHS, write_folder
 
 import idic
-from idic.diagnose.screen.candidate import candidates
-from idic.run.diagnosis.diagnose import diagnose_run
+from idic.diagnose import candidate_library
+from idic.run import diagnose_run
 
 COMPLIANCE = 0.06  # mm/N, between the grip and what measures its motion: 3.6 px at the largest force
 FEW = ("grip_slip", "machine_compliance", "grip_rotation", "second_invariant", "geometric_nonlinearity", "force_offset",
@@ -30,7 +30,7 @@ def soft_machine(tmp_path_factory):
         writer.writeheader()
         writer.writerows(rows)
     result = idic.identify_experiment(folder / "test", folder / "run", workers=0)
-    diagnose_run(folder / "run", library=tuple(one for one in candidates() if one.name in FEW))
+    diagnose_run(folder / "run", library=tuple(one for one in candidate_library() if one.name in FEW))
     return result, json.loads((folder / "run" / "diagnosis.json").read_text())
 
 

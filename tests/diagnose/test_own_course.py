@@ -9,17 +9,14 @@ import pytest
 from experiment_file.small_experiment import load_experiment, write_experiment
 from test_revision import Folder, fit, ranked, refit, screening
 
-from idic.diagnose.courses import SUPPOSED_EXPANSION_PER_K, Course, courses_of
-from idic.diagnose.screen.candidate import Variant, candidates
+from idic.diagnose.courses import Course, courses_of
+from idic.diagnose import Rival, Round, SUPPOSED_EXPANSION_PER_K, ScoreColumn, Variant, candidate_library
 from idic.diagnose.screen.free_courses import free_edits
-from idic.diagnose.screen.score_columns import ScoreColumn
 from idic.diagnose.selection import own_course
 from idic.diagnose.selection.imitation import MIN_IMITATED_SHARE, with_imitated
 from idic.diagnose.selection.own_course import has_own_course, leaves_something
-from idic.diagnose.selection.rival import Rival, Round
-from idic.experiment_file.toml_file import read_toml
-from idic.model.free_course import KNOTS
-from idic.model.temperature import nodal_temperature
+from idic.experiment_file import read_toml
+from idic.model import KNOTS, nodal_temperature
 
 BOUNDARY = [{"nodes": "TOP", "uy": {"column": "grip_mm", "corrections": [
     {"kind": "compliance", "column": "F"}, {"kind": "rotation", "start_s": 3.0, "course": "ramp"}]}}]
@@ -74,7 +71,7 @@ def test_a_course_begins_between_its_last_frame_at_zero_and_its_first_beyond_noi
 @pytest.mark.parametrize("way, channels, tested",
                          [((0.0, 1.0, 2.0), (), False), ((0.0, 2.0, 0.2), (), True), ((0.0, 1.0, 2.0), ("F",), True)])
 def test_damage_is_tested_only_where_a_force_or_a_way_back_tells_it_from_plastic_flow(way, channels, tested):
-    damage = next(c for c in candidates() if c.name == "damage")
+    damage = next(c for c in candidate_library() if c.name == "damage")
     u = np.array(way)[:, None, None] * np.ones((3, 4, 2))
     here = SimpleNamespace(experiment=SimpleNamespace(channels=channels, loads=()), u=u)
     assert (damage.reason_against(here) == "") is tested

@@ -9,8 +9,7 @@ from side_twins import Side, write_folder
 from idic.diagnose.candidates.seating import rescaled, variants
 from idic.diagnose.screen.candidate import Situation
 from idic.diagnose.selection.own_scale import MAX_REFITS, next_scale
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
+from idic.experiment_file import load_experiment, read_toml
 
 
 @pytest.mark.parametrize("true", [-1.3, -0.45, 0.0, 0.3, 0.9])

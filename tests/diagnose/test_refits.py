@@ -9,25 +9,26 @@ import pytest
 from side_twins import TOML, Side, write_folder
 
 from idic.diagnose.chain import unlimited_excess
-from idic.diagnose.refit import (GIVEN_UP, MAX_BODY_EVALUATIONS, MIN_BODY_EVALUATIONS, MIN_NULL_SHARE, EarlyStop,
-                                 Refit, Start, refit, refit_residual, residual_from_rest, warm_start)
-from idic.diagnose.refit_job import RefitJob, run_refit
-from idic.diagnose.residual.heldout import Fit, grid_of, pooled
-from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose.refit import (
+    EarlyStop, GIVEN_UP, MAX_BODY_EVALUATIONS, MIN_BODY_EVALUATIONS, MIN_NULL_SHARE, Start, refit, refit_residual,
+    residual_from_rest, warm_start,
+)
+from idic.diagnose import (
+    Candidate, Fit, JUDGEMENT, Ranked, Refit, RefitJob, Rival, Round, Variant, residual_evidence, run_refit,
+)
+from idic.diagnose.residual.heldout import grid_of, pooled
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT
+from idic.diagnose.residual.thinning import CHOICE
 from idic.diagnose.selection.both_copies import judged_on_both, undecided
 from idic.diagnose.selection.rivals import (MAX_PARALLEL_REFITS, alternatives, most_body_evaluations, next_wave,
                                              refitted)
-from idic.diagnose.screen.candidate import Candidate, Variant
-from idic.diagnose.screen.select import Ranked
 from idic.diagnose.residual.excess_left import ExcessLeft
-from idic.diagnose.selection.rival import Rival, Round, judge
+from idic.diagnose.selection.rival import judge
 from idic.errors import NotConverged
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
-from idic.identify.step.state import AcceptedPoint, LoopState, Trial
-from idic.run.diagnosis.refits import RefitStore, job_hash, run_refits
+from idic.experiment_file import load_experiment
+from idic.identification import AcceptedPoint, LoopState, Trial, identify
+from idic.run.diagnosis.refits import RefitStore, job_hash
+from idic.run import run_refits
 from idic.run.diagnosis.source import Source
 
 

@@ -7,17 +7,14 @@ import pytest
 import tifffile
 from side_twins import SHAPE, Side, write_folder
 
-from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.evidence import Columns
+from idic.diagnose import Columns, identification_at, null_model, residual_evidence, score
 from idic.diagnose.residual.heldout import grid_of
-from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, hats, spectrum
 from idic.diagnose.screen.local_residual import local_residual_tests
-from idic.diagnose.screen.score import null_model, score
 from idic.diagnose.screen.time_course import GRID_REFINEMENT, added_time_course, time_course_test
 from idic.diagnose.residual.excess_left import MAX_INCLUSION_EXCESS_LEFT
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
+from idic.experiment_file import load_experiment
+from idic.identification import identify
 
 PLACE, RADIUS, STIFFNESS = np.array([-2.5, 0.5]), 1.0, 0.5
 SPOT = {"heterogeneity": [{"set": "BODY", "form": "inclusion", "centre_mm": PLACE.tolist(), "identify_centre": True,

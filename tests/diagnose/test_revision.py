@@ -8,19 +8,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idic.diagnose.chain import Diagnosis
-from idic.diagnose.refit import Refit
+from idic.diagnose import Diagnosis, Fit, Ranked, Refit, Rival, Round, ScoreColumn, Variant, candidate_library
 from idic.diagnose.refit_job import Told
-from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.selection.revision import (Workplace, earns_its_place, exchangeable, is_needed, min_further_drop,
                                                revised)
-from idic.diagnose.screen.candidate import Variant, candidates
-from idic.diagnose.screen.score_columns import ScoreColumn
-from idic.diagnose.screen.select import Ranked, Screening
-from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round
+from idic.diagnose.screen.select import Screening
+from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, MIN_HELDOUT_DROP
 
 T, RANK = 10, 100
-KNOWN = {candidate.name: candidate for candidate in candidates()}
+KNOWN = {candidate.name: candidate for candidate in candidate_library()}
 NAMES = ("magnification", "thermal_expansion", "camera_motion")
 
 

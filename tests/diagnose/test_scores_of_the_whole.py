@@ -8,16 +8,14 @@ import pytest
 from test_revision import chosen, sets
 
 from idic.diagnose.candidates import defocus
-from idic.diagnose.chain import diagnose
-from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose import NO_CAUSE, candidate_library, diagnose, residual_evidence
 from idic.diagnose.residual.thinning import drop_on_copy
-from idic.diagnose.screen.candidate import candidates
 from idic.diagnose.screen.situation import situation
-from idic.diagnose.selection.rival import NO_CAUSE, causes_of
-from idic.identify.in_memory import identify
-from idic.images.stack import ArrayStack
-from idic.model.experiment import CorrelatedNoise
-from idic.run.diagnosis.refits import run_refits
+from idic.diagnose.selection.rival import causes_of
+from idic.identification import identify
+from idic.images import ArrayStack
+from idic.model import CorrelatedNoise
+from idic.run import SerialRunner, run_refits
 from idic_studies.trial.kinds import LIBRARY
 from idic_studies.trial.scenes.recording import IMAGES, Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
@@ -26,7 +24,6 @@ from idic_studies.trial.scenes.worlds import world_scene
 from idic_studies.trial.strength import FAINT, SEEN_OF
 from idic_studies.trial.tool_run import FolderSource
 from idic_studies.trial.world_strength import amplitude_in
-from idic.workers.runner import SerialRunner
 
 WORLD = {"specimen": "hole", "columns": 132, "frames": 16, "programme": "hold", "thickness": 1.0, "solid": False,
          "finite": False, "noise": "white"}
@@ -44,7 +41,7 @@ def screening_of(folder, scene, name):
     """First screening of one candidate on a recording of a scene, and the noise of what it looked at."""
     (source, found), seen = recorded(folder, scene), []
     diagnosis = diagnose(source, found, partial(run_refits, SerialRunner(), None), quick=True,
-                         library=[one for one in candidates() if one.name == name],
+                         library=[one for one in candidate_library() if one.name == name],
                          watch=lambda residual, *_: seen.append(residual.context.experiment))
     return diagnosis.rounds[0].screening.of(name), seen[0].noise.std_gv / source.load().noise.std_gv
 

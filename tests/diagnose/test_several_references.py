@@ -7,17 +7,15 @@ import pytest
 from side_twins import NOISE, Side, write_folder
 
 from idic.diagnose.locate.onset import MotionRecord
-from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.evidence import Columns, noise_share
+from idic.diagnose import Columns, identification_at, null_model, residual_evidence, score
+from idic.diagnose.residual.evidence import noise_share
 from idic.diagnose.residual.excess import pixel_tests
 from idic.diagnose.residual.grey_value_effects import columns_of_kind
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.noise_draws import recorded_frames
-from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.residual.subspace import gain_and_rank
-from idic.diagnose.screen.score import null_model, score
-from idic.experiment_file.load import load_experiment
-from idic.images.stack import ArrayStack
+from idic.experiment_file import load_experiment
+from idic.images import ArrayStack
 
 STILL, T = 6, 12  # images averaged, frames after them
 SIGMAS = 4.5  # a sound statistic goes beyond once in 10^5 seeds

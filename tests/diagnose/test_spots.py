@@ -14,16 +14,14 @@ from scipy.interpolate import LinearNDInterpolator
 from side_twins import NOISE, ORIGIN, PIXEL, SHAPE, TRUTH, Side, truth, write_folder
 
 import idic
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.spots import DUST, PAINT, LeftOut, Spot, find_spots
-from idic.experiment_file.load import load_experiment
-from idic.images.camera import Camera
-from idic.images.stack import ArrayStack
-from idic.model.forward import build_forward
-from idic.report.diagnosis.spots import with_spots
+from idic.correlation import build_experiment_reference, camera_at
+from idic.diagnose import DUST, LeftOut, PAINT, Spot, find_spots, identification_at
+from idic.experiment_file import load_experiment
+from idic.images import ArrayStack, Camera
+from idic.model import build_forward
+from idic.report import with_spots
 from idic.report.diagnosis.words import is_sure
-from idic.run.diagnosis.diagnose import diagnose_run
+from idic.run import diagnose_run
 
 CAMERA = Camera.from_table(PIXEL, ORIGIN, centre=((SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2))
 
@@ -101,12 +99,13 @@ def test_what_is_no_disc_is_no_spot(recording):
 
 def test_pixels_under_a_circle_are_not_correlated(recording):
     path = Path(recording[0].folder) / "experiment.toml"
-    pixels = [build_reference(one, camera_at(one, one.parameters)).pixel_map.points() for one in (
+    pixels = [build_experiment_reference(one, camera_at(one, one.parameters)).pixel_map.points() for one in (
         load_experiment(path), load_experiment(path, {"options.left_out_px": [[130.0, 40.0, 5.0]]}))]
     gone = set(map(tuple, pixels[0])) - set(map(tuple, pixels[1]))
     assert len(gone) == 81 and max(np.hypot(x - 130.0, y - 40.0) for x, y in gone) <= 5.0
     far = load_experiment(path, {"options.left_out_px": [[-50.0, 10.0, 5.0], [130.0, 4000.0, 5.0], [130.0, 40.0, 5.0]]})
-    rest = build_reference(far, camera_at(far, far.parameters)).pixel_map.points()  # dust that comes in later
+    rest = build_experiment_reference(far, camera_at(far,
+    far.parameters)).pixel_map.points()  # dust that comes in later
     assert set(map(tuple, rest)) == set(map(tuple, pixels[1]))
     for circles, what in (([[1.0, 2.0, 0.0]], "a circle without a size"), ([[1.0, 2.0]], "left_out_px")):
         with pytest.raises(idic.errors.InputError, match=what):

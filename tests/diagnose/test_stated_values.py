@@ -9,10 +9,9 @@ from side_twins import Side, write_folder
 from idic.diagnose.discretisation.following import following
 from idic.diagnose.locate.mismatch import parameters_over_windows
 from idic.diagnose.locate.onset import MotionRecord
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.screen.score import null_model
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
+from idic.diagnose import null_model, residual_evidence
+from idic.experiment_file import load_experiment
+from idic.identification import identify
 from idic.parameters import JointPrior, Parameter, ParameterSet, SmoothnessPrior
 
 NU = "BODY.nu"

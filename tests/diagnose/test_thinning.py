@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT, ThinnedStack
-from idic.images.stack import ArrayStack
-from idic.model.experiment import CorrelatedNoise, Noise
+from idic.diagnose.residual.thinning import CHOICE, ThinnedStack
+from idic.diagnose import JUDGEMENT
+from idic.images import ArrayStack
+from idic.model import CorrelatedNoise, Noise
 
 SIGMA, SHAPE = 3.0, (300, 400)
 N = SHAPE[0] * SHAPE[1]

@@ -6,27 +6,27 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idic.diagnose.cautions import (formal_fit, refits_cut_short, refits_given_up, rivals_not_ruled_out,
+from idic.diagnose.caution_texts import (formal_fit, refits_cut_short, refits_given_up, rivals_not_ruled_out,
                                     search_cautions, softening_caution, too_coarse)
-from idic.diagnose.chain import Diagnosis
+from idic.diagnose import (
+    Diagnosis, Fit, MAX_HIDDEN_VISIBILITY, MESH_TOO_COARSE, Mismatch, Ranked, Refit, Rival, Round, SelectedEffect,
+    Variant, candidate_library, refitted_form,
+)
 from idic.diagnose.channel_left import ChannelLeft
-from idic.diagnose.findings import acts_everywhere, refitted_form
-from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect
+from idic.diagnose.findings import acts_everywhere
 from idic.diagnose.locate.nested_tests import KINEMATIC_LEVELS, Level, decide
-from idic.diagnose.refit import GIVEN_UP, Refit
-from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.refit import GIVEN_UP
 from idic.diagnose.selection.rivals import same_family_rivals
-from idic.diagnose.screen.candidate import MESH_TOO_COARSE, Variant, candidates
 from idic.diagnose.screen.score import Scores
-from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_SEPARATION_CHI2, Ranked, Screening
+from idic.diagnose.screen.select import MIN_SEPARATION_CHI2, Screening
 from idic.diagnose.residual.excess_left import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
-from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, judge
+from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, judge
 from idic.diagnose.verdict import bound_text, conclude
 from idic.parameters import Parameter
 
 T, RANK = 10, 100
 POWER = 1e7  # chi-square of one px: 300 in each of 10 frames is a motion of 0.017 px
-KNOWN = {candidate.name: candidate for candidate in candidates()}
+KNOWN = {candidate.name: candidate for candidate in candidate_library()}
 
 
 def left(extra):

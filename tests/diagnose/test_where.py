@@ -16,22 +16,22 @@ from idic.diagnose.locate.adjoint_sources import (
 )
 from idic.diagnose.locate.fingerprint import fingerprint
 from idic.diagnose.locate.freedoms import boundary_patterns
-from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
+from idic.diagnose.locate.mismatch import locate
+from idic.diagnose import Mismatch, SelectedEffect, element_centres, in_words, null_model, residual_evidence
 from idic.diagnose.locate.nested_tests import normal, level
 from idic.diagnose.locate.tangents import tangents
 from idic.diagnose.locate.onset import MotionRecord, growing_windows, load_histories, onset, parameter_cusum
-from idic.diagnose.locate.place import clusters, element_centres, in_words
+from idic.diagnose.locate.place import clusters
 from idic.diagnose.residual.excess import p_beyond_margin
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.diagnose.residual.noise_draws import free_motion, recorded_frames
-from idic.diagnose.residual.residual_evidence import residual_evidence, simulated
+from idic.diagnose.residual.residual_evidence import simulated
 from idic.diagnose.residual.subspace import hats
-from idic.diagnose.screen.score import null_model
-from idic.experiment_file.load import load_experiment
-from idic.fe.assembly.assembly import stiffness_times
+from idic.experiment_file import load_experiment
+from idic.fe import stiffness_times
 from idic.fe.solver.linear import factorise, make_pattern
-from idic.identify.in_memory import identify
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.identification import identify
+from idic.virtual_tests import strip_with_hole
 
 UNLIKELY = 1e-3  # p of a Kolmogorov-Smirnov test that a sound statistic meets once in a thousand seeds
 

@@ -13,17 +13,15 @@ from test_verdicts import POWER, left, ranked, rival, round_of, screening
 
 import idic
 from idic.cli.diagnosis_tables import told
-from idic.diagnose.findings import mismatch_content, unexplained
-from idic.diagnose.locate.mismatch import SelectedEffect, locate
+from idic.diagnose import SelectedEffect, mismatch_content, residual_evidence, unexplained
+from idic.diagnose.locate.mismatch import locate
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.diagnose.residual.residual_evidence import residual_evidence
 from idic.diagnose.verdict import conclude
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
-from idic.report.diagnosis.headline import headline
-from idic.report.diagnosis.words import sentence
-from idic.run.diagnosis.diagnose import diagnose_run
+from idic.experiment_file import load_experiment
+from idic.identification import identify
+from idic.report import diagnosis_headline, sentence
+from idic.run import diagnose_run
 
 NOTHING, FORCE, MOTION = (), ("force_N",), ("motion",)
 
@@ -64,7 +62,7 @@ def content_of(known, cause, rest):
         "next_experiment": verdict.next_experiment, "rounds": CONTENT["rounds"] if cause else [],
         "candidates": [{"name": "friction", "form": None, "visibility": 1.0, "standing": "significant"}],
         "fit": {"explainable_share_recovered": verdict.share}, "left_over": None, "not_excluded": [], "cautions": []}
-    return content | {"headline": headline(content, TITLES), "sentence": sentence(content, TITLES)}
+    return content | {"headline": diagnosis_headline(content, TITLES), "sentence": sentence(content, TITLES)}
 
 
 COMBINATIONS = [(located, cause, rest) for located, cause, rest in

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.pixels.pixel_map import build_pixel_map
-from idic.correlation.reference import build_reference
-from idic.dic import Regularisation, build_smoother
-from idic.fe.mesh.mesh import Mesh, make_mesh
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
-from idic.images.stack import ArrayStack
-from idic.model.experiment import Experiment, Noise
+from idic.correlation import build_pixel_map, build_reference
+from idic.measure import Regularisation, build_smoother
+from idic.fe import Mesh, make_mesh
+from idic.images import ArrayStack, Camera, dense_speckle
+from idic.model import Experiment, Noise
 from idic.parameters import ParameterSet
-from idic.virtual_tests.render import Sensor, clean_image, painted
+from idic.virtual_tests import Sensor, clean_image, painted
 
 CAMERA = Camera.from_table(axes=("+col", "+row"))  # one "mm" is one px, rows count downwards
 

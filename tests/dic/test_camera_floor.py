@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from dic_cases import experiment, grid, pictures, rest
 
-from idic.correlation.experiment_reference import build_reference
-from idic.dic.camera_floor import MAX_STILL_FRAMES, camera_floor
-from idic.dic.still import StillFrames, find_still_frames, without_rigid
-from idic.images.stack import ArrayStack
-from idic.model.experiment import Channel, Noise
+from idic.correlation import build_experiment_reference
+from idic.measure.dic.camera_floor import MAX_STILL_FRAMES
+from idic.measure import camera_floor, find_still_frames
+from idic.measure.dic.still import StillFrames, without_rigid
+from idic.images import ArrayStack
+from idic.model import Channel, Noise
 
 SHAPE = (340, 280)
 NOISE = 2.0
@@ -62,7 +63,7 @@ def recording(log: bool = False, **what):
 
 
 def floor_of(e, still, motion):
-    return camera_floor(e, build_reference(e, e.camera), still, lambda k: motion[k])
+    return camera_floor(e, build_experiment_reference(e, e.camera), still, lambda k: motion[k])
 
 
 @pytest.fixture(scope="module")

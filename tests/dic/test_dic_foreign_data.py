@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from dic_cases import grid, set_up
 
-from idic.dic import Regularisation, dic_frame, dic_stack
-from idic.experiment_file.load import load_experiment
-from idic.images.interpolate import prefilter
-from idic.readers.images import read_image
+from idic.measure import Regularisation, dic_frame, dic_stack
+from idic.experiment_file import load_experiment
+from idic.images import prefilter
+from idic.readers import read_image
 
 NONE, MECHANICAL = Regularisation("none"), Regularisation("mechanical")
 

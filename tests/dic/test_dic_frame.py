@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from dic_cases import grid, pictures, rest, set_up, wavy
 
-from idic.dic import Regularisation, dic_frame, node_std
-from idic.images.interpolate import prefilter
+from idic.measure.dic import node_std
+from idic.measure import Regularisation, dic_frame
+from idic.images import prefilter
 
 SHAPE = (150, 190)
 FRAME = (15, 15, 175, 135, 20)

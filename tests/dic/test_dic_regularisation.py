@@ -8,9 +8,9 @@ from dic_cases import grid
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from idic.dic import Regularisation, build_smoother
+from idic.measure import Regularisation, build_smoother
 from idic.errors import InputError
-from idic.readers.roi_mesh import roi_mesh
+from idic.readers import roi_mesh
 
 
 def passed(mesh, kind: str, length: float, wave: float, direction) -> float:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from dic_cases import experiment, grid, pictures
 
-from idic.dic import dic_stack
-from idic.model.experiment import Noise, Options
+from idic.measure import dic_stack
+from idic.model import Noise, Options
 
 SHAPE = (370, 240)
 NOISE = 3.0

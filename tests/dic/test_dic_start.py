@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from dic_cases import grid, pictures, rest, set_up
 
-from idic.dic import Regularisation, build_pyramid, build_smoother, coarse_motion, descend
+from idic.measure.dic import build_pyramid, descend
+from idic.measure import Regularisation, build_smoother, coarse_motion
 
 SHAPE = (420, 380)
 

@@ -10,12 +10,10 @@ import pytest
 from dic_cases import CAMERA, experiment, grid, pictures, rest
 from scipy import ndimage
 
-from idic.correlation.frame import ResidualMap
-from idic.correlation.pixels.pixel_map import build_pixel_map
-from idic.identify.judgement.local_residual import element_sums, local_residual
-from idic.identify.judgement.remedies import chi2_at, remedies, try_remedies
-from idic.identify.judgement.significance import p_text, z_text
-from idic.model.experiment import Noise, Options
+from idic.correlation import ResidualMap, build_pixel_map
+from idic.identification import element_sums, local_residual, p_text, try_remedies, z_text
+from idic.identification.judgement.remedies import chi2_at, remedies
+from idic.model import Noise, Options
 
 SHAPE = (260, 300)
 MESH = grid(20, 20, 280, 240, 13)  # 340 elements of 169 px

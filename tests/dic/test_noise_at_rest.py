@@ -10,10 +10,11 @@ import pytest
 from dic_cases import experiment, grid, pictures
 from scipy.ndimage import gaussian_filter
 
-from idic.dic import dic_stack
-from idic.identify.input_noise import measured_noise, noise_content, noise_notes
-from idic.images.stack import ArrayStack
-from idic.model.experiment import Channel, Noise
+from idic.measure import dic_stack
+from idic.identification.input_noise import noise_content, noise_notes
+from idic.identification import measured_noise
+from idic.images import ArrayStack
+from idic.model import Channel, Noise
 
 SHAPE, FRAME, STD, SMOOTHING_PX = (180, 160), (20, 20, 140, 160, 20), 2.0, 0.6
 LOADS = np.array([0.0, 0.0, 0.4, 0.7, 1.0])  # frame 1 before the load

@@ -10,10 +10,12 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "correlation")]
 
 from section_cases import SHAPE, WIDTH, Surface, camera, layer_mesh, strip_mesh  # noqa: E402
 
-from idic.correlation.height.cross_section import build_section_reference, section_motion, section_equations  # noqa: E402
+from idic.correlation.height.cross_section import build_section_reference  # noqa: E402
+from idic.correlation import section_equations, section_motion  # noqa: E402
 from idic.correlation.height.section_map import build_section_map  # noqa: E402
-from idic.dic.section import section_field, section_nodes, second_difference  # noqa: E402
-from idic.fe.mesh.mesh import make_mesh  # noqa: E402
+from idic.measure.dic.section import section_nodes, second_difference  # noqa: E402
+from idic.measure import section_field  # noqa: E402
+from idic.fe import make_mesh  # noqa: E402
 
 SURFACE, NOISE = Surface(), 0.02  # um; the roughness has 1.1 um
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.correlation.pinhole.view import in_space
-from idic.dic.stereo import surface_motion
-from idic.dic.surface_smoothing import surface_smoother
+from idic.correlation import in_space
+from idic.measure import surface_motion
+from idic.measure.dic.surface_smoothing import surface_smoother
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.fe.mesh.mesh import face_cells
+from idic.experiment_file import load_experiment
+from idic.fe import face_cells
 from idic.virtual_tests.stereo.plate import PlateTest, Size, plate, write_plate
 from idic.virtual_tests.stereo.ray_tracing import Scene
 from idic.virtual_tests.stereo.rig import rig

@@ -15,12 +15,13 @@ from drawn_folder import make_folder, plan  # noqa: E402
 
 from idic.draw.desk import Desk  # noqa: E402
 from idic.draw.document import KEPT, drawn_before  # noqa: E402
-from idic.draw.folder import list_folder, run_folder  # noqa: E402
+from idic.draw.folder import run_folder  # noqa: E402
+from idic.draw import list_folder  # noqa: E402
 from idic.draw.watch import next_name, state_of  # noqa: E402
 from idic.errors import InputError  # noqa: E402
-from idic.experiment_file.load import load_experiment  # noqa: E402
-from idic.store.result_file import write_result  # noqa: E402
-from idic.store.run_lock import run_lock  # noqa: E402
+from idic.experiment_file import load_experiment  # noqa: E402
+from idic.run.store.result_file import write_result  # noqa: E402
+from idic.run import run_lock  # noqa: E402
 
 TYPED = """
 [experiment]

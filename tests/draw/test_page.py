@@ -18,8 +18,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from drawn_folder import make_folder  # noqa: E402
 from driver import Browser, find_browser  # noqa: E402
 
-from idic.experiment_file.load import load_experiment  # noqa: E402
-from idic.virtual_tests.examples import write_example  # noqa: E402
+from idic.experiment_file import load_experiment  # noqa: E402
+from idic.virtual_tests import write_example  # noqa: E402
 
 pytestmark = pytest.mark.skipif(find_browser() is None, reason="no Chromium on the path")
 MESHED = ('document.body?.dataset.ready === "yes" && '

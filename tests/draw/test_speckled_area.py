@@ -7,13 +7,11 @@ import pytest
 
 from idic.draw.pictures import Pictures, as_bytes, contrast
 from idic.draw.plan import end_names, first_sketch
-from idic.draw.speckled_area import speckled_area
-from idic.draw.texture import noise_floor, texture_of
+from idic.draw import speckled_area, texture_of
+from idic.draw.texture import noise_floor
 from idic.errors import InputError
-from idic.fe.mesh.outline import segments_of
-from idic.fe.mesh.mesh import face_set_nodes
-from idic.fe.mesh.polygon import mesh_polygon
-from idic.readers.images import open_stack
+from idic.fe import face_set_nodes, mesh_polygon, segments_of
+from idic.readers import open_stack
 
 
 

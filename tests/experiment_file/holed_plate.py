@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 import tifffile
 
-from idic.fe.mesh.mesh import Block, make_mesh
-from idic.virtual_tests.meshes import grid_cells, write_inp
-from idic.virtual_tests.render import Sensor
+from idic.fe import Block, make_mesh
+from idic.virtual_tests import Sensor, grid_cells, write_inp
 from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
 from idic.virtual_tests.stereo.rig import rig, write_calibration
 from idic.virtual_tests.stereo.solid_speckle import solid_speckle

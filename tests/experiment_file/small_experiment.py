@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import tifffile
 
-from idic.experiment_file.load import load_experiment as load_with_its_defaults
+from idic.experiment_file import load_experiment as load_with_its_defaults
 
 TOML = """
 [experiment]

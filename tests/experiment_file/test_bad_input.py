@@ -11,7 +11,7 @@ from PIL import Image
 
 from experiment_file.small_experiment import change, write_experiment
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
+from idic.experiment_file import load_experiment
 
 TOML = "experiment.toml"
 

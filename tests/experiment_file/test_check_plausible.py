@@ -8,8 +8,8 @@ from scipy.ndimage import gaussian_filter
 
 from experiment_file.small_experiment import change, write_experiment
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.report.evidence.check import check
+from idic.experiment_file import load_experiment
+from idic.report import check
 from idic.report.evidence.plausible import pattern_warnings
 
 

@@ -10,9 +10,9 @@ from idic.experiment_file.laws.composed_law import course_notes
 from idic.experiment_file.laws.softening import softening_notes
 from idic.experiment_file.laws.spectrum import spectrum_notes
 from idic.experiment_file.tables.dofs import material
-from idic.experiment_file.toml_file import to_toml, validated, with_overrides
-from idic.fe.mesh.mesh import make_mesh
-from idic.virtual_tests.meshes import Patch, mesh_patches
+from idic.experiment_file import to_toml, validated, with_overrides
+from idic.fe import make_mesh
+from idic.virtual_tests import Patch, mesh_patches
 
 TERMS = {"law": "elastoplastic", "E": 70e3, "nu": 0.3, "yield_stress": {"value": 0.2, "unit": "GPa", "identify": True},
          "yield_surface": {"kind": "hill48", "r0": 1.4},
@@ -71,7 +71,7 @@ def test_swifts_curve_takes_the_place_of_the_yield_stress():
 def test_a_free_yield_surface_starts_as_misess_and_comes_back_from_its_law_file():
     import tomllib
 
-    from idic.experiment_file.laws.free_surface import SPREAD
+    from idic.experiment_file import SPREAD
     from idic.run.reporting.law_files import law_table
 
     own = dict(hardening=None, backstress=None, rate=None, damage=None)
@@ -170,7 +170,7 @@ def test_material_axes_of_the_elasticity_serve_hills_surface_too():
 
 
 def test_a_law_file_is_taken_in_and_keys_beside_it_win(tmp_path):
-    from idic.experiment_file.toml_file import read_toml
+    from idic.experiment_file import read_toml
 
     (tmp_path
      / "sheet.toml").write_text('law = "j2_linear"\nE = 70e3\nnu = 0.3\nyield_stress = 200\nhardening_modulus = 900\n')
@@ -270,8 +270,8 @@ def test_a_wrong_free_rubber_is_told_with_its_place(changes, key):
 
 def test_knots_by_evidence_are_the_most_and_the_chosen_ones_replace_them():
     from idic.experiment_file.laws.free_curves import free_curves, knot_notes
-    from idic.identify.free_form.evidence import ChosenKnots
-    from idic.materials.composed.smoothness import Smoothness
+    from idic.identification import ChosenKnots
+    from idic.laws import Smoothness
     from idic.parameters import ParameterSet
     from idic.run.in_memory.knots import _with_knots
 
@@ -303,8 +303,8 @@ def test_knots_by_evidence_are_the_most_and_the_chosen_ones_replace_them():
 def test_knots_of_a_spectrum_and_a_yield_surface_by_evidence_are_replaced_and_start_at_their_values(written, key, most,
                                                                                                  n, law):
     from idic.experiment_file.laws.free_curves import free_curves
-    from idic.identify.free_form.evidence import ChosenKnots
-    from idic.materials.composed.smoothness import Smoothness
+    from idic.identification import ChosenKnots
+    from idic.laws import Smoothness
     from idic.parameters import ParameterSet
     from idic.run.in_memory.knots import _with_knots
 
@@ -338,7 +338,7 @@ def test_knots_by_evidence_of_a_curve_with_a_locked_value_are_refused():
 
     from idic.experiment_file.laws.free_curves import free_curves
     from idic.parameters import ParameterSet
-    from idic.run.in_memory.knots import chosen_tables
+    from idic.run import chosen_tables
 
     term = {"kind": "free", "knots": "evidence", "range": 0.1}
     raw = with_overrides(tables(yield_stress=200.0, hardening=[term]), None)

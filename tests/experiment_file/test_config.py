@@ -10,9 +10,9 @@ import tifffile
 
 from experiment_file.small_experiment import TOML, change, inp_text, load, load_experiment, write_experiment
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment as load_with_its_defaults
-from idic.fe.mesh.mesh import boundary_faces, check_elements
-from idic.model.experiment import Column, Constant, Measured, Parametrised
+from idic.experiment_file import load_experiment as load_with_its_defaults
+from idic.fe import boundary_faces, check_elements
+from idic.model import Column, Constant, Measured, Parametrised
 
 
 @pytest.fixture
@@ -342,7 +342,7 @@ def test_two_materials_share_the_mesh_by_position(folder):
 
 def test_a_rate_dependent_law_needs_times():
     from idic.experiment_file.tables.dofs import is_rate_dependent
-    from idic.materials import get_law
+    from idic.laws import get_law
     assert not is_rate_dependent(get_law("elastic")) and not is_rate_dependent(get_law("j2_linear"))
 
 

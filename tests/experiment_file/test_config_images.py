@@ -9,7 +9,7 @@ import pytest
 import tifffile
 
 from experiment_file.small_experiment import change, load, load_experiment, write_experiment
-from idic.correlation.experiment_reference import build_reference
+from idic.correlation import build_experiment_reference
 from idic.errors import InputError
 
 
@@ -124,9 +124,9 @@ def test_a_noise_model_without_still_frames_is_refused(folder):
 def test_several_reference_frames_are_averaged(folder):
     e = load(folder, "kind =", 'reference = [0, 1]\nkind =')
     assert e.averaged == (0, 1) and e.reference == 1 and e.n_references == 2
-    one, two = load_experiment(folder, {"experiment.reference": 1}), build_reference(e, e.camera)
+    one, two = load_experiment(folder, {"experiment.reference": 1}), build_experiment_reference(e, e.camera)
     assert two.n_images == 2 and one.averaged == () and one.n_references == 1
-    single = [build_reference(replace(one, reference=k), e.camera).f for k in (0, 1)]
+    single = [build_experiment_reference(replace(one, reference=k), e.camera).f for k in (0, 1)]
     assert np.allclose(two.f, np.mean(single, axis=0), atol=1e-4)  # float32
 
 

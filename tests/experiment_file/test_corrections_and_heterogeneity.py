@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 from experiment_file.small_experiment import TOML, write_experiment
 
-from idic.correlation.channels import channel_values, drifting
+from idic.correlation import channel_values, drifting
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
+from idic.experiment_file import load_experiment, locate, read_toml, validated
 from idic.experiment_file.tables.heterogeneities import heterogeneities
-from idic.experiment_file.toml_file import locate, read_toml, validated
-from idic.fe.assembly.variation import Variation
-from idic.model.drives import boundary_parameters, build_drives
-from idic.model.forward import build_forward
-from idic.model.heterogeneity import strayed, variations_at
+from idic.fe import Variation
+from idic.model import boundary_parameters, build_drives, build_forward, strayed
+from idic.model.heterogeneity import variations_at
 from idic.model.load_train import directions
 
 GRIP = 'uy = { column = "grip_um", noise_std = 0.2 }'

@@ -5,7 +5,7 @@ import pytest
 from small_experiment import TOML, write_experiment
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
+from idic.experiment_file import load_experiment
 
 GAUGES = """
 [[probe]]

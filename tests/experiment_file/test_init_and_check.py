@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 from experiment_file.small_experiment import change, write_experiment
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.experiment_file.init import initial_experiment, write_initial_experiment
-from idic.experiment_file.load import load_experiment
-from idic.report.evidence.check import check
+from idic.experiment_file.init import write_initial_experiment
+from idic.experiment_file import initial_experiment, load_experiment
+from idic.report import check
 
 
 @pytest.fixture

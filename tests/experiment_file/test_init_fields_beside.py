@@ -7,7 +7,7 @@ import pytest
 
 from idic.errors import InputError
 from idic.experiment_file.init import write_initial_experiment
-from idic.experiment_file.load import load_experiment
+from idic.experiment_file import load_experiment
 
 
 def write_folder(folder, rows: int) -> None:

@@ -7,7 +7,7 @@ import pytest
 from holed_plate import CORNERS, HOLES, alignment, edge, hole, pair, placement_error, write_plate
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
+from idic.experiment_file import load_experiment
 
 TILT_DEG = 6.0  # of the plate before the pair
 

@@ -6,8 +6,8 @@ import pytest
 from idic.errors import InputError
 from idic.experiment_file.schema_materials import MaterialTable
 from idic.experiment_file.tables.dofs import material
-from idic.identify.result import _with_slopes
-from idic.materials import get_law
+from idic.identification.result import _with_slopes
+from idic.laws import get_law
 from idic.parameters import Parameter, ParameterSet
 
 

@@ -5,9 +5,9 @@ import pytest
 from small_experiment import TOML, write_experiment
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.model.forward import build_forward, solve
-from idic.virtual_tests.simulate import simulate
+from idic.experiment_file import load_experiment
+from idic.model import build_forward, solve
+from idic.virtual_tests import simulate
 
 LOGGED = 'uy = { column = "grip_um", noise_std = 0.2 }'
 GAUGE = '{ displacement = "TOP", component = "y", minus = "BOTTOM", column = "grip_um" }'

@@ -7,12 +7,11 @@ import pytest
 import tifffile
 from small_experiment import TOML, write_experiment
 
-from idic.correlation.context import FrameResponse
-from idic.correlation.frame_equations import turned_response
+from idic.correlation import FrameResponse, turned_response
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.images.pinhole import PinholeCamera, rotation_of
-from idic.model.forward import build_forward, solve
+from idic.experiment_file import load_experiment
+from idic.images import PinholeCamera, rotation_of
+from idic.model import build_forward, solve
 from idic.virtual_tests.stereo.rig import write_calibration
 
 SIZE = (50, 60)  # rows, columns of the images of the small experiment

@@ -7,10 +7,10 @@ import tifffile
 from experiment_file.small_experiment import LOADS, TOML, change, write_experiment
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.model.experiment import Column, TemperatureField
-from idic.report.evidence.check import check
-from idic.virtual_tests.simulate import simulate
+from idic.experiment_file import load_experiment
+from idic.model import Column, TemperatureField
+from idic.report import check
+from idic.virtual_tests import simulate
 
 ALPHA = 'nu = 0.3\nalpha = { value = 2e-5, unit = "1/K", identify = true }\n'
 COLUMN = '[[boundary]]\ntemperature = { column = "oven_C", nodes = "ALL" }\n'

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from idic.fe.external.process import PERMISSION
+from idic.fe import PERMISSION
 
 
 @pytest.fixture(autouse=True)

@@ -16,12 +16,12 @@ import open_hole as plate  # noqa: E402
 from test_material_cards import pulled_by_calculix  # noqa: E402
 from warm_strip import THIN, solved  # noqa: E402
 
-from idic.images.pattern import dense_speckle  # noqa: E402
-from idic.materials import compile, get_law, point  # noqa: E402
-from idic.materials.composed.material_card import material_card  # noqa: E402
-from idic.virtual_tests.experiment_files import write_images, write_loads  # noqa: E402
-from idic.virtual_tests.meshes import strip_with_hole, write_inp  # noqa: E402
-from idic.virtual_tests.render import Sensor, clean_image, painted, record  # noqa: E402
+from idic.images import dense_speckle  # noqa: E402
+from idic.laws import point  # noqa: E402
+from idic.laws import compile, get_law, material_card  # noqa: E402
+from idic.virtual_tests import (  # noqa: E402
+    Sensor, clean_image, painted, record, strip_with_hole, write_images, write_inp, write_loads,
+)
 
 E, NU, YIELD, H, C = 70e3, 0.3, 200.0, 1500.0, 4000.0
 GRIP = np.concatenate([np.linspace(0.0, 0.06, 3), np.linspace(0.06, 0.20, 5)[1:], np.linspace(0.20, -0.16, 6)[1:],

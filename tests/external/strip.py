@@ -10,13 +10,9 @@ from pathlib import Path
 import numpy as np
 from external.strange_solver import LENGTH, THICKNESS, WIDTH
 
-from idic.fe.mesh.mesh import make_mesh
-from idic.fe.mesh.refine import raise_order
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
-from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.meshes import write_inp
-from idic.virtual_tests.render import Sensor, clean_image, painted, record
+from idic.fe import make_mesh, raise_order
+from idic.images import Camera, dense_speckle
+from idic.virtual_tests import Sensor, clean_image, painted, record, write_images, write_inp, write_loads
 
 TRUTH = {"E": 2000.0, "nu": 0.35}
 GRIP = np.array([0.0, 0.03, 0.06, 0.09, 0.12])

@@ -10,9 +10,9 @@ from strange_solver import THICKNESS, WIDTH
 from strip import strip_mesh, write_strip
 
 from idic.errors import InputError, NotConverged
-from idic.experiment_file.load import load_experiment
-from idic.fe.external.process import PERMISSION
-from idic.model.forward import build_forward, solve
+from idic.experiment_file import load_experiment
+from idic.fe import PERMISSION
+from idic.model import build_forward, solve
 
 J2 = """
 E = { value = 70e3, unit = "MPa", identify = true }

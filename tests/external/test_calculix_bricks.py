@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from fe.fe_bodies import body, dofs_of, grid, held, last, where
 
-from idic.fe.external.inp_writer import inp_text
+from idic.fe import Reaction, inp_text
 from idic.fe.external.solver_output import read_calculix_dat
-from idic.fe.model import Reaction
 
 DECK = """*MATERIAL, NAME=M
 *ELASTIC

@@ -10,7 +10,7 @@ import shutil
 import pytest
 
 from idic import identify_experiment
-from idic.fe.external.process import PERMISSION
+from idic.fe import PERMISSION
 
 CASE = "open-case-1-plate-with-hole-elastoplastic"
 SOLVER = """

@@ -10,10 +10,8 @@ import pytest
 from fe.fe_bodies import body, dofs_of, grid, held, where
 from scipy.spatial import cKDTree
 
-from idic.fe.external.inp_writer import inp_text
+from idic.fe import Reaction, inp_text, march
 from idic.fe.external.solver_output import read_calculix_dat
-from idic.fe.march import march
-from idic.fe.model import Reaction
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,8 @@ import subprocess
 import numpy as np
 import pytest
 
-from idic.materials.core import point
-from idic.materials.core.compilation import compile as compile_law
+from idic.laws.core import point
+from idic.laws import compile as compile_law
 
 E, NU, HARDENING = 70000.0, 0.3, 1500.0
 STRAIN, STEPS = 0.03, 20

@@ -8,11 +8,9 @@ import pytest
 
 from idic.errors import InputError, NotConverged
 from idic.expressions import parse_expression
-from idic.fe.external.deck import ARITHMETIC, parse_deck
-from idic.fe.external.inp_writer import inp_text
-from idic.fe.external.solver import ExternalSetup, ExternalSolver
-from idic.fe.mesh.mesh import make_mesh
-from idic.readers.meshes import read_mesh_file
+from idic.fe.external.deck import ARITHMETIC
+from idic.fe import ExternalSetup, ExternalSolver, inp_text, make_mesh, parse_deck
+from idic.readers import read_mesh_file
 
 VALUES = {"A.E": 70e3, "SET-1.nu": 0.3, "geometry.hole_x[1]": 2.5, "b": 2.0, "TABLE.grip": "0, 0\n1, 0.5"}
 

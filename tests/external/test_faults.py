@@ -9,9 +9,9 @@ from test_process import gone
 
 import idic
 from idic.errors import InputError, NotConverged
-from idic.experiment_file.load import load_experiment
+from idic.experiment_file import load_experiment
 from idic.fe.external.solver import MAX_KEPT_FOLDERS, _keep
-from idic.model.forward import build_forward, solve
+from idic.model import build_forward, solve
 
 BETWEEN = (1600.0, 1790.0)  # MPa: the first step from 1200 goes to 1703
 

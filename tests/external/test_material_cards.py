@@ -5,9 +5,9 @@ import subprocess
 import numpy as np
 import pytest
 
-from idic.materials.composed.material_card import material_card
-from idic.materials import compile, get_law, point, points
-from idic.materials.composed.written_terms import TERMS_OF_OTHERS, flow_stress, terms_of
+from idic.laws import compile, get_law, material_card, point_tangents, terms_of
+from idic.laws import point
+from idic.laws.composed.written_terms import TERMS_OF_OTHERS, flow_stress
 
 CUBE = """*NODE
 1, 0, 0, 0
@@ -165,7 +165,7 @@ def free_sides(law, strain, state, values, sides):
     """One step in tension: (F22 and F33, state, nominal stress) by Newton on the lateral stresses."""
     for _ in range(30):
         F = np.diag([1.0 + strain, *sides])[None]
-        P, new, A, ok = points.tangent(law, 0, F, state, values, 1.0)
+        P, new, A, ok = point_tangents(law, 0, F, state, values, 1.0)
         assert ok
         side = np.array([P[0, 1, 1], P[0, 2, 2]])
         if np.abs(side).max() < 1e-9:

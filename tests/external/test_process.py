@@ -12,7 +12,8 @@ import psutil
 import pytest
 
 from idic.errors import InputError
-from idic.fe.external.process import PERMISSION, check_environment, find_program, require_permission, run_program
+from idic.fe.external.process import run_program
+from idic.fe import PERMISSION, check_environment, find_program, require_permission
 from idic.fe.external import process as external_process
 
 PYTHON = (sys.executable, "-S", "-c")

@@ -4,8 +4,7 @@ import pytest
 import reversed_plate
 
 import idic
-from idic.run.systematic import systematic
-from idic.workers.runner import SerialRunner
+from idic.run import SerialRunner, systematic
 
 pytestmark = pytest.mark.slow
 TRUTH = {"E": reversed_plate.E, "nu": reversed_plate.NU, "yield_stress": reversed_plate.YIELD,

@@ -3,9 +3,9 @@
 import pytest
 from strip import write_strip
 
-from idic.experiment_file.load import load_experiment
-from idic.model.forward import build_forward, solve
-from idic.virtual_tests.simulate import simulate
+from idic.experiment_file import load_experiment
+from idic.model import build_forward, solve
+from idic.virtual_tests import simulate
 
 
 def test_a_simulated_experiment_brings_its_solver_along(tmp_path):

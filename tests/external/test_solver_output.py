@@ -8,7 +8,7 @@ from strip import write_strip
 
 import idic
 from idic.errors import NotConverged
-from idic.fe.external.solver_output import Wanted, gathered
+from idic.fe import Wanted, gathered
 
 U = {1: (0.0, 0.0), 2: (0.1, 0.0), 7: (0.1, -0.02)}  # node -> motion in the last frame, mm
 WANTED = Wanted(np.array([1, 2, 7]), 2, np.array([1.0, 2.0]), ("RIGHT.x",), {"RIGHT": np.array([1, 2])}, 6.0,

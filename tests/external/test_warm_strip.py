@@ -5,8 +5,7 @@ import pytest
 import warm_strip
 
 import idic
-from idic.run.systematic import systematic
-from idic.workers.runner import SerialRunner
+from idic.run import SerialRunner, systematic
 
 pytestmark = pytest.mark.slow
 TRUTH = {"E": warm_strip.E, "yield_stress": warm_strip.YIELD, "hardening_1_H": warm_strip.H, "alpha": warm_strip.ALPHA,

@@ -18,7 +18,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "twins"))
 import free_hardening as strip  # noqa: E402
 
-from idic.virtual_tests.meshes import write_inp  # noqa: E402
+from idic.virtual_tests import write_inp  # noqa: E402
 
 E, NU, YIELD, H, E_SLOPE, FLOW_SLOPE, ALPHA, ROOM, WARM = 70e3, 0.3, 200.0, 1500.0, -5e-4, -2e-3, 2e-5, 20.0, 140.0
 GRIP = np.concatenate([np.linspace(0.0, 0.10, 5), np.linspace(0.10, 0.20, 5)[1:], np.linspace(0.20, 0.60, 5)[1:],

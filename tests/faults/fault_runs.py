@@ -12,8 +12,8 @@ from pathlib import Path
 
 import psutil
 
-from idic.store.result_file import read_result
-from idic.workers.dask_settings import ONE_THREAD
+from idic.run import read_result
+from idic.run.workers.dask_settings import ONE_THREAD
 
 SECONDS = 600.0  # a run takes 10 s on a quiet machine, minutes on one with ten times as many processes as cores
 BEGINNING = 0.25  # share of a run before its first evaluation

@@ -12,7 +12,7 @@ import psutil
 import pytest
 from quality.called import called
 
-from idic.store import run_lock
+from idic.run.store import run_lock
 
 ROOT = Path(__file__).parents[2]
 SHIFTS = (-86400.0, -3600.0, 3600.0, 86400.0)  # s

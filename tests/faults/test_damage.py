@@ -21,12 +21,11 @@ from fault_runs import command_line, finish, outcome, stored_system
 
 import idic
 from idic.errors import InputError
-from idic.identify.step.state import ParallelTrial
+from idic.identification import ParallelTrial
 from idic.run.recovery.recover import recover
-from idic.store.arrays import Damaged, FrameArrays, read_array
-from idic.store.run_store import RunStore
-from idic.store.state_file import load_state, save_state
-from idic.workers.runner import SerialRunner
+from idic.run.store.arrays import Damaged
+from idic.run import FrameArrays, RunStore, SerialRunner, read_array
+from idic.run.store.state_file import load_state, save_state
 
 SHARE = float(
     os.environ.get("IDIC_DAMAGE_SHARE", "0.01")

@@ -16,12 +16,9 @@ import idic
 from idic.errors import InputError
 from idic.run.points import RunPoints
 from idic.run.reporting.write import load_record
-from idic.run.session import Timing, open_session
-from idic.store.arrays import write_array
-from idic.store.layout import BASE, group_name
-from idic.store.run_store import RunStore
-from idic.store.state_file import load_state, save_state
-from idic.workers.runner import SerialRunner
+from idic.run.session import open_session
+from idic.run import BASE, RunStore, SerialRunner, Timing, group_name, write_array
+from idic.run.store.state_file import load_state, save_state
 
 
 def interrupted(finished, run):

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from idic.cli.interrupts import holds_a_lock, interruptible
-from idic.store.arrays import create_array, leave_stuck_io, read_array
+from idic.run.store.arrays import create_array, leave_stuck_io
+from idic.run import read_array
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 

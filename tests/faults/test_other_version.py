@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 import idic
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.store.run_store import STORE_NAME
+from idic.run.store.run_store import STORE_NAME
 
 
 @pytest.fixture

@@ -16,11 +16,7 @@ from typer.testing import CliRunner
 import idic
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.run.context import open_run
-from idic.run.judgement.residual_maps import residuals_of
-from idic.run.plain import identify_on
-from idic.store.arrays import FrameArrays, read_array
-from idic.workers.runner import SerialRunner
+from idic.run import FrameArrays, SerialRunner, identify_on, open_run, read_array, residuals_of
 
 
 def here(*arguments):

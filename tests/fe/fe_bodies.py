@@ -6,13 +6,12 @@ from itertools import permutations
 
 import numpy as np
 
-from idic.fe.boundary import constrain, dofs_of
-from idic.fe.equilibrium import Control
-from idic.fe.march import march
-from idic.fe.mesh import element
-from idic.fe.mesh.mesh import boundary_faces, face_set_nodes, make_mesh
-from idic.fe.model import Constraints, Loads, Model, Section
-from idic.materials.core.points import compile
+from idic.fe import (
+    Constraints, Control, Loads, Model, Section, TET_EDGES, boundary_faces, cell_type, constrain, dofs_of,
+    face_set_nodes, make_mesh, march, n_face_corners, quadrature_rule, shape_functions, shape_gradients,
+)
+from idic.fe.mesh.element import HEX_EDGES
+from idic.laws import compile
 
 SHARP = Control(tolerance=1e-12)  # difference quotients divide the solver's error by the step
 PARAMETERS = {
@@ -46,7 +45,7 @@ def grid(cell: str, n, lengths=None, mapping=None):
         elif cell == "tri3":
             cells += [[c[0], c[1], c[2]], [c[0], c[2], c[3]]]
         elif cell == "hex20":
-            cells.append([*c, *(at(*np.mean([corners[a], corners[b]], axis=0)) for a, b in element.HEX_EDGES)])
+            cells.append([*c, *(at(*np.mean([corners[a], corners[b]], axis=0)) for a, b in HEX_EDGES)])
         elif cell == "quad8":
             cells.append([*c, at(0.5, 0), at(1, 0.5), at(0.5, 1), at(0, 0.5)])
         elif cell == "tri6":
@@ -67,7 +66,7 @@ def _six_tetrahedra(quadratic):
         corners = [np.zeros(3), order[0], order[0] + order[1], np.ones(3)]
         if np.linalg.det(np.array(order)) < 0:
             corners[1], corners[2] = corners[2], corners[1]
-        middles = [(corners[a] + corners[b]) / 2 for a, b in element.TET_EDGES] if quadratic else []
+        middles = [(corners[a] + corners[b]) / 2 for a, b in TET_EDGES] if quadratic else []
         tets.append(corners + middles)
     return tets
 
@@ -82,8 +81,8 @@ def straight_sided(mesh):
     """Mid-side nodes back to the middle of their corners (a quad8 patch test needs straight edges)."""
     nodes = mesh.nodes.copy()
     for block in mesh.blocks:
-        for face in element.cell(block.cell).faces:
-            n = element.face_corners(block.cell)
+        for face in cell_type(block.cell).faces:
+            n = n_face_corners(block.cell)
             for k, middle in enumerate(face[n:]):
                 ends = block.connectivity[:, [face[k], face[(k + 1) % n]]]
                 nodes[block.connectivity[:, middle]] = nodes[ends].mean(axis=1)
@@ -141,7 +140,7 @@ def quarter_ring(cell, n, a=1.0, b=2.0, height=0.25):
         r, angle = a + (b - a) * x[:, 0], np.pi / 2 * x[:, 1]
         return np.column_stack([r * np.cos(angle), r * np.sin(angle), *x[:, 2:].T * height])
 
-    return grid(cell, (n, n) if element.cell(cell).dim == 2 else (n, n, 1), mapping=bend)
+    return grid(cell, (n, n) if cell_type(cell).dim == 2 else (n, n, 1), mapping=bend)
 
 
 def pressed_ring(mesh, kind, law="elastic", kinematics=None, pressure=1.0, n_frames=2, **more):
@@ -160,8 +159,8 @@ def l2_error(mesh, u, exact):
     """L2 norm of u_h - u over the body, relative to that of u; `exact` maps (n, d) points to (n, d)."""
     error = size = 0.0
     for block in mesh.blocks:
-        xi, w = element.quadrature(block.cell, 4)
-        N, dN = element.shape(block.cell, xi), element.gradient(block.cell, xi)
+        xi, w = quadrature_rule(block.cell, 4)
+        N, dN = shape_functions(block.cell, xi), shape_gradients(block.cell, xi)
         X = np.einsum("qa,eak->eqk", N, mesh.nodes[block.connectivity])
         jac = np.linalg.det(np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], dN)) * w
         uh = np.einsum("qa,eak->eqk", N, u[block.connectivity])
@@ -175,7 +174,7 @@ def volume(mesh) -> float:
     """Of a solid, or the area of a plane mesh, by the quadrature of the elements."""
     total = 0.0
     for block in mesh.blocks:
-        points, weights = element.quadrature(block.cell)
-        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], element.gradient(block.cell, points))
+        points, weights = quadrature_rule(block.cell)
+        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], shape_gradients(block.cell, points))
         total += float((np.linalg.det(jac) * weights).sum())
     return total

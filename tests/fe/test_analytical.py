@@ -5,10 +5,7 @@ import pytest
 from fe_bodies import body, faces_where, grid, held, l2_error, last, pressed_ring, quarter_ring, where
 from scipy.integrate import quad
 
-from idic.fe.boundary import dofs_of, traction
-from idic.fe.fields import nodal_field
-from idic.fe.mesh import element
-from idic.fe.model import Loads, Reaction
+from idic.fe import Loads, Reaction, cell_type, dofs_of, nodal_field, traction
 
 A, B = 1.0, 2.0
 
@@ -25,7 +22,7 @@ def lame_ring(E, nu, p):
 
 
 def ring_errors(cell, sizes, nu, locking="auto"):
-    kind = "solid" if element.cell(cell).dim == 3 else "plane_strain"
+    kind = "solid" if cell_type(cell).dim == 3 else "plane_strain"
     errors = []
     for n in sizes:
         mesh = quarter_ring(cell, n, A, B)

@@ -8,17 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.fe.assembly.assembly import discretise
-from idic.fe.equilibrium import Control
-from idic.fe.march import march
-from idic.fe.mesh import element
-from idic.fe.mesh.mesh import check_elements, face_set_nodes
-from idic.fe.model import Direction
-from idic.readers.meshes import read_mesh_file
-from idic.readers.raw_mesh import to_mesh
+from idic.fe import Control, Direction, check_elements, discretise, face_set_nodes, march, quadrature_rule
+from idic.readers import read_mesh_file, to_mesh
 from idic_studies.examples.bulge_mesh import BASE, FULL, REDUCED, bulge_mesh
 from idic_studies.examples.bulge_model import FIXED, TRUTH, bulge_model, bulge_test, directions, law_values
-from idic.virtual_tests.meshes import write_inp
+from idic.virtual_tests import write_inp
 
 VIEW = 0.1275  # mm: half the width of the images
 PX = 0.332e-3  # mm
@@ -73,7 +67,7 @@ def test_the_top_runs_from_the_axis_to_the_clamp_and_steps_down_at_the_edge_of_t
 
 
 def test_the_membrane_takes_four_points_an_element_and_a_narrow_band():
-    assert len(element.quadrature("quad8")[1]) == 4
+    assert len(quadrature_rule("quad8")[1]) == 4
     assert discretise(bulge_model(bulge_test(2.0, REDUCED, 1))).pattern.half_bandwidth == 27
 
 

@@ -9,10 +9,8 @@ from scipy.sparse.linalg import splu
 from test_factorisation_cost import brick, dofs_of, plate
 
 from idic.fe.assembly import in_parts, kernels
-from idic.fe.march import march
-from idic.fe.model import Direction
+from idic.fe import Direction, march, solver_threads
 from idic.fe.solver import cholesky, known_pattern, linear
-from idic.fe.solver.threads import solver_threads
 
 from fe_bodies import PARAMETERS, body, held, where
 

@@ -5,17 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.fe.mesh.coarsen import coarsen
-from idic.fe.mesh import element
-from idic.fe.mesh.mesh import boundary_faces, check_elements, make_mesh
+from idic.fe import boundary_faces, check_elements, coarsen, make_mesh, quadrature_rule, shape_gradients
 from idic_studies.examples.polycarbonate_model import Divisions, strip_mesh
 
 
 def volume(mesh, only=None):
     total = 0.0
     for block in mesh.blocks:
-        points, weights = element.quadrature(block.cell)
-        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], element.gradient(block.cell, points))
+        points, weights = quadrature_rule(block.cell)
+        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], shape_gradients(block.cell, points))
         sizes = np.linalg.det(jac) @ weights
         inside = np.ones(block.n_elements, bool) if only is None else np.isin(
             block.first + np.arange(block.n_elements), only)

@@ -10,12 +10,8 @@ import pytest
 from fe_bodies import grid, held, where
 
 from idic.errors import NotConverged
-from idic.fe.boundary import dofs_of
-from idic.fe.march import march
-from idic.fe.model import Direction, Model, Reaction, Section
-from idic.materials import compile
-from idic.materials.core import points
-from idic.materials.core.crack_band import element_sizes
+from idic.fe import Direction, Model, Reaction, Section, dofs_of, march
+from idic.laws import compile, directional_stresses, element_sizes, point_stresses
 
 LENGTH, STIFF, THRESHOLD, SOFTENING = 3.0, 1000.0, 0.004, 100.0
 WEAKER = 0.99  # threshold of the middle
@@ -106,11 +102,11 @@ def test_derivatives_of_a_point_behind_the_peak_are_those_of_differences(ratio, 
     law = compile("elastic_damage", "small")
     params = np.array([STIFF, 0.2, threshold, 60.0, 0.5, ratio])
     F, state = np.diag([1.05, 1.0, 0.99])[None], law.initial_state(0)[None]
-    exact, _, ok = points.directional(law, 0, F, state, params, 1.0, np.zeros((1, 6, 3, 3)), None, np.eye(6))
+    exact, _, ok = directional_stresses(law, 0, F, state, params, 1.0, np.zeros((1, 6, 3, 3)), None, np.eye(6))
     assert ok
     for k in range(6):
         step = 1e-6 * params * (np.arange(6) == k)
-        ahead, behind = (points.stress(law, 0, F, state, params + sign * step, 1.0)[0] for sign in (1.0, -1.0))
+        ahead, behind = (point_stresses(law, 0, F, state, params + sign * step, 1.0)[0] for sign in (1.0, -1.0))
         np.testing.assert_allclose(exact[:, k] * params[k], (ahead - behind) / 2e-6, atol=1e-6 * STIFF * 0.05)
 
 

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from fe_bodies import grid, volume
 
-from idic.fe.mesh import element
-from idic.fe.mesh.curved_edges import curved
-from idic.fe.mesh.mesh import Mesh, boundary_faces, check_elements, make_mesh
-from idic.fe.mesh.polygon import follow_arcs, mesh_polygon
-from idic.fe.mesh.refine import raise_order
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.fe import (
+    Mesh, boundary_faces, cell_type, check_elements, curved, follow_arcs, make_mesh, mesh_polygon, raise_order,
+    shape_gradients,
+)
+from idic.virtual_tests import strip_with_hole
 
 RADIUS = 3.0
 
@@ -173,7 +172,7 @@ def test_no_element_is_turned_over_between_its_integration_points():
     """A layer of 0.095 mm under arcs of 0.102 mm: sound at corners and integration points, not at middle nodes."""
     straight = raise_order(ring([3.0, 3.095, 4.0, 5.0], 12))
     mesh = curved(straight)
-    slopes = element.gradient("quad8", element.cell("quad8").reference_nodes)
+    slopes = shape_gradients("quad8", cell_type("quad8").reference_nodes)
     det = np.linalg.det(np.einsum("eai,qaj->eqij", mesh.nodes[mesh.blocks[0].connectivity], slopes))
     assert det.min() > 0.0
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idic.fe.mesh import element
-from idic.fe.mesh.edge_morph import edges_by_name, free_edges, outward_velocity
-from idic.fe.mesh.mesh import Mesh, face_set_nodes
-from idic.fe.mesh.polygon import mesh_polygon
-from idic.fe.mesh.refine import raise_order
+from idic.fe import (
+    Mesh, edges_by_name, face_set_nodes, free_edges, mesh_polygon, outward_velocity, quadrature_rule, raise_order,
+    shape_gradients,
+)
 
 V = [[0.0, 0.0], [8.0, 4.0], [16.0, 0.0], [16.0, 20.0], [8.0, 16.0], [0.0, 20.0]]  # notched below and above
 
@@ -23,8 +22,8 @@ def notched(request) -> Mesh:
 def area(mesh: Mesh, nodes: np.ndarray) -> float:
     total = 0.0
     for block in mesh.blocks:
-        points, weights = element.quadrature(block.cell)
-        jacobian = np.einsum("eai,qaj->eqij", nodes[block.connectivity], element.gradient(block.cell, points))
+        points, weights = quadrature_rule(block.cell)
+        jacobian = np.einsum("eai,qaj->eqij", nodes[block.connectivity], shape_gradients(block.cell, points))
         total += float((np.linalg.det(jacobian) * weights).sum())
     return total
 

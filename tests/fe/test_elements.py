@@ -5,27 +5,29 @@ import pytest
 from fe_bodies import grid, quarter_ring
 
 from idic.errors import InputError
-from idic.fe.mesh import element
-from idic.fe.mesh.mesh import boundary_edges, boundary_faces, check_elements, make_mesh, surface_cells
+from idic.fe import (
+    boundary_edges, boundary_faces, cell_type, check_elements, make_mesh, quadrature_rule, shape_functions,
+    shape_gradients, surface_cells,
+)
 
 CELLS = ["tri3", "tri6", "quad4", "quad8", "tet4", "tet10", "hex8", "hex20"]
 
 
 @pytest.mark.parametrize("name", CELLS)
 def test_shape_functions_are_one_at_their_node_and_sum_to_one(name):
-    cell = element.cell(name)
-    assert np.allclose(element.shape(name, cell.reference_nodes), np.eye(cell.n_nodes))
+    cell = cell_type(name)
+    assert np.allclose(shape_functions(name, cell.reference_nodes), np.eye(cell.n_nodes))
     xi = np.random.default_rng(1).random((7, cell.dim)) / 3
-    assert np.allclose(element.shape(name, xi).sum(axis=1), 1)
+    assert np.allclose(shape_functions(name, xi).sum(axis=1), 1)
     for i in range(cell.dim):
         step = 1e-6 * np.eye(cell.dim)[i]
-        quotient = (element.shape(name, xi + step) - element.shape(name, xi - step)) / 2e-6
-        assert np.allclose(quotient, element.gradient(name, xi)[:, :, i], atol=1e-8)  # quadratics: rounding / step
+        quotient = (shape_functions(name, xi + step) - shape_functions(name, xi - step)) / 2e-6
+        assert np.allclose(quotient, shape_gradients(name, xi)[:, :, i], atol=1e-8)  # quadratics: rounding / step
 
 
 @pytest.mark.parametrize("name", CELLS)
 def test_faces_point_outwards(name):
-    cell = element.cell(name)
+    cell = cell_type(name)
     mesh = make_mesh(cell.reference_nodes, [(name, np.arange(cell.n_nodes)[None])])
     centre = cell.reference_nodes[: cell.n_corners].mean(axis=0)
     for k in range(len(cell.faces)):
@@ -45,8 +47,8 @@ def test_area_and_volume_are_integrated_exactly():
         mesh = grid(name, n, lengths)
         total = 0.0
         for order in (None, 3):
-            xi, w = element.quadrature(name, order)
-            jac = np.einsum("eak,qai->eqki", mesh.nodes[mesh.blocks[0].connectivity], element.gradient(name, xi))
+            xi, w = quadrature_rule(name, order)
+            jac = np.einsum("eak,qai->eqki", mesh.nodes[mesh.blocks[0].connectivity], shape_gradients(name, xi))
             total = np.sum(np.linalg.det(jac) * w)
             assert total == pytest.approx(size)
 
@@ -60,7 +62,7 @@ def test_an_inverted_element_is_named_by_its_label():
 
 def test_an_unknown_cell_names_the_known_ones():
     with pytest.raises(InputError, match="quad8"):
-        element.cell("wedge6")
+        cell_type("wedge6")
 
 
 def test_the_boundary_of_a_plate_with_a_hole_is_an_outer_loop_and_a_hole():

@@ -8,9 +8,7 @@ from fe_bodies import PARAMETERS, SHARP, affine_constraints, body, grid, held, l
 
 from idic.errors import InputError
 from idic.fe import fields
-from idic.fe.boundary import dofs_of
-from idic.fe.march import march
-from idic.fe.model import Direction, Reaction
+from idic.fe import Direction, Reaction, dofs_of, march
 
 ALPHA, WARMER = 2e-5, 150.0  # 1/K, K
 FREE = ALPHA * WARMER

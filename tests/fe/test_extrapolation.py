@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe.extrapolation import increments_to_try, march_extrapolated, split, time_order
-from idic.fe.half_rate import at_frames, every_second, without_time_error
-from idic.fe.march import StepList, march
-from idic.fe.mesh.mesh import make_mesh
-from idic.fe.model import Constraints, Direction, Model, Reaction, Section
-from idic.materials.core.compilation import compile as compile_law
-from idic.materials.core.law import all_laws
+from idic.fe.extrapolation import split, time_order
+from idic.fe import (
+    Constraints, Direction, Model, Reaction, Section, StepList, at_frames, every_second, increments_to_try, make_mesh,
+    march, march_extrapolated, without_time_error,
+)
+from idic.laws import all_laws, compile as compile_law
 
 TIMES = np.array([0.0, 1.0, 2.0, 3.5, 5.0])
 GRIP = np.array([0.0, 0.01, 0.02, 0.02, 0.012])  # pulled, held, let back

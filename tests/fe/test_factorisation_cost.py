@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idic.fe.solver.factorisation_cost import dissected
+from idic.fe import Mesh, dissected, make_mesh, raise_order
 from idic.fe.solver.linear import make_pattern
-from idic.fe.mesh.mesh import Mesh, make_mesh
-from idic.fe.mesh.refine import raise_order
 
 
 def plate(nx: int, ny: int) -> Mesh:

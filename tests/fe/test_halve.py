@@ -5,10 +5,8 @@ import pytest
 from fe_bodies import volume
 
 from idic.errors import InputError
-from idic.fe.mesh.halve import can_halve, halve
-from idic.fe.mesh.mesh import boundary_faces, check_elements, make_mesh
-from idic.fe.mesh.refine import raise_order
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.fe import boundary_faces, can_halve, check_elements, halve, make_mesh, raise_order
+from idic.virtual_tests import strip_with_hole
 
 
 def triangles():

@@ -5,9 +5,10 @@ import pytest
 from fe_bodies import PARAMETERS, body, faces_where, grid, held, skewed, where
 
 from idic.fe.solver import linear
-from idic.fe.assembly import assembly, kernels
+from idic.fe.assembly import kernels
+from idic.fe.assembly.assembly import stiffness_values
+from idic.fe import Loads, discretise, evaluate_system, stiffness_times
 from idic.fe.boundary import Drives, at_time, pressure_faces, pressure_force, pressure_stiffness
-from idic.fe.model import Loads
 
 KINDS = [("tri3", "plane_stress"), ("quad4", "plane_strain"), ("quad8", "plane_strain"), ("hex8", "solid"),
          ("tet10", "solid")]
@@ -21,7 +22,7 @@ def moved_body(cell, kind, law, kinematics, **more):
     model = body(mesh, kind, law, kinematics, held(mesh, parts), thickness=0.6,
                  loads=Loads(pressure_faces=(top,), pressure_histories=np.array([[0.0], [2.0]])), **more)
     u = 0.03 * np.random.default_rng(3).standard_normal(mesh.nodes.shape)
-    return assembly.discretise(model), u
+    return discretise(model), u
 
 
 @pytest.mark.parametrize("cell, kind", KINDS)
@@ -64,11 +65,11 @@ def test_the_stiffness_is_the_derivative_of_the_residual(cell, kind, law, kinema
     drives = Drives(1.0, np.zeros(0), np.zeros(0), np.array([2.0]))
 
     def residual(x, stiffness=False):
-        return assembly.evaluate(system, params, x, states, 1.0, drives, stiffness=stiffness)
+        return evaluate_system(system, params, x, states, 1.0, drives, stiffness=stiffness)
 
     change, h = np.random.default_rng(5).standard_normal(u.shape), 1e-6
     quotient = (residual(u + h * change).residual - residual(u - h * change).residual) / (2 * h)
-    exact = assembly.stiffness_times(system, residual(u, True), change.reshape(-1, 1)).reshape(u.shape)
+    exact = stiffness_times(system, residual(u, True), change.reshape(-1, 1)).reshape(u.shape)
     assert np.abs(quotient - exact).max() < 1e-7 * np.abs(exact).max()  # h² and rounding / h, both near 1e-9
 
 
@@ -100,9 +101,9 @@ def test_band_and_sparse_factorisations_solve_the_same_system(cell, n):
     mesh = grid(cell, n)
     model = body(mesh, "solid" if cell == "hex8" else "plane_strain", "elastic", "small",
                  held(mesh, [(where(mesh, lambda x, *_: x < 1e-9), i, 0.0) for i in range(mesh.n_dim)]))
-    system = assembly.discretise(model)
+    system = discretise(model)
     drives = Drives(1.0, np.zeros(0), np.zeros(0), np.zeros(0))
-    ev = assembly.evaluate(system, {"BODY": PARAMETERS["elastic"]}, np.zeros_like(mesh.nodes), system.rest(), 1.0,
+    ev = evaluate_system(system, {"BODY": PARAMETERS["elastic"]}, np.zeros_like(mesh.nodes), system.rest(), 1.0,
                            drives)
     dofs = [g.dofs for g in system.groups]
     solutions, rhs = [], np.random.default_rng(0).random((system.pattern.n, 3))
@@ -110,7 +111,7 @@ def test_band_and_sparse_factorisations_solve_the_same_system(cell, n):
         pattern = linear.make_pattern(mesh.nodes, dofs, model.constraints.dofs, widest_band=widest)
         assert (pattern.half_bandwidth is None) == (widest < 0)
         values = np.zeros(pattern.n_stored)
-        assembly.stiffness_values(system, ev)
+        stiffness_values(system, ev)
         kernels.scatter(ev.groups[0].Ke, pattern.positions(dofs[0]), values)
         full = np.zeros((model.n_dof, 3))
         full[pattern.dofs] = linear.factorise(pattern, values).solve(rhs[system.pattern.equation[pattern.dofs]])

@@ -6,7 +6,7 @@ import pytest
 from idic.fe.solver import known_pattern as module
 from idic.fe.solver.known_pattern import MAX_KEPT_PATTERNS, known_pattern
 from idic.fe.solver.linear import make_pattern
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.virtual_tests import strip_with_hole
 
 
 @pytest.fixture

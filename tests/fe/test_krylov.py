@@ -8,8 +8,7 @@ from test_multifrontal import assembled
 
 from fe_bodies import PARAMETERS, body, held, where
 from idic.fe.solver import known_pattern, krylov, linear
-from idic.fe.march import march
-from idic.fe.model import Direction
+from idic.fe import Direction, march
 
 
 def test_the_factor_of_a_similar_matrix_gives_the_solution_and_that_of_another_one_is_refused():

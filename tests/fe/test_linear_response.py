@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from idic.fe.assembly.linear import kept_response
-from idic.materials.core import points
-from idic.materials.core.compilation import compile as compile_law
-from idic.materials.core.law import all_laws, get_law
+from idic.laws import all_laws, compile as compile_law, directional_stresses, get_law, point_tangents
 
 LINEAR = [name for name, spec in all_laws().items() if spec.linear]
 
@@ -22,10 +20,10 @@ def test_the_kept_response_is_that_of_the_law_at_any_strain(name, mode):
     d, n, params = 3 if mode == 0 else 2, 8, get_law(name).defaults()
     F = np.eye(d) + 0.02 * rng.normal(size=(n, d, d))
     state = np.tile(law.initial_state(mode), (n, 1))
-    P, state_new, A, ok = points.tangent(law, mode, F, state, params, 1.0)
+    P, state_new, A, ok = point_tangents(law, mode, F, state, params, 1.0)
     dparams = np.eye(len(params)) * np.abs(params)
-    dP, _, also = points.directional(law, mode, F, state, params, 1.0, np.zeros((n, len(params), d, d)), None, dparams,
-                                     guess=np.ascontiguousarray(state_new[:, -1]) if mode == 2 else None)
+    dP, _, also = directional_stresses(law, mode, F, state, params, 1.0, np.zeros((n, len(params), d, d)), None,
+                                     dparams, guess=np.ascontiguousarray(state_new[:, -1]) if mode == 2 else None)
     assert ok and also
     nodes = 20 if d == 3 else 8
     kept = kept_response(law, mode, rng.normal(size=(n, nodes, d)), np.ones(n), 1, mean_dilatation=False)

@@ -9,13 +9,10 @@ import pytest
 from fe_bodies import PARAMETERS, body, grid, held, last, pressed_ring, quarter_ring, where
 
 from idic.errors import GaveUp, InputError, NotConverged
-from idic.fe.boundary import constrain, dofs_of
-from idic.fe.equilibrium import Control
-from idic.fe.fields import nodal_field
-from idic.fe.march import StepList, march
-from idic.fe.mesh.mesh import make_mesh
-from idic.fe.model import Constraints, Direction, Reaction
-from idic.fe.solver.threads import solver_threads
+from idic.fe import (
+    Constraints, Control, Direction, Reaction, StepList, constrain, dofs_of, make_mesh, march, nodal_field,
+    solver_threads,
+)
 
 TIMES = np.array([0.0, 0.3, 1.0, 1.7])
 

@@ -10,12 +10,13 @@ import pytest
 from fe_bodies import grid
 
 from idic.errors import NotConverged
-from idic.fe.mesh.mesh import boundary_faces, check_elements, face_set_nodes, make_mesh
-from idic.fe.mesh.morph import (Morph, admissible, find_holes, fit_circle, jacobian_ratios, morphed, on_circle,
-                                velocities)
-from idic.fe.mesh.refine import raise_order
-from idic.readers.roi_mesh import roi_mesh
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.fe import (
+    Morph, admissible, boundary_faces, check_elements, face_set_nodes, find_holes, make_mesh, morphed, on_circle,
+    raise_order, velocities,
+)
+from idic.fe.mesh.morph import fit_circle, jacobian_ratios
+from idic.readers import roi_mesh
+from idic.virtual_tests import strip_with_hole
 
 RADIUS = 3.0
 

@@ -11,7 +11,7 @@ from test_factorisation_cost import brick, dofs_of, plate
 from idic.fe.assembly import kernels
 from idic.fe.solver import multifrontal, substitution
 from idic.fe.solver.linear import SingularMatrix, factorise, make_pattern
-from idic.fe.solver.threads import solver_threads
+from idic.fe import solver_threads
 
 
 def assembled(mesh, prescribed=(), shift=20.0):

@@ -5,10 +5,7 @@ import pytest
 from fe_bodies import PARAMETERS, affine_constraints, body, faces_where, grid, held, last, outer_nodes, skewed
 from fe_bodies import straight_sided, where
 
-from idic.fe.boundary import dofs_of, face_area, traction
-from idic.fe.fields import nodal_deformation, nodal_field
-from idic.fe.mesh import element
-from idic.fe.model import Loads, Reaction
+from idic.fe import Loads, Reaction, cell_type, dofs_of, face_area, nodal_deformation, nodal_field, traction
 
 CASES = [(cell, kind) for cell in ("tri3", "tri6", "quad4", "quad8") for kind in ("plane_stress", "plane_strain")]
 CASES += [(cell, "solid") for cell in ("tet4", "tet10", "hex8", "hex20")]
@@ -17,7 +14,7 @@ ROUNDING = 1e-9  # of a displacement of 0.1: the solver stops at 1e-8 of the for
 
 
 def patch(cell):
-    n = (2, 2, 2) if element.cell(cell).dim == 3 else (2, 3)
+    n = (2, 2, 2) if cell_type(cell).dim == 3 else (2, 3)
     return straight_sided(grid(cell, n, mapping=skewed))
 
 

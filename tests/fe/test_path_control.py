@@ -12,11 +12,8 @@ from fe_bodies import SHARP, where
 from test_crack_band import LENGTH, STIFF, THRESHOLD, WEAKER, bar, damaging, work
 
 from idic.errors import InputError, NotConverged
-from idic.fe.boundary import dofs_of, traction
-from idic.fe.march import march
-from idic.fe.mesh.mesh import boundary_faces
-from idic.fe.model import Constraints, Direction, Loads, PathControl
-from idic.materials import compile
+from idic.fe import Constraints, Direction, Loads, PathControl, boundary_faces, dofs_of, march, traction
+from idic.laws import compile
 
 SOFTENING = 220.0  # the peak is at a strain of 0.0045, an opening of 0.001 to 0.003 mm
 OPENING, FRAMES = 0.05, 121  # mm at the end: nothing is left of the force

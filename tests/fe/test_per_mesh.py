@@ -4,8 +4,8 @@ import gc
 
 import pytest
 
-from idic.fe.mesh.mesh import PerMesh
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.fe import PerMesh
+from idic.virtual_tests import strip_with_hole
 
 
 def strip():

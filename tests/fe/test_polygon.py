@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe.mesh import element
-from idic.fe.mesh.mesh import boundary_edges, boundary_faces, check_elements
-from idic.fe.mesh.outline import segments_of
-from idic.fe.mesh.polygon import fill, follow_arcs, mesh_polygon, smallest_angle
-from idic.fe.mesh.refine import raise_order
-from idic.readers.gmsh_mesher import fill_with_gmsh, has_gmsh
+from idic.fe import (
+    boundary_edges, boundary_faces, check_elements, fill, follow_arcs, mesh_polygon, quadrature_rule, raise_order,
+    segments_of, shape_gradients, smallest_angle,
+)
+from idic.readers.gmsh_mesher import fill_with_gmsh
+from idic.readers import has_gmsh
 
 STRIP = [[0, 0], [40, 0], [40, 100], [0, 100]]
 DOG_BONE = [[0, 0], [30, 0], [30, 20], [26, 25, 24, 32], [24, 60], [26, 67, 30, 72], [30, 90], [0, 90], [0, 72],
@@ -34,8 +34,8 @@ MESHERS = [fill, pytest.param(fill_with_gmsh, marks=pytest.mark.skipif(not has_g
 def area(mesh):
     total = 0.0
     for block in mesh.blocks:
-        xi, weights = element.quadrature(block.cell)
-        jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], element.gradient(block.cell, xi))
+        xi, weights = quadrature_rule(block.cell)
+        jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], shape_gradients(block.cell, xi))
         total += np.sum(np.linalg.det(jac) * weights)
     return total
 

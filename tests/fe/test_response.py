@@ -7,13 +7,9 @@ from fe_bodies import SHARP, body, grid, held, where
 
 from idic.fe import response
 from idic.fe.assembly import assembly
-from idic.fe.assembly.assembly import discretise
-from idic.fe.assembly.variation import Variation
-from idic.fe.boundary import drives_at
-from idic.fe.march import march
-from idic.fe.model import Reaction
-from idic.fe.response import Alternative, first_responses, like
-from idic.materials import compile as compile_law
+from idic.fe import Alternative, Reaction, Variation, discretise, drives_at, evaluate_system, first_responses, march
+from idic.fe.response import like
+from idic.laws import compile as compile_law
 
 TIMES = np.arange(5.0)
 PULL = np.array([0.0, 0.3, 0.6, 1.0, 0.5])
@@ -79,7 +75,7 @@ def test_a_system_like_another_is_the_one_made_from_nothing(before, after):
     u = solved(plate(before), FLOW if before == "j2_linear" else ELASTIC)[0][-1]
     params = {"BODY": compile_law(after).spec.defaults()}
     drives = drives_at(model, TIMES, TIMES[-1])
-    one, other = (assembly.evaluate(system, params, u, system.rest(), 1.0, drives) for system in (ours, theirs))
+    one, other = (evaluate_system(system, params, u, system.rest(), 1.0, drives) for system in (ours, theirs))
     assert not one.trouble
     np.testing.assert_array_equal(one.internal, other.internal)
     for a, b in zip(ours.groups, theirs.groups, strict=True):

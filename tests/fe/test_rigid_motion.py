@@ -5,8 +5,7 @@ import pytest
 from fe_bodies import PARAMETERS, body, grid, held, last
 
 from idic.errors import InputError
-from idic.fe.mesh.mesh import make_mesh
-from idic.fe.solver.rigid_motion import free_parts
+from idic.fe import free_parts, make_mesh
 
 
 def touching(cell, n, shared, turn=0.0):

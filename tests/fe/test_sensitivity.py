@@ -7,9 +7,7 @@ import pytest
 from fe_bodies import PARAMETERS, SHARP, body, faces_where, grid, held, skewed, where
 
 from idic.errors import InputError
-from idic.fe.boundary import dofs_of, traction
-from idic.fe.march import march
-from idic.fe.model import Direction, Loads, Reaction
+from idic.fe import Direction, Loads, Reaction, dofs_of, march, traction
 
 TIMES = np.array([0.0, 1.0, 2.0, 2.5])
 PULL = np.array([0.0, 0.02, 0.05, 0.04])  # loading and a little unloading

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from idic.fe.assembly.assembly import discretise, evaluate, points_of
-from idic.fe.boundary import drives_at
-from idic.fe.march import march
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.fe.response import Alternative
-from idic.fe.stress_error import stress_error_responses
-from idic.materials.core.compilation import compile as compile_law
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.fe.assembly.assembly import points_of
+from idic.fe import (
+    Alternative, Constraints, Model, Reaction, Section, discretise, drives_at, evaluate_system, march,
+    stress_error_responses,
+)
+from idic.laws import compile as compile_law
+from idic.virtual_tests import strip_with_hole
 
 GRIP = 0.01  # mm
 
@@ -38,7 +37,7 @@ def test_the_force_of_a_stress_error_is_its_work_on_the_strain_of_the_body(pulle
     """Betti's theorem for the linear body: dF times the grip's motion = integral of dP : grad u."""
     model, params, times, u, weights, answer = pulled
     system = discretise(model)
-    at = evaluate(system, params, u, system.rest(), 1.0, drives_at(model, times, 1.0))
+    at = evaluate_system(system, params, u, system.rest(), 1.0, drives_at(model, times, 1.0))
     group, stress = system.groups[0], at.groups[0].P
     gradient = at.groups[0].F - np.eye(2)
     sized = np.linalg.norm(stress, axis=(1, 2)) * group.weights

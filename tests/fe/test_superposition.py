@@ -5,10 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.fe.boundary import traction
-from idic.fe.march import StepList, march
-from idic.fe.model import Direction, Loads, Reaction
-from idic.fe.superposition import superposed
+from idic.fe import Direction, Loads, Reaction, StepList, march, superposed, traction
 from tests.fe.fe_bodies import PARAMETERS, SHARP, body, faces_where, grid, held, where
 
 N_FRAMES = 12

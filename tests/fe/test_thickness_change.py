@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.fe.march import march
-from idic.fe.model import Constraints, Direction, Model, Section
-from idic.materials.core.compilation import compile as compile_law
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.fe import Constraints, Direction, Model, Section, march
+from idic.laws import compile as compile_law
+from idic.virtual_tests import strip_with_hole
 
 MESH = strip_with_hole(20.0, 12.0, 2.5, "quad8", 2, 2, 1)
 TIMES = np.array([0.0, 1.0, 2.0, 3.0])

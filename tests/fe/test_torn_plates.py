@@ -11,11 +11,8 @@ import pytest
 from fe_bodies import grid, held, where
 from test_crack_band import work
 
-from idic.fe.boundary import dofs_of
-from idic.fe.march import march
-from idic.fe.mesh.mesh import make_mesh
-from idic.fe.model import Model, PathControl, Reaction, Section
-from idic.materials import compile
+from idic.fe import Model, PathControl, Reaction, Section, dofs_of, make_mesh, march
+from idic.laws import compile
 
 pytestmark = pytest.mark.slow
 WIDTH, HEIGHT, NOTCH = 8.0, 12.0, 4.0  # mm; the notch is half as long as the plate is wide

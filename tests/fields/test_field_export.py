@@ -15,8 +15,8 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder  # noqa: E402
 
 import idic  # noqa: E402
 from idic.errors import InputError  # noqa: E402
-from idic.fields.columns import field_columns  # noqa: E402
-from idic.run.reporting.export import export_fields  # noqa: E402
+from idic.measure import field_columns  # noqa: E402
+from idic.run import export_fields  # noqa: E402
 from idic.run.reporting.write import load_record  # noqa: E402
 
 

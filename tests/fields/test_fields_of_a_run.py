@@ -15,15 +15,14 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
 from twin_runs import ELASTIC, FORCE, GRIPS, NOISE, SHAPE, THICKNESS, Twin, clean_images, write_folder  # noqa: E402
 
 import idic  # noqa: E402
-from idic.correlation.experiment_reference import build_reference  # noqa: E402
-from idic.experiment_file.load import load_rendered  # noqa: E402
-from idic.fields.free import free_motion, in_mm, seen_by  # noqa: E402
-from idic.fields.readings import readings  # noqa: E402
-from idic.images.stack import ArrayStack  # noqa: E402
-from idic.model.gauges import Gauge  # noqa: E402
-from idic.run.reporting.write import load_record, write_report  # noqa: E402
-from idic.store.arrays import read_array  # noqa: E402
-from idic.virtual_tests.render import Sensor, record as recorded  # noqa: E402
+from idic.correlation import build_experiment_reference  # noqa: E402
+from idic.experiment_file import load_rendered  # noqa: E402
+from idic.measure import free_motion, in_mm, readings, seen_by  # noqa: E402
+from idic.images import ArrayStack  # noqa: E402
+from idic.model import Gauge  # noqa: E402
+from idic.run.reporting.write import load_record  # noqa: E402
+from idic.run import read_array, write_report  # noqa: E402
+from idic.virtual_tests import Sensor, record as recorded  # noqa: E402
 
 TWIN = Twin(seed=1)
 N_REPEATS = 30
@@ -80,7 +79,7 @@ def test_the_noise_floor_is_the_scatter_of_repeated_recordings(run, series, clea
     for _ in range(N_REPEATS):
         stack = ArrayStack(np.array([recorded(clean[0][k], sensor, rng) for k in (0, 4)] * 3)[:6])
         experiment = load_rendered(path, stack)
-        seen = seen_by(experiment, build_reference(experiment, experiment.camera))
+        seen = seen_by(experiment, build_experiment_reference(experiment, experiment.camera))
         start = (experiment.camera.project(experiment.mesh.nodes + _simulated(series, experiment, 4))
                  - experiment.camera.project(experiment.mesh.nodes))
         motion = free_motion(seen, (1,), lambda frame, start=start: start)[0]

@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 
-from idic.fe.mesh.locate import interpolation
-from idic.fe.mesh.mesh import check_elements, make_mesh
-from idic.fields.readings import readings
-from idic.fields.series import FieldSeries
-from idic.fields.surface import surface_of
-from idic.model.gauges import Gauge
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.fe import check_elements, interpolation, make_mesh
+from idic.measure import FieldSeries, readings, surface_of
+from idic.model import Gauge
+from idic.virtual_tests import strip_with_hole
 
 GRADIENT = np.array([[0.02, 0.01], [-0.03, -0.006]])
 SHIFT = np.array([0.3, -0.2])

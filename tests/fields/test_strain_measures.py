@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fields.series import component_of
-from idic.fields.strain import principal, rotated, strain, von_mises
+from idic.measure.fields.series import component_of
+from idic.measure.fields.strain import principal, von_mises
+from idic.measure import rotated, strain
 
 ROUNDING = 1e-14
 

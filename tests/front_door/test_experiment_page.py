@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file import ExperimentFile
 from idic.experiment_file.schema_boundary import SimulatedTable
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "experiment-file.md"

@@ -11,7 +11,7 @@ from typer.main import get_command
 
 from experiment_file.small_experiment import TOML
 from idic.cli.app import app
-from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file import ExperimentFile
 
 FOLDER = Path(__file__).parents[2] / "docs" / "how-to"
 PAGES = sorted(FOLDER.glob("*.md"))
@@ -56,7 +56,7 @@ def test_the_commands_of_a_page_exist(page):
 
 
 def test_the_laws_of_the_page_exist():
-    from idic.materials import all_laws
+    from idic.laws import all_laws
 
     rows = re.findall(r"^\| .*? \| (`.*)\|$", (FOLDER / "choose-a-law.md").read_text(encoding="utf-8"), re.MULTILINE)
     named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}

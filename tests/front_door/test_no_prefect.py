@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from virtual_tests.small_strip import write_small_strip
 
 from idic.cli.app import app
-from idic.run.plain import plan_run, workplace_for
-from idic.store.layout import DESCRIPTION
+from idic.run import plan_run, workplace_for
+from idic.run.store.layout import DESCRIPTION
 
 pytestmark = pytest.mark.usefixtures("shared_server")
 # what an identification begins without: the methods of SciPy load where they are used, files of few experiments where

@@ -16,7 +16,7 @@ from idic.cli.batch_commands import batch_rows
 
 from idic.cli.progress import SETTLED_GAIN, Pace, duration, evaluations_left, progress_view
 from idic.virtual_tests import examples
-from idic.virtual_tests.demo import strip
+from idic.virtual_tests import strip
 
 
 def test_stages_are_numbered_and_steps_keep_the_number_of_their_stage(tmp_path):

@@ -28,13 +28,13 @@ def source(tmp_path_factory):
 
 
 def test_every_law_and_every_candidate_has_its_page(source):
-    from idic.diagnose.screen.candidate import candidates
-    from idic.materials import all_laws, get_law
+    from idic.diagnose import candidate_library
+    from idic.laws import all_laws, get_law
 
     for name in all_laws():
         text = (source / "laws" / f"{name}.md").read_text(encoding="utf-8")
         assert get_law(name).reference in text and all(f"`{p.name}`" in text for p in get_law(name).parameters)
-    for one in candidates():
+    for one in candidate_library():
         text = (source / "candidates" / f"{one.name}.md").read_text(encoding="utf-8")
         assert f"# {one.title}" in text and one.null.replace("|", "\\|") in text
         assert all(f"[{r}]" in text or f"`{r}`" in text for r in one.rivals)
@@ -108,11 +108,10 @@ def laboratory(tmp_path_factory):
     """A folder with an experiment my-test, and the names that the examples take for granted."""
     from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
-    from idic.correlation.pixels.pixel_map import build_pixel_map
-    from idic.correlation.reference import build_reference
-    from idic.dic import Regularisation, build_smoother
-    from idic.experiment_file.load import load_experiment
-    from idic.images.interpolate import prefilter
+    from idic.correlation import build_pixel_map, build_reference
+    from idic.measure import Regularisation, build_smoother
+    from idic.experiment_file import load_experiment
+    from idic.images import prefilter
 
     folder = tmp_path_factory.mktemp("laboratory")
     experiment = load_experiment(write_folder(folder / "my-test", Twin(seed=1), ELASTIC + GRIPS + FORCE))

@@ -82,7 +82,7 @@ def _answer(program, arguments: list[str]) -> Answer:
         warnings.simplefilter("always")
         for kind in (DeprecationWarning, ResourceWarning, PendingDeprecationWarning):  # Python does not show these
             warnings.simplefilter("ignore", kind)
-        warnings.filterwarnings("ignore", message="Numcodecs codecs are not in")  # as idic.store.arrays, for users
+        warnings.filterwarnings("ignore", message="Numcodecs codecs are not in")  # as idic.run.store.arrays, for users
         code, shown, said = _invoked(program, arguments)
     return Answer(code, said, shown, tuple(f"{w.category.__name__}: {w.message}" for w in caught))
 

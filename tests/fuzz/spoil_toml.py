@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from hypothesis import strategies as st
 
 from base_experiments import BASES, base_tables
-from idic.experiment_file.toml_file import to_toml
+from idic.experiment_file import to_toml
 
 NUMBERS = [
     0,

@@ -11,7 +11,7 @@ from spoil_images import CHECKED, STRANGERS, WAYS, flips, pixels
 from spoil_toml import splices
 
 from idic.cli.outcomes import BAD_INPUT, DONE
-from idic.experiment_file.load import load_experiment
+from idic.experiment_file import load_experiment
 
 
 def with_images(folder, way: str) -> list:

@@ -10,7 +10,7 @@ from spoil_log import VALUES, Damage, Dialect, LogFile, damages, dialects
 from spoil_toml import splices
 
 from idic.cli.outcomes import DONE
-from idic.experiment_file.load import load_experiment
+from idic.experiment_file import load_experiment
 
 
 

@@ -11,7 +11,7 @@ from spoil_mesh import FORMATS, NX, NY, Fault, content, faults, suffix, table, w
 from spoil_toml import splices
 
 from idic.cli.outcomes import BAD_INPUT, DONE
-from idic.experiment_file.load import load_experiment
+from idic.experiment_file import load_experiment
 
 AS_GIVEN = {"options.element_order": "as_given"}
 

@@ -21,12 +21,9 @@ from idic.cli.app import exit_code
 from idic.cli.outcomes import BAD_INPUT, DONE
 from idic.errors import InputError
 from idic.report.fields.viewer import viewer_data
-from idic.report.page import render_page
-from idic.run.context import open_run
-from idic.run.diagnosis.source import open_source
-from idic.run.judgement.accepted_point import channels_of
-from idic.run.reporting.write import load_record, write_numbers, write_report
-from idic.store.result_file import RESULT_FILE, read_result
+from idic.report import render_page
+from idic.run import RESULT_FILE, channels_of, open_run, open_source, read_result, write_report
+from idic.run.reporting.write import load_record, write_numbers
 
 BASES = ("cameras", "grips")
 OVERRIDES = {"options.weighting": "noise"}  # a diagnosis weighs by it

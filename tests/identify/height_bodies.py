@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import brentq
 
-from idic.correlation.experiment_reference import camera_at
-from idic.correlation.view import view_of
-from idic.fe.mesh.mesh import boundary_faces, make_mesh, surface_cells
-from idic.images.camera import Camera
-from idic.images.stack import ArrayStack
-from idic.model.experiment import Column, Constant, Experiment, Load, Material, Noise, Options, Prescribed
-from idic.model.forward import build_forward, solve
+from idic.correlation import camera_at, view_of
+from idic.fe import boundary_faces, make_mesh, surface_cells
+from idic.images import ArrayStack, Camera
+from idic.model import Column, Constant, Experiment, Load, Material, Noise, Options, Prescribed, build_forward, solve
 from idic.parameters import Parameter, ParameterSet
-from idic.virtual_tests.render import Sensor, render
+from idic.virtual_tests.render import render
+from idic.virtual_tests import Sensor
 
 PIXEL, UM = 0.02, 1e-3  # mm; mm per unit of height
 TRUTH = {"C10": 3.3, "kappa": 66.0}  # MPa

@@ -15,8 +15,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from idic.fe.mesh.polygon import mesh_polygon
-from idic.fe.mesh.refine import raise_order
+from idic.fe import mesh_polygon, raise_order
 
 GAUSS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6.0  # area coordinates, equal weights
 WOVEN = {"E1": 55e3, "E2": 55e3, "nu12": 0.05, "G12": 4e3}  # MPa

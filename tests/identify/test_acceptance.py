@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idic.correlation.system import CorrelationSystem
-from idic.identify.covariance import scaled_system
-from idic.identify.step.acceptance import falls
-from idic.identify.step.state import Evaluation
+from idic.correlation import CorrelationSystem
+from idic.identification import Evaluation, scaled_system
+from idic.identification.step.acceptance import falls
 from idic.parameters import Parameter, ParameterSet
 
 BEST, INFORMATION, MEAN, STD = 0.3, 4.0, 1.0, 0.25  # of the data; of the prior

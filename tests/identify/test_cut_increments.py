@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from twin_runs import FORCE, GRIPS, Twin, write_folder
 
-from idic.correlation.system import CorrelationSystem
-from idic.experiment_file.load import load_experiment
-from idic.identify.loop import advance, start
-from idic.identify.step.state import Evaluation
+from idic.correlation import CorrelationSystem
+from idic.experiment_file import load_experiment
+from idic.identification.loop import advance
+from idic.identification import Evaluation, start
 
 STD, ROOT, EDGE = 0.01, 12.0, 9.0  # scaled; of the functional, and where an increment is cut, standard deviations
 BODY = """

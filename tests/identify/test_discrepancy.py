@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 
 import idic
-from idic.experiment_file.load import load_rendered
-from idic.identify.discrepancy.normal_equations import Component, DiscrepancySystem, joined, reason_against
-from idic.identify.discrepancy.variances import estimate
-from idic.identify.in_memory import identify
-from idic.identify.result import Analysis
+from idic.experiment_file import load_rendered
+from idic.identification import Analysis, Component, DiscrepancySystem, identify, joined, reason_against
+from idic.identification.discrepancy.variances import estimate
 from idic_studies.misfit.study import DISTURBANCE, NOISE_GV
 from idic_studies.misfit.worlds import draw, virtual_test
 from idic_studies.cases.open_hole_strip import write_clean
 from idic_studies.cases.realisation import realisation
-from idic.virtual_tests.experiment_files import write_images
+from idic.virtual_tests import write_images
 
 
 def recorded(folder, world, seed):

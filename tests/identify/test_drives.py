@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from idic.fe.mesh.mesh import boundary_edges, make_mesh
-from idic.fe.mesh.refine import raise_order
+from idic.fe import boundary_edges, make_mesh, raise_order
 from idic.model.drives import second_differences
 
 
@@ -33,7 +32,7 @@ def test_a_kink_along_a_straight_edge_is_rough_and_one_at_a_corner_is_not():
 
 
 def test_raising_the_order_keeps_sets_volume_and_orientation():
-    from idic.fe.mesh.mesh import check_elements
+    from idic.fe import check_elements
 
     mesh = _plate()
     mesh.node_sets["BOTTOM"] = np.arange(6)

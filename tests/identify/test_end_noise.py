@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from idic.experiment_file.load import load_experiment
-from idic.identify.covariance import without_end_noise
-from idic.identify.in_memory import evaluate_at, identify
-from idic.model.experiment import Experiment
+from idic.experiment_file import load_experiment
+from idic.identification.parameter_covariance import without_end_noise
+from idic.identification import evaluate_at, identify
+from idic.model import Experiment
 from idic_studies.cases.case import with_measured_start
 
 E, NU, WIDTH, LENGTH, THICKNESS, STAGES, NOISE_MM, FORCE_NOISE_N = 70e3, 0.3, 12.0, 24.0, 2.0, 6, 0.5e-3, 3.0

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, write_folder
 
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
+from idic.experiment_file import load_experiment
+from idic.identification import identify
 from idic.parameters import USUAL_MAX_STEP, ParameterSet
 
 STARTS = {"camera.tilt_x": -3.0, "camera.tilt_y": 3.0}  # scales, each three pixels at the corner of 100 x 140

@@ -7,15 +7,14 @@ import pytest
 from twin_runs import TRUTH
 from twin_runs import identify as identify_in_a_run
 
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import evaluate_at, identify
-from idic.identify.loop import advance, start
-from idic.identify.step.acceptance import MAX_PHI_RATIO_WITH_FEWER_CUTS
-from idic.identify.step.state import Trial
+from idic.experiment_file import load_experiment
+from idic.identification import Trial, evaluate_at, identify, start
+from idic.identification.loop import advance
+from idic.identification.step.acceptance import MAX_PHI_RATIO_WITH_FEWER_CUTS
 from idic.run.session import open_session
-from idic.store.state_file import load_state
-from idic.store.system_store import load_evaluation
-from idic.workers.runner import SerialRunner
+from idic.run.store.state_file import load_state
+from idic.run.store.system_store import load_evaluation
+from idic.run import SerialRunner
 
 
 def known_noise(experiment):

@@ -14,11 +14,11 @@ from matplotlib.image import imsave
 from typer.testing import CliRunner
 
 from idic.cli.app import app
-from idic.diagnose.residual.thinning import JUDGEMENT, thinned
+from idic.diagnose import JUDGEMENT, thinned
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
-from idic.model.forward import build_forward
+from idic.experiment_file import load_experiment
+from idic.identification import identify
+from idic.model import build_forward
 from idic_studies.cases.case import with_measured_start
 
 E, NU, RADIUS, HALF, THICKNESS, STRESS, N_STAGES = 70e3, 0.3, 3.0, 8.0, 4.0, 200.0, 4

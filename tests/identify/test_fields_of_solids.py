@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from idic.correlation.field.point_map import build_point_map
-from idic.experiment_file.load import load_experiment
-from idic.fe.mesh.mesh import surface_cells
-from idic.identify.in_memory import identify
-from idic.model.forward import build_forward, solve
+from idic.experiment_file import load_experiment
+from idic.fe import surface_cells
+from idic.identification import identify
+from idic.model import build_forward, solve
 
 LENGTH, WIDTH, THICKNESS = 20.0, 12.0, 0.4
 E_TRUE, NU_TRUE, DEFLECTION = 70e3, 0.33, 0.12

@@ -5,16 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.identify.covariance import Scaled, spectrum
-from idic.identify.free_form.evidence import choose_knots
-from idic.identify.free_form.forms import FreeCurve, FreeSpectrum, FreeSurface
-from idic.identify.step.ending import beyond_bounds
-from idic.identify.step.proposal import Step
-from idic.identify.step.rising import in_order
-from idic.materials.composed.free_curve import basis, knots
-from idic.materials.composed.smoothness import Smoothness, bends
-from idic.materials.plasticity.surface_forms import equivalent
-from idic.materials.rate.free_relaxation import grid, relaxing
+from idic.identification.parameter_covariance import Scaled
+from idic.identification import FreeCurve, FreeSpectrum, FreeSurface, choose_knots, spectrum
+from idic.identification.step.ending import beyond_bounds
+from idic.identification.step.proposal import Step
+from idic.identification.step.rising import in_order
+from idic.laws import Smoothness, basis, bends, equivalent, grid, knots, relaxing
 from idic.parameters import Parameter, ParameterSet, SmoothnessPrior
 
 LAST, N, NOISE = 0.1, 24, 1.0

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, solved, write_folder
 
-from idic.correlation.experiment_reference import build_reference
-from idic.correlation.reference import MAX_GRADIENT_NOISE
-from idic.experiment_file.load import load_experiment
-from idic.identify.input_noise import gradient_noise
-from idic.images.pattern import dense_speckle
-from idic.images.quality.gradient_noise import radial_spectrum, slope_gain, without_noise
-from idic.images.quality.lowpass import lowpass
+from idic.correlation import MAX_GRADIENT_NOISE, build_experiment_reference
+from idic.experiment_file import load_experiment
+from idic.identification.input_noise import gradient_noise
+from idic.images import dense_speckle, lowpass, without_noise
+from idic.images.quality.gradient_noise import radial_spectrum, slope_gain
 
 
 def noisy(lowpass):
@@ -20,7 +18,7 @@ def noisy(lowpass):
 def gradients(folder, noise, lowpass_px=0.0):
     """(experiment, its reference image, the gradient that the sums weigh by)"""
     experiment = load_experiment(write_folder(folder / str(noise), Twin(noise=noise), noisy(lowpass_px)))
-    reference = build_reference(experiment, experiment.camera)
+    reference = build_experiment_reference(experiment, experiment.camera)
     return experiment, reference, np.concatenate([reference.fx, reference.fy]).astype(float)
 
 

@@ -8,9 +8,8 @@ from height_bodies import bent_plate, photographed
 
 from idic.diagnose.locate.freedoms import camera_fields
 from idic.diagnose.locate.mismatch import locate
-from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.images.stack import ArrayStack
+from idic.diagnose import identification_at, residual_evidence
+from idic.images import ArrayStack
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +35,7 @@ def test_a_residual_is_left_by_the_image_made_for_it(plate):
 
 def test_the_null_model_asks_for_the_step_back_to_the_truth(plate):
     """A score test on heights: the stiffness is 3 % too high, to first order."""
-    from idic.diagnose.screen.score import null_model
+    from idic.diagnose import null_model
 
     found, residual = plate
     null = null_model(residual.evidence, residual.null)

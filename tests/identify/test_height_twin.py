@@ -8,15 +8,14 @@ import pytest
 from height_bodies import RMS, TRUTH, UM, Roughness, bent_plate, exact_images, photographed, pulled_block
 from twin_bodies import context, extended, responses
 
-from idic.correlation.frame_equations import frame_equations
+from idic.correlation import frame_equations, view_of
 from idic.correlation.height.gaps import fill_gaps
 from idic.correlation.height.normal_equations import height_normal_equations
 from idic.correlation.shared_noise import reference_gram
-from idic.correlation.view import view_of
 from idic.errors import InputError
-from idic.identify.in_memory import identify
-from idic.images.stack import ArrayStack
-from idic.model.forward import build_forward, solve
+from idic.identification import identify
+from idic.images import ArrayStack
+from idic.model import build_forward, solve
 from idic.parameters import Parameter
 
 CAMERA = {"camera.rotation_deg": 0.3, "camera.pixel_size": 0.02, "camera.shift_col": 0.4, "camera.tilt_x": 0.002}

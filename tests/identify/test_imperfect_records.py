@@ -10,18 +10,14 @@ import tifffile
 from twin_bodies import PIXEL
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, clean_images, judged, solved, write_folder
 
-from idic.experiment_file.load import load_experiment
-from idic.identify.frame_fit import FrameFit, frame_entries
-from idic.identify.in_memory import identify
-from idic.identify.measured_start import without_edges
-from idic.identify.result import shift_notes
-from idic.images.camera import Camera
-from idic.model.drives import build_drives
-from idic.model.experiment import Column
-from idic.model.forward import build_forward, solve
+from idic.experiment_file import load_experiment
+from idic.identification import FrameFit, frame_entries, identify, without_edges
+from idic.identification.result import shift_notes
+from idic.images import Camera
+from idic.model import Column, build_drives, build_forward, solve
 from idic.report.record import FreeFields
-from idic.report.words import left_out, not_explained
-from idic.run.in_memory.preparation import prepare
+from idic.report import left_out, not_explained
+from idic.run import prepare_in_memory
 from idic.run.judgement.free import free_summary
 
 WHOLE = ELASTIC + GRIPS + FORCE
@@ -229,7 +225,7 @@ def test_a_black_image_leaves_measured_edges_between_their_neighbours(clean, tmp
     black = images.copy()
     black[3] = 0
     folder = write_folder(tmp_path / "test", Twin(), ELASTIC + edges + FORCE, (black, force))
-    prepared = prepare(load_experiment(folder))
+    prepared = prepare_in_memory(load_experiment(folder))
     found = identify(prepared.start, prepared.local)
     drives = build_drives(prepared.experiment)
     right = [i for i, drive in enumerate(drives.local) if ".RIGHT.x" in drives.names[drive]]

@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
-from idic.correlation.system import CorrelationSystem
+from idic.correlation import CorrelationSystem
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.identify.joint import join
-from idic.identify.loop import start
-from idic.identify.noise.channel_noise import weighted_std
-from idic.identify.result import Analysis
-from idic.identify.step.increments import MAX_COARSE_REJECTIONS, meets_a_jump
-from idic.identify.step.state import Evaluation, TrustRegion
+from idic.experiment_file import load_experiment
+from idic.identification import Analysis, Evaluation, TrustRegion, join, start
+from idic.identification.noise.channel_noise import weighted_std
+from idic.identification.step.increments import MAX_COARSE_REJECTIONS, meets_a_jump
 from idic.run.joint_result import derived_of_part
 
 OWN_STRENGTH = """

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 from twin_runs import FORCE, GRIPS, Twin, write_folder
 
-from idic.correlation.system import CorrelationSystem
-from idic.experiment_file.load import load_experiment
-from idic.identify.loop import advance, start
-from idic.identify.step.state import Evaluation
-from idic.identify.step.state import GENERALISED, EstimatorChoice
+from idic.correlation import CorrelationSystem
+from idic.experiment_file import load_experiment
+from idic.identification.loop import advance
+from idic.identification import EstimatorChoice, Evaluation, GENERALISED, start
 
 STD = 0.01  # of the one parameter, scaled
 BODY = """

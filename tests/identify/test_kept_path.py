@@ -7,11 +7,10 @@ import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
 from idic.diagnose.residual.residual_evidence import simulated
-from idic.experiment_file.load import load_experiment
-from idic.identify import kept_simulation as paths
-from idic.identify.in_memory import identify
-from idic.model.experiment import Stage
-from idic.model.forward import ForwardModel
+from idic.experiment_file import load_experiment
+from idic.identification import kept_simulation as paths
+from idic.identification import identify
+from idic.model import ForwardModel, Stage
 
 
 @pytest.fixture(scope="module", params=["grips as logged", "grips with noise"])

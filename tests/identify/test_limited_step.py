@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from idic.identify.covariance import Scaled, spectrum
-from idic.identify.step.proposal import propose
+from idic.identification.parameter_covariance import Scaled
+from idic.identification import spectrum
+from idic.identification.step.proposal import propose
 from idic.parameters import Parameter, ParameterSet
 
 STRONG, WEAK = 1e8, 1e2  # entries of M: standard deviations of 1e-4 and 0.1 in ln(parameter)

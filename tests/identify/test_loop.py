@@ -9,8 +9,8 @@ import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, identify, solved, write_folder
 
 from idic.errors import NotConverged
-from idic.identify.step.next_step import MAX_REJECTIONS
-from idic.model.forward import ForwardModel
+from idic.identification.step.next_step import MAX_REJECTIONS
+from idic.model import ForwardModel
 from idic.report.words import convergence
 
 WHOLE = ELASTIC + GRIPS + FORCE

@@ -14,11 +14,9 @@ from typer.testing import CliRunner
 
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.fe.mesh.mesh import make_mesh
-from idic.fe.mesh.morph import find_holes
-from idic.identify.in_memory import identify
-from idic.identify.plan.planned_test import load_plan
+from idic.experiment_file import load_experiment
+from idic.fe import find_holes, make_mesh
+from idic.identification import identify, load_plan
 from idic_studies.cases.case import CaseJob, case_experiment, render, true_values, with_measured_start
 from idic_studies.cases.registry import make_study
 from idic_studies.cases.store import StudyStore
@@ -61,7 +59,7 @@ def test_parameters_from_fields_are_those_from_the_images(measured_by_subsets):
 
 def test_generalised_least_squares_are_refused(measured_by_subsets):
     _, experiment, _ = measured_by_subsets
-    from idic.identify.step.estimator import check_estimator
+    from idic.identification.step.estimator import check_estimator
 
     with pytest.raises(InputError, match="generalised least squares"):
         check_estimator(replace(experiment, options=replace(experiment.options, estimator="generalised")))

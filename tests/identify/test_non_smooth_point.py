@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 from twin_runs import FORCE, GRIPS, Twin, write_folder
 
-from idic.correlation.system import CorrelationSystem
-from idic.experiment_file.load import load_experiment
-from idic.identify.covariance import Scaled, spectrum
-from idic.identify.loop import advance, start
-from idic.identify.step.increments import KNOWN
-from idic.identify.step.non_smooth import smallest_gradient
-from idic.identify.step.state import ENOUGH, GENERALISED, GENERALISED_REJECTED, Ending, EstimatorChoice, Evaluation
-from idic.model.experiment import Measured
+from idic.correlation import CorrelationSystem
+from idic.experiment_file import load_experiment
+from idic.identification.parameter_covariance import Scaled
+from idic.identification import Ending, EstimatorChoice, Evaluation, GENERALISED, spectrum, start
+from idic.identification.loop import advance
+from idic.identification.step.increments import KNOWN
+from idic.identification.step.non_smooth import smallest_gradient
+from idic.identification.step.state import ENOUGH, GENERALISED_REJECTED
+from idic.model import Measured
 
 NAMES = ("BODY.E", "BODY.nu")
 STD = 0.01  # of either parameter, scaled

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
+from idic.experiment_file import load_experiment
+from idic.identification import identify
 from idic_studies.cases.case import with_measured_start
 
 LAW = '[material.ALL]\nlaw = "{}"\n{}\n\n'

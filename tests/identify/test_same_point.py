@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
-from idic.run.context import open_run
-from idic.run.tasks import SimulationJob, simulate
-from idic.store.layout import BASE, group_name
-from idic.store.arrays import Damaged, FrameArrays, read_array, write_array
-from idic.store.state_file import load_state
+from idic.run import BASE, FrameArrays, SimulationJob, group_name, open_run, read_array, write_array
+from idic.run.tasks import simulate
+from idic.run.store.arrays import Damaged
+from idic.run.store.state_file import load_state
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,11 @@ import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.identify.covariance import Scaled, spectrum
-from idic.identify.in_memory import identify as identify_in_memory
-from idic.identify.step.schedule import seen_in, strong_directions
-from idic.identify.step.stages import resolve_stages
-from idic.model.experiment import Stage
+from idic.experiment_file import load_experiment
+from idic.identification.parameter_covariance import Scaled
+from idic.identification import identify as identify_in_memory, resolve_stages, seen_in, spectrum
+from idic.identification.step.schedule import strong_directions
+from idic.model import Stage
 
 COARSE = """
 [[stage]]

@@ -7,26 +7,23 @@ import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
 from idic.errors import NotConverged
-from idic.experiment_file.load import load_experiment
-from idic.identify.coarse import MIN_FRAMES, CoarseFit, coarse_fit, coarse_frames
-from idic.identify.covariance import Scaled, spectrum
-from idic.identify.loop import start
-from idic.identify.search import (
-    MAX_NEAR_COARSE_MISFIT, MAX_NEAR_MISFIT, MAX_PROMISING_COARSE_MISFIT, Trial, stabilised_start, search,
-    trial_points,
+from idic.experiment_file import load_experiment
+from idic.identification.coarse import MIN_FRAMES, coarse_frames
+from idic.identification import (
+    CoarseFit, StartTrial, coarse_fit, first_free, resolve_stages, search, spectrum, start, wants_search,
 )
-from idic.identify.step.proposal import propose
-from idic.identify.step.schedule import BLURRED_STAGE, first_free, is_continued, wants_search
-from idic.identify.step.stages import resolve_stages
-from idic.model.experiment import Stage
-from idic.model.forward import ForwardModel, build_forward, solve
-from idic.model.leading_frames import selected_frames
+from idic.identification.parameter_covariance import Scaled
+from idic.identification.start_search import (
+    MAX_NEAR_COARSE_MISFIT, MAX_NEAR_MISFIT, MAX_PROMISING_COARSE_MISFIT, stabilised_start, trial_points,
+)
+from idic.identification.step.proposal import propose
+from idic.identification.step.schedule import BLURRED_STAGE, is_continued
+from idic.model import ForwardModel, Stage, build_forward, selected_frames, solve
 from idic.parameters import USUAL_MAX_STEP, Parameter, ParameterSet
 from idic.run.prepare import ingest, prepare
 from idic.run.session import open_session
 from idic.run.search import SEARCH_FILE, TrialJob, fit_trial, start_values
-from idic.store.run_store import RunStore
-from idic.workers.runner import SerialRunner
+from idic.run import RunStore, SerialRunner
 
 TRUTH = {"BODY.E": 2000.0, "BODY.nu": 0.35}
 
@@ -107,7 +104,7 @@ def test_the_channels_alone_can_be_fitted(measured):
 
 def test_fewer_frames_are_simulated_of_a_long_test(measured, monkeypatch):
     experiment, _ = measured
-    monkeypatch.setattr("idic.identify.coarse.MAX_FRAMES", 2)
+    monkeypatch.setattr("idic.identification.coarse.MAX_FRAMES", 2)
     frames = coarse_frames(experiment)
     assert frames[0] == experiment.reference and frames[-1] == experiment.n_frames - 1 and len(frames) == 3
     thinned = selected_frames(experiment, frames)
@@ -277,18 +274,19 @@ def test_in_a_run_the_search_is_kept_and_repeated_to_the_last_bit(folder, tmp_pa
         session = open_session(run, SerialRunner(), "direct")
         assert start_values(session) is None  # nothing of this law asks for it
         monkeypatch.setattr("idic.run.search.wants_search", lambda experiment: True)
-        monkeypatch.setattr("idic.identify.search.MAX_NEAR_MISFIT", 0.0)
-        monkeypatch.setattr("idic.identify.search.trial_points",
-                            lambda experiment: [Trial("far", {"BODY.E": 5e3}, 3), Trial("near", {"BODY.E": 2200.0}, 3)])
+        monkeypatch.setattr("idic.identification.start_search.MAX_NEAR_MISFIT", 0.0)
+        monkeypatch.setattr("idic.identification.start_search.trial_points",
+                            lambda experiment: [StartTrial("far", {"BODY.E": 5e3}, 3),
+                                                 StartTrial("near", {"BODY.E": 2200.0}, 3)])
         first = start_values(session)
         again = start_values(session)  # from what is kept
-        kept = fit_trial(TrialJob(str(run), 1, Trial("far", {"BODY.E": 5e3}, 3)))
+        kept = fit_trial(TrialJob(str(run), 1, StartTrial("far", {"BODY.E": 5e3}, 3)))
         store.remove("search/01")
-        assert fit_trial(TrialJob(str(run), 1, Trial("far", {"BODY.E": 5e3}, 3))) == kept
+        assert fit_trial(TrialJob(str(run), 1, StartTrial("far", {"BODY.E": 5e3}, 3))) == kept
         chunk = next(path for path in (store.group("search/01") / "facts").rglob("*") if path.name != "zarr.json"
                      and path.is_file())
         chunk.write_bytes(chunk.read_bytes()[:-3])
-        assert fit_trial(TrialJob(str(run), 1, Trial("far", {"BODY.E": 5e3}, 3))) == kept  # computed anew
+        assert fit_trial(TrialJob(str(run), 1, StartTrial("far", {"BODY.E": 5e3}, 3))) == kept  # computed anew
     assert first == again and (run / SEARCH_FILE).exists()
     assert first["BODY.E"] == pytest.approx(2000.0, rel=0.05)  # the motion of noisy images, and a force
 

@@ -15,12 +15,8 @@ from twin_bodies import (HOLE, PIXEL, all_rows, corrected_grips, experiment, for
                          parametrised, photographed,
                          pulled, responses, uneven, with_hole)
 
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.correlation.frame import residual_map
-from idic.correlation.frame_equations import global_columns
-from idic.correlation.grey import frame_spline
-from idic.correlation.view import view_of
-from idic.images.spline_reference import spline_slopes
+from idic.correlation import build_experiment_reference, camera_at, frame_spline, global_columns, residual_map, view_of
+from idic.images import spline_slopes
 
 ELASTIC = {"E": 1000.0, "nu": 0.3}
 STEEL = {"E": 1000.0, "nu": 0.3, "yield_stress": 3.0}
@@ -159,14 +155,14 @@ def test_a_traction_grows_with_the_thickness_and_a_force_does_not():
 
 
 def test_every_law_and_every_kind_of_degree_of_freedom_is_among_the_pairs():
-    from idic.images.camera import PARAMETERS
-    from idic.materials import all_laws
+    from idic.images import CAMERA_PARAMETERS
+    from idic.laws import all_laws
 
     bodies = [make() for make in BODIES.values()]
     assert {law.name if hasattr(law, "name") else law for law in all_laws()} <= {b.materials[0].law for b in bodies}
     names = {name for body in bodies for name in body.parameters.free}
     kinds = {"boundary.RIGHT.x.offset", "boundary.RIGHT.y.s2t1", "geometry.thickness", "time.offset",
-             *(f"camera.{p}" for p in PARAMETERS), *(n for n, *_ in CHANNEL_DOFS), *HOLE}
+             *(f"camera.{p}" for p in CAMERA_PARAMETERS), *(n for n, *_ in CHANNEL_DOFS), *HOLE}
     assert kinds <= names
 
 
@@ -224,7 +220,7 @@ def test_the_right_hand_side_falls_as_the_matrix_says_when_a_parameter_leaves_th
 def with_steady_pixels(body):
     """Masked so that camera and geometry move the edge of the mesh over no pixel that counts."""
     there = body.at_geometry(body.parameters)
-    pm = build_reference(there, camera_at(there, body.parameters)).pixel_map
+    pm = build_experiment_reference(there, camera_at(there, body.parameters)).pixel_map
     seen = np.isfinite(pm.to_image(np.zeros(pm.n_pixels)))
     return replace(body, mask=binary_erosion(seen, iterations=3))
 

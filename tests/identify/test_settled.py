@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.correlation.system import CorrelationSystem, FrameRecord
-from idic.identify.step.settled import MAX_NOISE_OF_PIXEL, SETTLED_SHARE, beyond_noise, negligible
-from idic.images.quality.lowpass import still_gain
+from idic.correlation import CorrelationSystem, FrameRecord
+from idic.identification.step.settled import MAX_NOISE_OF_PIXEL, SETTLED_SHARE, beyond_noise, negligible
+from idic.images import still_gain
 
 PIXELS, LOWPASS_PX = 100_000, 1.0
 

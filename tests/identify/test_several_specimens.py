@@ -13,16 +13,12 @@ from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, write_folder
 from typer.testing import CliRunner
 
 from idic.cli.app import app
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import evaluate_at
-from idic.identify.joint import join
-from idic.identify.loop import start
-from idic.identify.specimens.own_values import specimens_content
-from idic.identify.specimens.scatter import scatter
-from idic.identify.step.state import AcceptedPoint
+from idic.experiment_file import load_experiment
+from idic.identification import AcceptedPoint, evaluate_at, join, specimens_content, start
+from idic.identification.specimens.scatter import scatter
 from idic.parameters import JointPrior, ParameterSet
-from idic.report.tables_page import joint_page
-from idic.run.plain import identify_experiment
+from idic.report import joint_page
+from idic.run import identify_experiment
 
 E1, E2, NU12, G12 = 60_000.0, 20_000.0, 0.15, 4_000.0
 WIDTH, HEIGHT, THICKNESS = 12.0, 36.0, 2.0

@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.experiment_file.load import load_rendered
-from idic.identify.discrepancy.normal_equations import joined
-from idic.identify.discrepancy.strain_error import with_finite_strains
-from idic.identify.in_memory import identify
-from idic.store.discrepancy_store import load_discrepancy, save_discrepancy
-from idic.store.run_store import RunStore
+from idic.experiment_file import load_rendered
+from idic.identification import identify, joined, with_finite_strains
+from idic.run.store.discrepancy_store import load_discrepancy, save_discrepancy
+from idic.run import RunStore
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
 from idic_studies.trial.scenes.solve import solve

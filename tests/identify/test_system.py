@@ -5,11 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from idic.correlation.equations import BasisEquations, ChannelEquations, FrameEquations, Weights
+from idic.correlation.equations import BasisEquations, ChannelEquations
+from idic.correlation import (
+    CorrelationSystem, FrameEquations, Weights, eliminate, generalised_weights, ordinary_variance, reduce_systems,
+)
 from idic.correlation import shared_noise
-from idic.correlation.shared_noise import close, generalised_weights, ordinary_variance
-from idic.correlation.system import CorrelationSystem, eliminate, reduce_systems
-from idic.identify.covariance import covariance, scaled_system, spectrum
+from idic.correlation.shared_noise import close
+from idic.identification import covariance, scaled_system, spectrum
 from idic.parameters import Parameter, ParameterSet
 
 N, M, NB, PIXELS, CHANNELS = 3, 2, 2, 60, 1
@@ -225,7 +227,7 @@ def test_generalised_least_squares_with_unknowns_of_every_frame_solve_for_the_pa
 
 
 def test_a_direction_that_the_data_leave_open_is_not_determined_and_not_stepped_along():
-    from idic.identify.step.proposal import propose
+    from idic.identification.step.proposal import propose
 
     columns = np.random.default_rng(5).normal(size=(PIXELS, 2))
     columns = np.column_stack([columns[:, 0], -columns[:, 0], columns[:, 1]])  # only a - b is seen

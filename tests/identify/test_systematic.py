@@ -10,27 +10,23 @@ from twin_bodies import plate
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
-from idic.correlation.system import CorrelationSystem
-from idic.fe.mesh.mesh import make_mesh
-from idic.identify import in_memory
-from idic.identify.covariance import scaled_system, spectrum
-from idic.identify.systematic.discretisation import beyond_data, discretisation_bias
-from idic.identify.systematic.refinement import carried_local, refined
-from idic.model.drives import build_drives
-from idic.model.experiment import Stage
-from idic.identify.systematic.spread import Assessment, determined_values, with_bias, with_spread
-from idic.identify.systematic.treatments import AS_GIVEN, treatments
+from idic.experiment_file import load_experiment, read_toml
+from idic.correlation import CorrelationSystem
+from idic.fe import make_mesh
+from idic.identification import in_memory
+from idic.identification import (
+    Assessment, carried_local, determined_values, discretisation_bias, refined, scaled_system, spectrum, treatments,
+    with_bias, with_spread,
+)
+from idic.identification.systematic.discretisation import beyond_data
+from idic.model import Stage, build_drives
+from idic.identification.systematic.treatments import AS_GIVEN
 from idic.parameters import JointPrior, Parameter, ParameterSet
-from idic.report.page import render_page
-from idic.report.treatments import treatment_table
-from idic.run.plain import identify_experiment
+from idic.report import render_page, treatment_table
+from idic.run import SerialRunner, identify_experiment, systematic
 from idic.run.reporting.write import load_record
-from idic.run.systematic import systematic
-from idic.store.result_file import write_result
-from idic.virtual_tests.meshes import write_inp
-from idic.workers.runner import SerialRunner
+from idic.run.store.result_file import write_result
+from idic.virtual_tests import write_inp
 
 WHOLE = ELASTIC + GRIPS + FORCE
 ORDINARY = '[options]\nestimator = "ordinary"\n'

@@ -13,11 +13,10 @@ from twin_runs import (
     FORCE, GRIPS, SHAPE, THICKNESS, Twin, clean_image, dense_speckle, judged, painted, solved, write_folder,
 )
 
-from idic.fe.march import march
-from idic.fe.model import Constraints, Direction, Model, Reaction, Section
-from idic.images.camera import Camera
-from idic.materials.core.compilation import compile as compile_law
-from idic.virtual_tests.render import Sensor
+from idic.fe import Constraints, Direction, Model, Reaction, Section, march
+from idic.images import Camera
+from idic.laws import compile as compile_law
+from idic.virtual_tests import Sensor
 
 TWIN = Twin(noise=1.0)
 TRUTH = {"BODY.E": 2000.0, "BODY.nu": 0.35, "BODY.alpha": 8e-5}

@@ -7,9 +7,7 @@ import pytest
 from twin_bodies import column, experiment, extended
 
 from idic.errors import InputError
-from idic.model.experiment import Column, Temperature, TemperatureField
-from idic.model.forward import build_forward, solve
-from idic.model.temperature import nodal_temperature
+from idic.model import Column, Temperature, TemperatureField, build_forward, nodal_temperature, solve
 from idic.parameters import Parameter
 
 ALPHA = ("BODY.alpha", 3e-4, 1e-5)

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from idic.identify.covariance import Scaled
-from idic.identify.step.trust_radius import radius_after_rejection, radius_after_step, step_length, predicted_decrease
+from idic.identification.parameter_covariance import Scaled
+from idic.identification.step.trust_radius import (
+    predicted_decrease, radius_after_rejection, radius_after_step, step_length,
+)
 from idic.parameters import USUAL_MAX_STEP, Parameter, ParameterSet
 
 M = np.array([[4.0, 1.0], [1.0, 9.0]])

@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, SHAPE, Twin, clean_images, identify, write_folder
 
-from idic.correlation.experiment_reference import build_reference
-from idic.correlation.measured import MeasuredReference
+from idic.correlation import MeasuredReference, build_experiment_reference
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.identify import in_memory
-from idic.identify.two_step import measure, measured_reference
-from idic.images.quality.lowpass import lowpass
-from idic.images.stack import ArrayStack
-from idic.model.forward import build_forward, solve
-from idic.report.page import render_page
+from idic.experiment_file import load_experiment
+from idic.identification import in_memory
+from idic.identification.two_step import measure
+from idic.identification import measured_reference
+from idic.images import ArrayStack, lowpass
+from idic.model import build_forward, solve
+from idic.report import render_page
 from idic.run.reporting.write import load_record
-from idic.virtual_tests.render import Sensor, record
+from idic.virtual_tests import Sensor, record
 
 METHODS = ("two_step", "two_step_unweighted")
 PLATE = ELASTIC + GRIPS + FORCE
@@ -58,7 +57,7 @@ def test_exact_displacements_give_the_exact_law(plate, method):
 
 def test_the_weighted_share_is_the_quadratic_form_of_the_hessian_without_brightness(plate):
     experiment = with_options(plate, method="two_step")
-    image = build_reference(experiment, experiment.camera)
+    image = build_experiment_reference(experiment, experiment.camera)
     motion = measure(experiment)
     reference = measured_reference(experiment, image, motion)
     u = 0.9 * reference.filled(3)
@@ -78,7 +77,7 @@ def test_the_weighted_share_is_the_quadratic_form_of_the_hessian_without_brightn
 
 def test_weighted_by_the_matrix_noise_enters_as_it_enters_images(plate):
     """c = A^-1 H phi = phi: the covariance is that of the integrated method."""
-    image = build_reference(plate, plate.camera)
+    image = build_experiment_reference(plate, plate.camera)
     still = image.compare(plate, 0, np.zeros((plate.mesh.n_nodes, 2)))
     n = 2 * plate.mesh.n_nodes
     motion = np.where(still.H.diagonal().reshape(-1, 2).min(axis=1)[:, None] > 0, np.zeros(2), np.nan)

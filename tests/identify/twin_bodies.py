@@ -6,23 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.equations import Weights
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.correlation.frame_equations import frame_equations
+from idic.correlation import (
+    CorrelationContext, FrameResponse, Weights, build_experiment_reference, camera_at, frame_equations,
+)
 from idic.experiment_file.tables.geometry import holes_of
-from idic.fe.mesh.mesh import boundary_faces, make_mesh
-from idic.images.camera import Camera
-from idic.images.camera_motion import COLUMN, MAGNIFICATION, ROW, TURN, CameraMotion
-from idic.images.pattern import dense_speckle
-from idic.images.stack import ArrayStack
-from idic.model.drives import boundary_parameters
-from idic.model.experiment import (Channel, Column, Constant, Correction, Experiment, Heterogeneity, Load, Material,
-                                   Noise, Options, Parametrised, Prescribed)
-from idic.model.forward import build_forward, solve
+from idic.fe import boundary_faces, make_mesh
+from idic.images import ArrayStack, COLUMN, Camera, CameraMotion, MAGNIFICATION, ROW, TURN, dense_speckle
+from idic.model import (
+    Channel, Column, Constant, Correction, Experiment, Heterogeneity, Load, Material, Noise, Options, Parametrised,
+    Prescribed, boundary_parameters, build_forward, solve,
+)
 from idic.parameters import Parameter, ParameterSet
-from idic.virtual_tests.meshes import strip_with_hole
-from idic.virtual_tests.render import Sensor, painted, render
+from idic.virtual_tests import Sensor, painted, strip_with_hole
+from idic.virtual_tests.render import render
 
 TIMES = np.array([0.0, 1.0, 2.0, 3.0, 4.5])  # s
 LENGTH, WIDTH, PIXEL = 6.0, 4.0, 0.06  # mm
@@ -175,7 +171,7 @@ def context(body, parameters):
     camera = camera_at(body, parameters)
     noise = np.array([channel.noise_std for channel in body.channels])
     return CorrelationContext(body, parameters, names, tuple(n for n in names if forward.moves(n)), camera,
-                              build_reference(body, camera), Weights(0.5, 1.0, noise**-2, noise),
+                              build_experiment_reference(body, camera), Weights(0.5, 1.0, noise**-2, noise),
                               forward.drives.local_precision)
 
 

@@ -12,22 +12,17 @@ import numpy as np
 from twin_bodies import PIXEL, plate
 
 import idic
-from idic.experiment_file.load import load_experiment
-from idic.fe.march import march
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
-from idic.identify import in_memory
-from idic.identify.driver import run_loop
-from idic.materials.core.compilation import compile as compile_law
+from idic.experiment_file import load_experiment
+from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.images import Camera, dense_speckle
+from idic.identification import in_memory
+from idic.identification import run_loop
+from idic.laws import compile as compile_law
 from idic.run.points import RunPoints
 from idic.run.prepare import ingest, prepare
-from idic.run.session import Timing, open_session
-from idic.store.run_store import RunStore
-from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.meshes import write_inp
-from idic.virtual_tests.render import Sensor, clean_image, painted, record
-from idic.workers.runner import SerialRunner
+from idic.run.session import open_session
+from idic.run import RunStore, SerialRunner, Timing
+from idic.virtual_tests import Sensor, clean_image, painted, record, write_images, write_inp, write_loads
 
 SHAPE, ORIGIN, THICKNESS = (100, 140), (69.3, 49.6), 1.5
 NOISE, FORCE_NOISE = 2.0, 1.0  # GV of 255, N

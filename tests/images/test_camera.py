@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.images.camera import PARAMETERS, Camera, fixed_pixel_sensitivity
+from idic.images import CAMERA_PARAMETERS, Camera, fixed_pixel_sensitivity
 
 STEPS = {"pixel_size": 1e-6, "rotation_deg": 1e-4, "shift_col": 1e-3, "shift_row": 1e-3, "k1": 1e-11,
          "tilt_x": 1e-6, "tilt_y": 1e-6}
@@ -55,7 +55,7 @@ def test_the_jacobian_is_the_derivative_of_the_projection(camera):
 
 
 @cameras
-@pytest.mark.parametrize("name", PARAMETERS)
+@pytest.mark.parametrize("name", CAMERA_PARAMETERS)
 def test_every_parameter_derivative_is_a_difference_quotient(camera, name):
     h, value = STEPS[name], camera.values()[name]
     ahead, behind = (camera.with_parameters({name: value + s * h}).project(POINTS) for s in (1, -1))
@@ -64,7 +64,7 @@ def test_every_parameter_derivative_is_a_difference_quotient(camera, name):
 
 
 @cameras
-@pytest.mark.parametrize("name", PARAMETERS)
+@pytest.mark.parametrize("name", CAMERA_PARAMETERS)
 def test_the_sensitivity_at_a_fixed_pixel_is_a_difference_quotient(camera, name):
     """Both the material point that the pixel shows and its deformed image move with the parameter."""
     gradient = np.array([[1.2, 0.15], [-0.1, 0.9]])
@@ -92,7 +92,7 @@ def test_the_sensitivity_at_a_fixed_pixel_is_a_difference_quotient(camera, name)
     assert np.abs(quotient - found).max() < 1e-5 * max(np.abs(found).max(), 1.0)  # h^2 and rounding / h
 
 
-@pytest.mark.parametrize("name", PARAMETERS)
+@pytest.mark.parametrize("name", CAMERA_PARAMETERS)
 def test_without_motion_no_camera_parameter_is_seen(name):
     rigid = np.broadcast_to(np.eye(2), (len(POINTS), 2, 2))
     still = fixed_pixel_sensitivity(CAMERAS["everything"], POINTS, 0 * POINTS, rigid, name)

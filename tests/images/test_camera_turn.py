@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.images.pinhole import PinholeCamera, rotation_of
-from idic.images.placed_camera import TURN, PlacedCamera
-from idic.images.rigid_motion import RIGID
+from idic.images import PLACED_TURNS, PinholeCamera, PlacedCamera, RIGID, rotation_of
 
 LENS = PinholeCamera(2468.5, 2471.2, 638.9, 407.3, skew=-0.4, k1=-0.12, p1=1.5e-3,
                      rotation=rotation_of([3.0, 14.0, 1.0]), translation_mm=[-70.0, 3.0, 20.0],
@@ -16,7 +14,7 @@ POINTS = np.random.default_rng(3).uniform([-15, -12, -4], [15, 12, 4], (60, 3))
 
 
 def test_the_centre_stays_and_the_view_turns():
-    turned = CAMERA.with_parameters(dict(zip(TURN, (0.4, -1.5, 0.7), strict=True)))
+    turned = CAMERA.with_parameters(dict(zip(PLACED_TURNS, (0.4, -1.5, 0.7), strict=True)))
     before, after = CAMERA.effective, turned.effective
     np.testing.assert_allclose(after.centre_mm, before.centre_mm, atol=1e-10)  # rounding of 300 mm
     np.testing.assert_allclose(after.rotation, rotation_of([0.4, -1.5, 0.7]) @ before.rotation, atol=1e-14)
@@ -30,10 +28,10 @@ def test_the_rotation_of_the_calibration_moves_the_centre():
 
 
 @pytest.mark.parametrize("turned", [(0.0, 0.0, 0.0), (3.0, -8.0, 5.0)])
-@pytest.mark.parametrize("name", ["fx", "cx", "k1", "rotation_x", "rotation_z", "t_x", "t_z", *TURN,
+@pytest.mark.parametrize("name", ["fx", "cx", "k1", "rotation_x", "rotation_z", "t_x", "t_z", *PLACED_TURNS,
                                   f"placement.{RIGID[1]}", f"placement.{RIGID[5]}"])
 def test_derivatives_of_a_turned_camera_are_difference_quotients(name, turned):
-    camera = CAMERA.with_parameters(dict(zip(TURN, turned, strict=True)))
+    camera = CAMERA.with_parameters(dict(zip(PLACED_TURNS, turned, strict=True)))
     value, step = camera.values()[name], 1e-4
     higher, lower = (camera.with_parameters({name: value + sign * step}).project(POINTS) for sign in (1, -1))
     slope = camera.parameter_jacobian(POINTS, name)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from idic.images.quality.compression import compressed_at
+from idic.images import compressed_at
 
 
 def speckle(noise_gv: float, size: tuple[int, int] = (300, 420)) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from idic.images.quality.drift import drift_note, shifts
+from idic.images import drift_note, shifts
 
 
 def drifting(step, noise=2.0, shape=(160, 200)):

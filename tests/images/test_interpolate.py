@@ -5,9 +5,8 @@ import pytest
 from scipy import ndimage
 
 from idic.errors import InputError
-from idic.images.interpolate import (evaluate, gradient, gradient_at_pixels, noise_gain, noise_gain_1d,
-                                     prefilter)
-from idic.images.taps import weight_polynomials
+from idic.images.interpolate import gradient
+from idic.images import evaluate, gradient_at_pixels, noise_gain, noise_gain_1d, prefilter, weight_polynomials
 
 
 def random_image(shape=(61, 83), seed=0):

@@ -5,9 +5,7 @@ import pytest
 from scipy import ndimage
 
 from idic.errors import InputError
-from idic.images.quality.gap_marks import gap_mark
-from idic.images.quality.noise import image_noise, still_noise, still_noise_model
-from idic.images.stack import ArrayStack, Stack
+from idic.images import ArrayStack, Stack, gap_mark, image_noise, still_noise, still_noise_model
 
 
 def speckle(std_px=2.0, shape=(200, 300), seed=0):

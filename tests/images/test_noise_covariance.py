@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import correlate1d, gaussian_filter, map_coordinates
 
-from idic.images.quality.lowpass import lowpass, still_gain
-from idic.images.quality.noise_covariance import coloured, noise_covariance, pixel_gain, sum_gain
-from idic.images.stack import ArrayStack
+from idic.images import ArrayStack, coloured, lowpass, noise_covariance, pixel_gain, still_gain, sum_gain
 
 SHAPE, FRAMES, STD, SMOOTHING_PX, LOWPASS_PX = (140, 180), 6, 2.0, 0.6, 0.6
 

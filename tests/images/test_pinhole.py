@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.images.pinhole import PARAMETERS, PinholeCamera, rotation_of
+from idic.images import PINHOLE_PARAMETERS, PinholeCamera, rotation_of
 
 RNG = np.random.default_rng(25)
 POINTS = RNG.uniform([-30, -25, -8], [30, 25, 8], (200, 3))
@@ -39,10 +39,10 @@ def test_jacobian_at_the_surface_is_the_difference_quotient():
 
 
 @pytest.mark.parametrize("turned", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.5), (20.0, -35.0, 50.0)])
-@pytest.mark.parametrize("name", PARAMETERS)
+@pytest.mark.parametrize("name", PINHOLE_PARAMETERS)
 def test_derivative_by_every_parameter_is_the_difference_quotient(name, turned):
     camera = CAMERA if not any(turned) else PinholeCamera(
-        **{n: getattr(CAMERA, n) for n in PARAMETERS[:10]}, rotation=rotation_of(turned), turned_deg=turned,
+        **{n: getattr(CAMERA, n) for n in PINHOLE_PARAMETERS[:10]}, rotation=rotation_of(turned), turned_deg=turned,
         translation_mm=CAMERA.translation_mm)
     value = camera.values()[name]
     step = 1e-5 * max(1.0, abs(value))
@@ -86,7 +86,7 @@ def test_parameters_set_to_their_own_values_change_no_bit():
 
 
 def test_a_far_camera_with_a_long_lens_is_telecentric():
-    from idic.images.camera import Camera
+    from idic.images import Camera
 
     plane = POINTS * [1.0, 1.0, 0.0]
     flat = Camera.from_table(0.05, (600.0, 400.0), ("+col", "-row"))

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idic.identify.step.estimator import estimator_notes
-from idic.images.interpolate import evaluate, prefilter
-from idic.images.quality.round_trip import lost_noise_share, spline_error
+from idic.identification.step.estimator import estimator_notes
+from idic.images import evaluate, prefilter, spline_error
+from idic.images.quality.round_trip import lost_noise_share
 
 
 def waves(length_px, shape=(96, 120)):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.images.quality.saturation import largest_value, saturated_share, sensor_levels
+from idic.images import largest_value, saturated_share, sensor_levels
 
 REGION = np.ones((40, 50), dtype=bool)
 

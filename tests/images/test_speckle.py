@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.special import erf
 
-from idic.images.quality.speckle import edge_blur, speckle_size
+from idic.images import edge_blur, speckle_size
 
 WIDTH = 2.0 * np.sqrt(2.0 * np.log(2.0))  # full width at half maximum of a Gaussian over its standard deviation
 

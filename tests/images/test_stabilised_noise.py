@@ -4,9 +4,8 @@ options."""
 import numpy as np
 import pytest
 
-from idic.images.quality.noise import NoiseModel, still_noise_model
-from idic.images.quality.stabilise import MIN_VARIANCE_SHARE, StabilisedStack, Stabiliser
-from idic.images.stack import ArrayStack
+from idic.images import ArrayStack, NoiseModel, StabilisedStack, Stabiliser, still_noise_model
+from idic.images.quality.stabilise import MIN_VARIANCE_SHARE
 
 MODEL = NoiseModel(1.0, 0.05)  # GV^2, GV: 1.2 GV in the dark, 3.5 GV in the bright
 

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.images.interpolate import evaluate, prefilter
-from idic.images.pattern import dense_speckle
-from idic.images.quality.lowpass import blur_column, lowpass
-from idic.images.quality.subpixel_blur import subpixel_blur
+from idic.images import blur_column, dense_speckle, evaluate, lowpass, prefilter, subpixel_blur
 
 SHAPE = (90, 120)  # px
 RIM = 8  # px, where splines mirror the image

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from idic.materials import all_laws, compile
-from idic.materials.composed.elastoplastic import NEED_AXES, composed_name
-from idic.materials.composed.terms import kinds_of
+from idic.laws import all_laws, compile, composed_name, kinds_of
+from idic.laws.composed.elastoplastic import NEED_AXES
 
 
 def drawn_terms(rng):

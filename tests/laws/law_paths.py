@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from idic.materials.core import points
+from idic.laws import point_stresses
 
 SIZE = 0.02  # norm of F - I at the far end: elastic laws barely notice, the default J2 laws are far beyond yield
 
@@ -21,7 +21,7 @@ def follow(law, mode, path, params, dt=1.0, state=None):
     state = np.tile(law.initial_state(mode), (path.shape[1], 1)) if state is None else state
     stresses = []
     for F in path:
-        P, state, ok = points.stress(law, mode, F, state, params, dt)
+        P, state, ok = point_stresses(law, mode, F, state, params, dt)
         assert ok
         stresses.append(P)
     return np.array(stresses), state

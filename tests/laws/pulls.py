@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.materials.core.compilation import CompiledLaw
-from idic.materials.core.point import Curve, drive
+from idic.laws import CompiledLaw
+from idic.laws.core.point import Curve, drive
 
 
 def equibiaxial(law: CompiledLaw, params, strain, *, mode: int = 2, times=None) -> Curve:

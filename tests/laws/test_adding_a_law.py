@@ -9,9 +9,9 @@ import pytest
 from law_paths import follow, random_path
 from numba import njit
 
-from idic.materials import LawParameter, LawSpec, all_laws, compile, get_law, register
-from idic.materials.core import law, points
-from idic.materials.neo_hookean import inverse
+from idic.laws import LawParameter, LawSpec, all_laws, compile, directional_stresses, get_law, point_stresses, register
+from idic.laws.core import law
+from idic.laws.neo_hookean import inverse
 
 
 def update_maxwell(F, state, params, dt, P, state_new):
@@ -46,9 +46,9 @@ def test_a_rate_dependent_law_with_update_alone_has_exact_history_derivatives(to
     path = random_path(rng, n, d)
     state, dstate = np.tile(toy.initial_state(mode), (n, 1)), np.zeros((n, 4, toy.n_state(mode)))
     for F in path:
-        dP, dstate_new, ok = points.directional(toy, mode, F, state, params, dt, np.zeros((n, 4, d, d)), dstate,
+        dP, dstate_new, ok = directional_stresses(toy, mode, F, state, params, dt, np.zeros((n, 4, d, d)), dstate,
                                                 np.eye(4))
-        state, dstate = points.stress(toy, mode, F, state, params, dt)[1], dstate_new
+        state, dstate = point_stresses(toy, mode, F, state, params, dt)[1], dstate_new
         assert ok
     h = 1e-5
     for k in range(4):
@@ -63,9 +63,9 @@ def test_its_relaxation_is_the_exponential_as_steps_shrink(toy):
         F = np.eye(3)[None].copy()
         F[0, 0, 1] = 0.01
         state, dt = toy.initial_state(0)[None], 2.0 / steps
-        state = points.stress(toy, 0, F, state, TOY.defaults(), 0.0)[1]
+        state = point_stresses(toy, 0, F, state, TOY.defaults(), 0.0)[1]
         for _ in range(steps):
-            P, state, _ = points.stress(toy, 0, F, state, TOY.defaults(), dt)
+            P, state, _ = point_stresses(toy, 0, F, state, TOY.defaults(), dt)
         errors.append(abs(P[0, 0, 1] / 0.01 - (G + G1 * np.exp(-2.0 / tau))))
     order = np.log2(np.array(errors[:-1]) / errors[1:])
     np.testing.assert_allclose(order, 1.0, atol=0.05)  # backward Euler
@@ -91,7 +91,7 @@ def test_every_alternative_set_of_constants_gives_the_laws_own_parameters():
 
 def test_importing_the_laws_compiles_nothing():
     code = ("import gc, sys; from numba.core.dispatcher import Dispatcher; "
-            "import idic.materials, idic.materials.core.points, idic.materials.core.point; "
+            "import idic.laws, idic.laws.core.points, idic.laws.core.point; "
             "sys.exit(sum(len(d.signatures) for d in gc.get_objects() if isinstance(d, Dispatcher) "
             "and d.py_func.__module__.startswith('idic')))")
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

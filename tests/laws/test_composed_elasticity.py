@@ -5,8 +5,8 @@ import pulls
 import pytest
 from numba import njit
 
-from idic.materials import compile, point
-from idic.materials.composed.elasticity import FIBRE, HAHN_TSAI, ORTHOTROPIC, RAMBERG_OSGOOD, elastic_stress
+from idic.laws import compile, point
+from idic.laws.composed.elasticity import FIBRE, HAHN_TSAI, ORTHOTROPIC, RAMBERG_OSGOOD, elastic_stress
 
 E1, E2, NU12, G12 = 140e3, 10e3, 0.3, 5e3
 PLY = {"elasticity_E1": E1, "elasticity_E2": E2, "elasticity_nu12": NU12, "elasticity_G12": G12,

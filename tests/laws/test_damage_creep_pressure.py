@@ -5,8 +5,8 @@ import pulls
 import pytest
 from law_paths import follow, random_path
 
-from idic.materials import compile
-from idic.materials.core import point, points
+from idic.laws import compile, directional_stresses, point_stresses, point_tangents
+from idic.laws.core import point
 
 DAMAGE = np.array([70e3, 0.3, 0.004, 30.0, 1.0, 0.0])  # E, nu, threshold, softening, compression, length
 CREEP = np.array([70e3, 0.3, 1e-3, 4.0, 200.0])  # E, nu, rate, n, stress
@@ -86,7 +86,7 @@ def mises_in_shear(law, params, gamma, times):
     F[0, 0, 1] = gamma
     found = []
     for dt in np.diff(times, prepend=times[0]):
-        P, state, ok = points.stress(law, 0, F, state, params, float(dt))
+        P, state, ok = point_stresses(law, 0, F, state, params, float(dt))
         assert ok
         kirchhoff = P[0] @ F[0].T
         deviator = kirchhoff - np.trace(kirchhoff) / 3 * np.eye(3)
@@ -127,8 +127,8 @@ def test_creep_points_take_every_exponent_and_rate(n, rate, rng):
     path = random_path(rng, 20, 2, size=0.3)
     state = np.tile(law.initial_state(2), (20, 1))
     for F in path:
-        P, state_new, A, ok = points.tangent(law, 2, F, state, params, 1.0)
-        dP, dstate, ok_d = points.directional(law, 2, F, state, params, 1.0, np.zeros((20, 5, 2, 2)), None, np.eye(5))
+        P, state_new, A, ok = point_tangents(law, 2, F, state, params, 1.0)
+        dP, dstate, ok_d = directional_stresses(law, 2, F, state, params, 1.0, np.zeros((20, 5, 2, 2)), None, np.eye(5))
         assert ok and ok_d
         assert all(np.isfinite(x).all() for x in (P, A, dP, dstate))
         state = state_new
@@ -146,9 +146,9 @@ def test_at_a_creep_rate_of_zero_the_body_is_elastic_and_the_derivative_is_not_z
     h = 1e-10  # a millionth of the rate that would matter: the quotient from one side is good to 1e-4
     for derivative in ("auto", "complex_step"):
         used = compile("creep", derivative=derivative)
-        dP, _, ok = points.directional(used, mode, path[-1], state, still, 1.0, np.zeros((5, 1, d, d)), None, dparams)
-        ahead = points.stress(law, mode, path[-1], state, still + h * dparams[0], 1.0)[0]
-        now = points.stress(law, mode, path[-1], state, still, 1.0)[0]
+        dP, _, ok = directional_stresses(used, mode, path[-1], state, still, 1.0, np.zeros((5, 1, d, d)), None, dparams)
+        ahead = point_stresses(law, mode, path[-1], state, still + h * dparams[0], 1.0)[0]
+        now = point_stresses(law, mode, path[-1], state, still, 1.0)[0]
         assert ok
         np.testing.assert_allclose(dP[:, 0], (ahead - now) / h, rtol=1e-2, atol=1e-3 * np.abs(dP).max())
         assert np.abs(dP).max() > 1.0

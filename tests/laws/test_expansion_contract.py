@@ -5,7 +5,7 @@ import pytest
 from law_paths import random_path, rotations
 
 from idic.fe.assembly import expansion
-from idic.materials.core import points
+from idic.laws import point_stresses, point_tangents
 
 N = 4
 WARM = np.array([0.004, -0.003, 0.01, 0.0])  # free expansion of the points: of the size of a metal's yield strain
@@ -26,7 +26,7 @@ def warmth_of(steps):
 
 def stiffness_scale(law, mode, params):
     F, state = np.eye(3 if mode == 0 else 2)[None], law.initial_state(mode)[None]
-    return np.abs(points.tangent(law, mode, F, state, params, 1.0)[2]).max()
+    return np.abs(point_tangents(law, mode, F, state, params, 1.0)[2]).max()
 
 
 def test_a_freely_expanded_point_has_no_stress(law, mode, params):
@@ -55,7 +55,7 @@ def test_no_expansion_is_the_law_itself(law, mode, params, rng):
     P, state = follow_warm(law, mode, path, np.zeros((len(path), N)), params)
     plain = np.tile(law.initial_state(mode), (N, 1))
     for F in path:
-        P_plain, plain, _ = points.stress(law, mode, F, plain, params, 1.0)
+        P_plain, plain, _ = point_stresses(law, mode, F, plain, params, 1.0)
     np.testing.assert_allclose(P, P_plain, atol=1e-14 * stiffness_scale(law, mode, params))
     np.testing.assert_allclose(state, plain, atol=1e-14)
 

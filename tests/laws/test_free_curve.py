@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from idic.materials import compile, get_law, point
-from idic.materials.composed.free_curve import basis, between_knots, classical_fits, knots, knots_of, level_names
-from idic.materials.composed.smoothness import ROOT, Smoothness, bends, rise
-from idic.materials.composed.written_terms import flow_stress
+from idic.laws import point
+from idic.laws import (
+    ROOT, Smoothness, basis, bends, between_knots, classical_fits, compile, get_law, knots, knots_of, level_names,
+    rise,
+)
+from idic.laws.composed.written_terms import flow_stress
 from idic.parameters import Parameter, SmoothnessPrior
 
 LAST, N = 0.1, 8

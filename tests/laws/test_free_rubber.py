@@ -5,7 +5,7 @@ import pytest
 from pulls import simple_shear
 
 from idic.errors import InputError
-from idic.materials import compile, get_law, point
+from idic.laws import compile, get_law, point
 
 STRAIN = np.linspace(0.0, 1.2, 13)
 

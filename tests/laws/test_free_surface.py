@@ -5,12 +5,13 @@ import pytest
 from scipy.optimize import nnls
 
 from idic.errors import InputError
-from idic.materials import compile, point
-from idic.materials.composed.elastoplastic import composed_name
-from idic.materials.composed.free_curve import classical_fits
-from idic.materials.plasticity.free_locus import KNOTS, POWER, RINGS, neighbours
+from idic.laws import point
+from idic.laws import (
+    POWER, RINGS, RING_KNOTS, classical_fits, classical_surfaces, compile, composed_name, equivalent, powers,
+)
+from idic.laws.plasticity.free_locus import neighbours
 from idic.report.evidence.yield_surface import std_of, surface_fits
-from idic.materials.plasticity.surface_forms import classical_surfaces, equivalent, hill48, hosford, powers
+from idic.laws.plasticity.surface_forms import hill48, hosford
 
 HILL = (1.6, 1.2, 2.0)
 
@@ -19,7 +20,7 @@ def stresses(number=2000, seed=0):
     return np.random.default_rng(seed).standard_normal((number, 3))
 
 
-@pytest.mark.parametrize("n", range(KNOTS[0], KNOTS[1] + 1))
+@pytest.mark.parametrize("n", range(RING_KNOTS[0], RING_KNOTS[1] + 1))
 def test_weights_that_are_alike_are_mises_and_have_no_differences(n):
     stress = stresses()
     np.testing.assert_allclose(equivalent(np.full(RINGS * n, 0.7), stress)[0], hosford(stress, 2.0), rtol=1e-12)

@@ -7,9 +7,8 @@ from law_paths import follow, random_path
 from idic.errors import InputError
 from idic.experiment_file.schema_materials import MaterialTable
 from idic.experiment_file.tables.dofs import material
-from idic.materials import compile, get_law
-from idic.materials.core import point, points
-from idic.materials.core.law import law_for
+from idic.laws import compile, directional_stresses, get_law, law_for, point_stresses, point_tangents
+from idic.laws.core import point
 
 DEFAULTS = get_law("egp").defaults()
 SHARED, G1, ETA01 = 8, 8, 9
@@ -83,8 +82,9 @@ def test_a_mode_that_never_relaxes_adds_to_the_network(rng):
     network[0] += 50.0
     network[G1] = 0.0
     state = np.tile(law.initial_state(0), (5, 1))
-    P, _, ok = points.stress(law, 0, F, state, params, 1.0)
-    expected, _, _ = points.stress(compile("egp"), 0, F, np.tile(compile("egp").initial_state(0), (5, 1)), network, 1.0)
+    P, _, ok = point_stresses(law, 0, F, state, params, 1.0)
+    rest = np.tile(compile("egp").initial_state(0), (5, 1))
+    expected, _, _ = point_stresses(compile("egp"), 0, F, rest, network, 1.0)
     assert ok
     np.testing.assert_allclose(P, expected, atol=1e-8)  # MPa: the first mode's modulus
 
@@ -102,8 +102,8 @@ def test_hand_written_derivatives_equal_the_complex_step(n, mode, rng):
     dstate[..., 6 * n + 1] = 0.0  # where the search begins
     dparams = np.vstack([np.zeros((2, len(params))), np.diag(params)])
     dF[:, 2:], dstate[:, 2:] = 0.0, 0.0
-    a, a_state, ok = points.directional(law, mode, F, state, params, 1.0, dF, dstate, dparams)
-    b, b_state, ok_oracle = points.directional(oracle, mode, F, state, params, 1.0, dF, dstate, dparams)
+    a, a_state, ok = directional_stresses(law, mode, F, state, params, 1.0, dF, dstate, dparams)
+    b, b_state, ok_oracle = directional_stresses(oracle, mode, F, state, params, 1.0, dF, dstate, dparams)
     assert ok and ok_oracle
     tolerance = 1e-7 if mode == 2 else 1e-9  # as with one mode; sums over modes of either sign cancel
     for k in range(nd):
@@ -116,12 +116,12 @@ def test_hand_written_derivatives_equal_the_complex_step(n, mode, rng):
 def test_the_tangent_is_the_difference_quotient_of_the_stress(mode, rng):
     law, params = spectrum(3)
     F, state = softened(law, params, rng, mode)
-    A = points.tangent(law, mode, F, state, params, 1.0)[2]
+    A = point_tangents(law, mode, F, state, params, 1.0)[2]
     d, h = F.shape[1], 1e-6
     for c in range(d * d):
         step = np.zeros((d, d))
         step[c // d, c % d] = h
-        up, down = (points.stress(law, mode, F + s * step, state, params, 1.0)[0] for s in (1, -1))
+        up, down = (point_stresses(law, mode, F + s * step, state, params, 1.0)[0] for s in (1, -1))
         quotient = ((up - down) / (2 * h)).reshape(len(F), -1)
         np.testing.assert_allclose(A[:, :, c], quotient, atol=1e-5 * np.abs(A).max())  # (h d ln E)^2 = (1e-6 * 1e3)^2
 
@@ -147,14 +147,14 @@ def test_all_parameters_of_stress_together_scale_the_stress_and_nothing_else(mod
     stresses = [*STRESSES, *range(SHARED, len(params))]
     scaled = params.copy()
     scaled[stresses] *= 2.0
-    P, new, ok = points.stress(law, mode, F, state, params, 1.0)
-    P2, new2, ok2 = points.stress(law, mode, F, state, scaled, 1.0)
+    P, new, ok = point_stresses(law, mode, F, state, params, 1.0)
+    P2, new2, ok2 = point_stresses(law, mode, F, state, scaled, 1.0)
     assert ok and ok2
     np.testing.assert_allclose(P2, 2 * P, rtol=1e-11, atol=1e-9)
     np.testing.assert_allclose(new2, new, rtol=1e-11, atol=1e-12)
     dparams = np.zeros((1, len(params)))
     dparams[0, stresses] = params[stresses]
-    dP, dnew, _ = points.directional(law, mode, F, state, params, 1.0, np.zeros((len(F), 1, *F.shape[1:])), None,
+    dP, dnew, _ = directional_stresses(law, mode, F, state, params, 1.0, np.zeros((len(F), 1, *F.shape[1:])), None,
                                      dparams)
     np.testing.assert_allclose(dP[:, 0], P, atol=1e-9 * np.abs(P).max())
     assert np.abs(dnew[..., :19]).max() < 1e-9
@@ -164,7 +164,7 @@ def test_the_equations_of_flow_are_satisfied_by_the_state(rng):
     """Every viscosity by its definition at the end of the step, out of stresses alone, moves its own Cp."""
     law, params = spectrum(3)
     F, state = softened(law, params, rng, n=10)
-    P, new, _ = points.stress(law, 0, F, state, params, 1.0)
+    P, new, _ = point_stresses(law, 0, F, state, params, 1.0)
     J = np.linalg.det(F)[:, None, None]
     iso = F / np.cbrt(J)
     deviators = []
@@ -214,7 +214,7 @@ def test_a_step_of_any_length_is_taken(dt, scale, rng):
     F = np.linalg.qr(rng.standard_normal((20, 3, 3)))[0]
     F = F * np.exp(scale * rng.standard_normal((20, 1, 3))) @ F.transpose(0, 2, 1)
     F *= 1.0 / np.cbrt(np.linalg.det(F))[:, None, None]
-    P, new, A, ok = points.tangent(law, 0, F, np.tile(law.initial_state(0), (20, 1)), params, dt)
+    P, new, A, ok = point_tangents(law, 0, F, np.tile(law.initial_state(0), (20, 1)), params, dt)
     assert ok
     for values in (P, new, A):
         assert np.isfinite(values).all()

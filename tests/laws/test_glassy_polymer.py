@@ -5,8 +5,8 @@ import pulls
 import pytest
 from law_paths import follow
 
-from idic.materials import compile, get_law
-from idic.materials.core import point, points
+from idic.laws import compile, directional_stresses, get_law, point_stresses, point_tangents
+from idic.laws.core import point
 
 SPEC = get_law("egp")  # compiled by the first test, not while the tests are collected
 NAMES = SPEC.parameter_names
@@ -81,8 +81,8 @@ def test_hand_written_derivatives_equal_the_complex_step_after_softening(mode, r
     dstate = 0.1 * rng.standard_normal((len(F), nd, state.shape[1]))
     dparams = np.vstack([np.zeros((2, len(DEFAULTS))), np.diag(DEFAULTS)])
     dF[:, 2:], dstate[:, 2:] = 0.0, 0.0  # two of motion and history together, then every parameter alone
-    a, a_state, ok = points.directional(compile("egp"), mode, F, state, DEFAULTS, 1.0, dF, dstate, dparams)
-    b, b_state, ok_oracle = points.directional(oracle, mode, F, state, DEFAULTS, 1.0, dF, dstate, dparams)
+    a, a_state, ok = directional_stresses(compile("egp"), mode, F, state, DEFAULTS, 1.0, dF, dstate, dparams)
+    b, b_state, ok_oracle = directional_stresses(oracle, mode, F, state, DEFAULTS, 1.0, dF, dstate, dparams)
     assert ok and ok_oracle
     tolerance = 1e-8 if mode == 2 else 1e-11  # rounding of r is 1e-16 times ln eta0 + Sa + tau/tau0, about 100
     for k in range(nd):
@@ -105,17 +105,17 @@ def test_each_parameters_derivative_is_the_difference_quotient_of_the_curve(k):
 @pytest.mark.parametrize("mode", [0, 1, 2])
 def test_all_parameters_of_stress_together_scale_the_stress_and_nothing_else(mode, rng):
     F, state = softened(rng, mode=mode)
-    P, new, ok = points.stress(compile("egp"), mode, F, state, DEFAULTS, 1.0)
+    P, new, ok = point_stresses(compile("egp"), mode, F, state, DEFAULTS, 1.0)
     scaled = DEFAULTS.copy()
     scaled[STRESSES] *= 2.0  # a power of two: no rounding in the products
-    P2, new2, ok2 = points.stress(compile("egp"), mode, F, state, scaled, 1.0)
+    P2, new2, ok2 = point_stresses(compile("egp"), mode, F, state, scaled, 1.0)
     assert ok and ok2
     np.testing.assert_allclose(P2, 2 * P, rtol=1e-11, atol=1e-9)
     np.testing.assert_allclose(new2, new, rtol=1e-11, atol=1e-13)
     dparams = np.zeros((1, 10))
     dparams[0, STRESSES] = DEFAULTS[STRESSES]
     still = np.zeros((len(F), 1, *F.shape[1:]))
-    dP, dnew, _ = points.directional(compile("egp"), mode, F, state, DEFAULTS, 1.0, still, None,
+    dP, dnew, _ = directional_stresses(compile("egp"), mode, F, state, DEFAULTS, 1.0, still, None,
                                      dparams)
     np.testing.assert_allclose(dP[:, 0], P, atol=1e-9 * np.abs(P).max())  # five terms up to 50 times P cancel
     assert np.abs(dnew).max() < 1e-9
@@ -134,11 +134,11 @@ def test_the_viscous_strain_keeps_its_volume(rng):
 
 def test_the_remembered_rate_is_only_a_start(rng):
     F, state = softened(rng)
-    P, new, _ = points.stress(compile("egp"), 0, F, state, DEFAULTS, 1.0)
+    P, new, _ = point_stresses(compile("egp"), 0, F, state, DEFAULTS, 1.0)
     for rate in (0.0, 1e-30, 1e-3, 1.0, 1e6, 1e60):
         other = state.copy()
         other[:, RATE] = rate
-        P_other, new_other, ok = points.stress(compile("egp"), 0, F, other, DEFAULTS, 1.0)
+        P_other, new_other, ok = point_stresses(compile("egp"), 0, F, other, DEFAULTS, 1.0)
         assert ok
         np.testing.assert_allclose(P_other, P, atol=1e-11 * DEFAULTS[KAPPA])
         np.testing.assert_allclose(new_other, new, atol=1e-12)
@@ -162,7 +162,7 @@ def test_no_size_of_the_softening_overflows(Sa):
     F = np.tile(np.eye(3), (4, 1, 1))
     F[:, 0, 1] = [1e-9, 1e-3, 0.05, 0.8]
     state = np.tile(compile("egp").initial_state(0), (4, 1))
-    P, new, A, ok = points.tangent(compile("egp"), 0, F, state, params, 1.0)
+    P, new, A, ok = point_tangents(compile("egp"), 0, F, state, params, 1.0)
     assert ok
     for x in (P, new, A):
         assert np.isfinite(x).all()
@@ -179,7 +179,7 @@ def test_a_step_of_any_length_is_taken(dt, scale, rng):
     J = np.linalg.det(F)
     F *= np.exp(0.02 * rng.standard_normal((n, 1, 1))) / np.cbrt(J)[:, None, None]
     state = np.tile(compile("egp").initial_state(0), (n, 1))
-    P, new, A, ok = points.tangent(compile("egp"), 0, F, state, DEFAULTS, dt)
+    P, new, A, ok = point_tangents(compile("egp"), 0, F, state, DEFAULTS, dt)
     for x in (P, new, A):
         assert np.isfinite(x).all()
     assert ok
@@ -187,7 +187,7 @@ def test_a_step_of_any_length_is_taken(dt, scale, rng):
     if dt == 1e300 or dt == 1e-300 and scale == 0.01:  # all of the mode is relaxed, or nothing has flowed
         limit = DEFAULTS.copy()
         limit[G1] *= dt < 1.0
-        P_limit, _, _ = points.stress(compile("egp"), 0, F, state, limit, 0.0)
+        P_limit, _, _ = point_stresses(compile("egp"), 0, F, state, limit, 0.0)
         size = np.abs(P_limit).max(axis=(1, 2), keepdims=True)
         np.testing.assert_allclose(P / size, P_limit / size, atol=1e-8)  # rounding times stretch (e^3)^4 = 2e5
 
@@ -195,7 +195,7 @@ def test_a_step_of_any_length_is_taken(dt, scale, rng):
 def test_the_equation_of_flow_is_satisfied_by_the_state(rng):
     """eta by its definition at the end of the step, from the stress alone, against the remembered G1 / eta."""
     F, state = softened(rng, n=20)
-    P, new, _ = points.stress(compile("egp"), 0, F, state, DEFAULTS, 1.0)
+    P, new, _ = point_stresses(compile("egp"), 0, F, state, DEFAULTS, 1.0)
     J = np.linalg.det(F)
     sigma = P @ F.transpose(0, 2, 1) / J[:, None, None]
     B = (F @ F.transpose(0, 2, 1)) / np.cbrt(J)[:, None, None] ** 2
@@ -219,8 +219,8 @@ def test_null_values_are_taken_with_their_derivatives(k, rng):
     dparams = np.diag(np.where(np.isfinite(params) & (params != 0), params, 1.0))
     dparams[TAU0, TAU0] = 0.0 if k == TAU0 else dparams[TAU0, TAU0]
     zero = np.zeros((len(F), nd, 3, 3))
-    a, a_state, ok = points.directional(compile("egp"), 0, F, state, params, 1.0, zero, None, dparams)
-    b, _, ok_oracle = points.directional(compile("egp", derivative="complex_step"), 0, F, state, params, 1.0,
+    a, a_state, ok = directional_stresses(compile("egp"), 0, F, state, params, 1.0, zero, None, dparams)
+    b, _, ok_oracle = directional_stresses(compile("egp", derivative="complex_step"), 0, F, state, params, 1.0,
                                                zero, None, dparams)
     assert ok and ok_oracle
     for x in (a, a_state):
@@ -231,7 +231,7 @@ def test_null_values_are_taken_with_their_derivatives(k, rng):
         Fi = np.linalg.inv(F).transpose(0, 2, 1)
         I1 = (F**2).sum((1, 2), keepdims=True)
         expected = 3750 * (J - 1) * J * Fi + 26 * np.cbrt(J) * (F - I1 / 3 * Fi)
-        np.testing.assert_allclose(points.stress(compile("egp"), 0, F, state, params, 1.0)[0], expected, atol=1e-9)
+        np.testing.assert_allclose(point_stresses(compile("egp"), 0, F, state, params, 1.0)[0], expected, atol=1e-9)
 
 
 STORED = (29.336616510206575, -8.311600063282196)  # P12, P11 in MPa: a change here is a change of the law

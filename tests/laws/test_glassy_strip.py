@@ -4,11 +4,8 @@ history."""
 import numpy as np
 import pytest
 
-from idic.fe.boundary import dofs_of
-from idic.fe.march import march
-from idic.fe.mesh.mesh import make_mesh
-from idic.fe.model import Constraints, Direction, Model, Reaction, Section
-from idic.materials import compile, get_law
+from idic.fe import Constraints, Direction, Model, Reaction, Section, dofs_of, make_mesh, march
+from idic.laws import compile, get_law
 
 LENGTH, WIDTH, THICKNESS = 50.0, 21.0, 0.5  # mm: the right half of the specimen, 2.5 % narrower at its middle
 SPEED = 0.05                                # mm/s: 1e-3/s of the length

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from law_paths import SIZE, follow, random_path, rotations
 
-from idic.materials import compile
-from idic.materials.core import points
+from idic.laws import compile, directional_stresses, point_stresses, point_tangents
 
 N = 6
 
@@ -24,7 +23,7 @@ def loaded(law, mode, params, rng, n=N):
 
 def stiffness_scale(law, mode, params):
     F, state = at_rest(law, mode, 1)
-    return np.abs(points.tangent(law, mode, F, state, params, 1.0)[2]).max()
+    return np.abs(point_tangents(law, mode, F, state, params, 1.0)[2]).max()
 
 
 def test_every_parameter_is_documented(law):
@@ -36,7 +35,7 @@ def test_every_parameter_is_documented(law):
 
 def test_there_is_no_stress_and_no_change_of_state_at_rest(law, mode, params):
     F, state = at_rest(law, mode)
-    P, state_new, ok = points.stress(law, mode, F, state, params, 1.0)
+    P, state_new, ok = point_stresses(law, mode, F, state, params, 1.0)
     assert ok
     assert np.abs(P).max() <= 1e-12 * stiffness_scale(law, mode, params)  # rounding of 1 times the stiffness
     np.testing.assert_allclose(state_new, state, atol=1e-12)
@@ -48,18 +47,18 @@ def test_inputs_are_left_untouched(law, mode, params, rng):
         rng.standard_normal((2, len(params)))
     inputs = (F, state, params, dF, dstate, dparams)
     before = [x.copy() for x in inputs]
-    points.stress(law, mode, F, state, params, 1.0)
-    points.tangent(law, mode, F, state, params, 1.0)
-    points.directional(law, mode, F, state, params, 1.0, dF, dstate, dparams)
+    point_stresses(law, mode, F, state, params, 1.0)
+    point_tangents(law, mode, F, state, params, 1.0)
+    directional_stresses(law, mode, F, state, params, 1.0, dF, dstate, dparams)
     for x, y in zip(inputs, before, strict=True):
         np.testing.assert_array_equal(x, y)
 
 
 def test_a_point_does_not_know_its_neighbours(law, mode, params, rng):
     F, state = loaded(law, mode, params, rng)
-    together = points.tangent(law, mode, F, state, params, 1.0)
+    together = point_tangents(law, mode, F, state, params, 1.0)
     for i in range(N):
-        alone = points.tangent(law, mode, F[i:i + 1], state[i:i + 1], params, 1.0)
+        alone = point_tangents(law, mode, F[i:i + 1], state[i:i + 1], params, 1.0)
         for x, y in zip(alone[:3], together[:3], strict=True):
             np.testing.assert_array_equal(x[0], y[i])
 
@@ -67,10 +66,10 @@ def test_a_point_does_not_know_its_neighbours(law, mode, params, rng):
 def test_the_three_functions_agree_on_stress_and_tangent(law, mode, params, rng):
     F, state = loaded(law, mode, params, rng)
     d = F.shape[1]
-    P, state_new, ok = points.stress(law, mode, F, state, params, 1.0)
-    P_t, state_t, A, ok_t = points.tangent(law, mode, F, state, params, 1.0)
+    P, state_new, ok = point_stresses(law, mode, F, state, params, 1.0)
+    P_t, state_t, A, ok_t = point_tangents(law, mode, F, state, params, 1.0)
     unit = np.tile(np.eye(d * d).reshape(d * d, d, d), (N, 1, 1, 1))
-    dP, _, ok_d = points.directional(law, mode, F, state, params, 1.0, unit)
+    dP, _, ok_d = directional_stresses(law, mode, F, state, params, 1.0, unit)
     assert ok and ok_t and ok_d
     scale = stiffness_scale(law, mode, params)
     # the last correction of F33 is applied to first order, so the routes differ by F33_TOLERANCE squared at most,
@@ -83,11 +82,11 @@ def test_the_three_functions_agree_on_stress_and_tangent(law, mode, params, rng)
 def test_the_tangent_is_the_derivative_of_the_stress(law, mode, params, rng):
     F, state = loaded(law, mode, params, rng)
     d = F.shape[1]
-    _, _, A, _ = points.tangent(law, mode, F, state, params, 1.0)
+    _, _, A, _ = point_tangents(law, mode, F, state, params, 1.0)
     h = 3e-7
     for c in range(d * d):
         step = h * np.eye(1, d * d, c)[0].reshape(d, d)
-        ahead, behind = (points.stress(law, mode, F + s, state, params, 1.0)[0] for s in (step, -step))
+        ahead, behind = (point_stresses(law, mode, F + s, state, params, 1.0)[0] for s in (step, -step))
         quotient = ((ahead - behind) / (2 * h)).reshape(N, d * d)
         # truncation h^2 / (elastic strain)^2 = (3e-7 / 1e-3)^2 = 1e-7, rounding 1e-16 / h = 3e-10
         np.testing.assert_allclose(quotient, A[:, :, c], atol=1e-6 * stiffness_scale(law, mode, params))
@@ -102,8 +101,8 @@ def test_hand_written_derivatives_equal_the_complex_step(law, mode, params, rng)
     nd = 5
     dF, dstate = rng.standard_normal((N, nd, *F.shape[1:])), 0.1 * rng.standard_normal((N, nd, state.shape[1]))
     dparams = params * rng.standard_normal((nd, len(params)))
-    a, a_state, ok = points.directional(law, mode, F, state, params, 1.0, dF, dstate, dparams)
-    b, b_state, ok_oracle = points.directional(oracle, mode, F, state, params, 1.0, dF, dstate, dparams)
+    a, a_state, ok = directional_stresses(law, mode, F, state, params, 1.0, dF, dstate, dparams)
+    b, b_state, ok_oracle = directional_stresses(oracle, mode, F, state, params, 1.0, dF, dstate, dparams)
     assert ok and ok_oracle
     # the same formula in exact arithmetic; in plane stress both stop at their own F33, F33_TOLERANCE apart at most,
     # times the curvature 1e3
@@ -126,8 +125,8 @@ def test_sensitivities_carry_the_history_exactly(law, mode, params, rng):
     for F, dF_path in zip(path, dpath, strict=True):
         dF = np.zeros((N, nd, d, d))
         dF[:, 0] = dF_path
-        dP, dstate_new, ok = points.directional(law, mode, F, state, params, 1.0, dF, dstate, dparams)
-        _, state, ok_stress = points.stress(law, mode, F, state, params, 1.0)
+        dP, dstate_new, ok = directional_stresses(law, mode, F, state, params, 1.0, dF, dstate, dparams)
+        _, state, ok_stress = point_stresses(law, mode, F, state, params, 1.0)
         assert ok and ok_stress
         dstate = dstate_new
     h = 1e-6
@@ -155,7 +154,7 @@ def test_rotating_the_body_only_rotates_the_stress(law, params, rng):
 
 def test_moment_of_momentum_is_balanced(law, params, rng):
     F, state = loaded(law, 0, params, rng)
-    P, _, _ = points.stress(law, 0, F, state, params, 1.0)
+    P, _, _ = point_stresses(law, 0, F, state, params, 1.0)
     kirchhoff = P if law.small else P @ F.transpose(0, 2, 1)
     np.testing.assert_allclose(kirchhoff, kirchhoff.transpose(0, 2, 1), atol=1e-12 * stiffness_scale(law, 0, params))
 
@@ -190,14 +189,14 @@ def test_a_closed_cycle_from_rest_gives_no_work(law, mode, params, rng):
 
 def test_plane_stress_has_no_stress_out_of_plane(law, params, rng):
     F, state = loaded(law, 2, params, rng)
-    P, state_new, P33, ok = points.stress(law, 2, F, state, params, 1.0, full=True)
+    P, state_new, P33, ok = point_stresses(law, 2, F, state, params, 1.0, full=True)
     scale = stiffness_scale(law, 0, params)
     assert ok
     assert np.abs(P33).max() <= 1e-13 * scale  # second order in the last correction: below rounding
     full = np.tile(np.eye(3), (N, 1, 1))
     full[:, :2, :2] = F
     full[:, 2, 2] = state_new[:, -1]
-    solid, _, _ = points.stress(law, 0, full, state[:, :-1], params, 1.0)
+    solid, _, _ = point_stresses(law, 0, full, state[:, :-1], params, 1.0)
     np.testing.assert_allclose(solid[:, :2, :2], P, atol=1e-12 * scale)
     assert np.abs(solid[:, 2, 2]).max() <= 1e-12 * scale  # F33 is stored rounded
 
@@ -206,17 +205,17 @@ def test_plane_strain_is_the_solid_with_no_strain_across(law, params, rng):
     F, state = loaded(law, 1, params, rng)
     full = np.tile(np.eye(3), (N, 1, 1))
     full[:, :2, :2] = F
-    P, _, P33, _ = points.stress(law, 1, F, state, params, 1.0, full=True)
-    solid, _, _ = points.stress(law, 0, full, state, params, 1.0)
+    P, _, P33, _ = point_stresses(law, 1, F, state, params, 1.0, full=True)
+    solid, _, _ = point_stresses(law, 0, full, state, params, 1.0)
     np.testing.assert_array_equal(solid[:, :2, :2], P)
     np.testing.assert_array_equal(solid[:, 2, 2], P33)
 
 
 def test_the_search_for_F33_does_not_depend_on_its_start(law, params, rng):
     F, state = loaded(law, 2, params, rng)
-    reference, _, _ = points.stress(law, 2, F, state, params, 1.0)
+    reference, _, _ = point_stresses(law, 2, F, state, params, 1.0)
     for start in (0.7, 0.9, 1.2, 1.5):
-        P, _, ok = points.stress(law, 2, F, state, params, 1.0, guess=np.full(N, start))
+        P, _, ok = point_stresses(law, 2, F, state, params, 1.0, guess=np.full(N, start))
         assert ok
         # both end within F33_TOLERANCE, the rest is second order
         np.testing.assert_allclose(P, reference, atol=1e-12 * stiffness_scale(law, 2, params))
@@ -227,13 +226,13 @@ def test_a_hopeless_deformation_is_reported_and_never_nan(law, mode, params):
     F[1] *= -1.0 if mode == 0 else np.array([[1.0, 1.0], [-1.0, -1.0]])  # det F = -1: no body does that
     if law.small:
         pytest.skip("the small strain of every F has a stress")
-    P, state_new, A, ok = points.tangent(law, mode, F, state, params, 1.0)
+    P, state_new, A, ok = point_tangents(law, mode, F, state, params, 1.0)
     assert not ok
-    plain, state_plain, found = points.stress(law, mode, F, state, params, 1.0)
+    plain, state_plain, found = point_stresses(law, mode, F, state, params, 1.0)
     assert not found
     dF = np.zeros((3, 1, *F.shape[1:]))
     dF[:, 0, 0, 0] = 1.0
-    changes = points.directional(law, mode, F, state, params, 1.0, dF)
+    changes = directional_stresses(law, mode, F, state, params, 1.0, dF)
     assert not changes[2]
     for x in (P, state_new, A, plain, state_plain, *changes[:2]):
         assert np.isfinite(x).all()
@@ -244,8 +243,8 @@ def test_outputs_go_into_the_arrays_that_are_given(law, mode, params, rng):
     F, state = loaded(law, mode, params, rng)
     d = F.shape[1]
     out = (np.empty_like(F), np.empty_like(state), np.empty((N, d * d, d * d)))
-    P, state_new, A, _ = points.tangent(law, mode, F, state, params, 1.0, out=out)
+    P, state_new, A, _ = point_tangents(law, mode, F, state, params, 1.0, out=out)
     assert P is out[0] and state_new is out[1] and A is out[2]
-    expected = points.tangent(law, mode, F, state, np.tile(params, (N, 1)), 1.0)  # parameters per point
+    expected = point_tangents(law, mode, F, state, np.tile(params, (N, 1)), 1.0)  # parameters per point
     for x, y in zip(out, expected[:3], strict=True):
         np.testing.assert_array_equal(x, y)

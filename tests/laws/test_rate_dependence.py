@@ -6,8 +6,8 @@ import pytest
 from law_paths import follow, random_path
 
 from idic.errors import InputError
-from idic.materials import compile, get_law
-from idic.materials.core import point, points
+from idic.laws import compile, directional_stresses, get_law, point_stresses, point_tangents
+from idic.laws.core import point
 
 VISCOPLASTIC = np.array([70e3, 0.3, 200.0, 1000.0, 50.0, 4.0])  # E, nu, yield_stress, hardening_modulus, eta, m
 MAXWELL = get_law("maxwell").defaults()
@@ -35,11 +35,11 @@ def test_viscoplastic_stress_relaxes_to_the_flow_stress_as_the_exponential():
     decay = 1e4 / stiffness
     F, state = np.eye(3)[None].copy(), law.initial_state(0)[None]
     F[0, 0, 1] = 0.01
-    P, state, _ = points.stress(law, 0, F, state, params, 0.0)
+    P, state, _ = point_stresses(law, 0, F, state, params, 0.0)
     excess = [np.sqrt(3) * P[0, 0, 1] - 200.0]
     assert excess[0] == pytest.approx(np.sqrt(3) * 70e3 / 2.6 * 0.01 - 200.0, rel=1e-3)  # no time, no flow
     for _ in range(200):
-        P, state, _ = points.stress(law, 0, F, state, params, decay / 100)
+        P, state, _ = point_stresses(law, 0, F, state, params, decay / 100)
         kirchhoff = (P[0] @ F[0].T)[0, 1]
         excess.append(np.sqrt(3) * kirchhoff - 200.0 - 1000.0 * state[0, 6])
     expected = excess[0] * np.exp(-np.arange(201) / 100)
@@ -64,8 +64,8 @@ def test_viscoplastic_points_take_every_exponent_and_time(m, dt, rng):
     path = random_path(rng, 20, 2, size=0.3)
     state = np.tile(law.initial_state(2), (20, 1))
     for F in path:
-        P, state_new, A, ok = points.tangent(law, 2, F, state, params, dt)
-        dP, dstate, ok_d = points.directional(law, 2, F, state, params, dt, np.zeros((20, 6, 2, 2)), None, np.eye(6))
+        P, state_new, A, ok = point_tangents(law, 2, F, state, params, dt)
+        dP, dstate, ok_d = directional_stresses(law, 2, F, state, params, dt, np.zeros((20, 6, 2, 2)), None, np.eye(6))
         assert ok and ok_d
         assert all(np.isfinite(x).all() for x in (P, A, dP, dstate))
         state = state_new
@@ -95,10 +95,10 @@ def test_maxwell_relaxation_after_a_jump_is_the_modulus_over_time():
     law, times = compile("maxwell"), np.geomspace(0.01, 1000.0, 12)
     F, state = np.eye(3)[None].copy(), law.initial_state(0)[None]
     F[0, 0, 1] = 1e-4
-    P, state, _ = points.stress(law, 0, F, state, MAXWELL, 0.0)
+    P, state, _ = point_stresses(law, 0, F, state, MAXWELL, 0.0)
     np.testing.assert_allclose(P[0, 0, 1], 1e-4 * G0, rtol=1e-7)  # instantaneous
     for dt, t in zip(np.diff(times, prepend=0.0), times, strict=True):
-        P, state, _ = points.stress(law, 0, F, state, MAXWELL, dt)
+        P, state, _ = point_stresses(law, 0, F, state, MAXWELL, dt)
         modulus = G0 * (1 - (SHARES * (1 - np.exp(-t / TIMES))).sum())
         np.testing.assert_allclose(P[0, 0, 1] / 1e-4, modulus, rtol=1e-6)  # strain^2 = 1e-8
 
@@ -110,7 +110,7 @@ def test_a_body_that_softens_within_a_step_still_meets_its_yield_condition(rate,
     law, F = compile(f"elastoplastic(voce+{rate})"), np.eye(3)[None].copy()
     F[0, 0, 1] = shear
     params = np.array([E, nu, 80.0, -60.0, 30.0, *own])
-    P, state, ok = points.stress(law, 0, F, law.initial_state(0)[None], params, dt)
+    P, state, ok = point_stresses(law, 0, F, law.initial_state(0)[None], params, dt)
     tau, growth = P[0] @ F[0].T, state[0, 6]
     deviator = tau - np.trace(tau) / 3 * np.eye(3)
     speed = growth / dt
@@ -128,7 +128,7 @@ def test_maxwell_at_large_strain_converges_with_its_steps_and_relaxes_to_the_lon
     changes = np.abs(np.diff(ends[1:]))
     assert changes[0] / changes[1] == pytest.approx(2.0, rel=0.1)  # first order in the end, ...
     np.testing.assert_allclose(ends[0], ends[-1], rtol=3e-4)  # ... but exact up to the square of the strain
-    P, _, _ = points.stress(law, 0, curve.F[-1:], curve.state[-1:], MAXWELL, 1e9)
+    P, _, _ = point_stresses(law, 0, curve.F[-1:], curve.state[-1:], MAXWELL, 1e9)
     elastic = MAXWELL * np.array([1, 1, 0, 1, 0, 1, 0, 1])
     instant = pulls.simple_shear(law, elastic, [0.0, 1.0]).P[-1]
     # isochoric, so no pressure either way; what is left of the branches decays as tau / dt in the ramp's weights
@@ -151,7 +151,7 @@ def test_maxwell_takes_large_stretches_in_steps_of_any_length(rng):
     for dt in (0.0, 1e-6, 1.0, 1e9):
         state = np.tile(law.initial_state(2), (49, 1))
         for path in (F, F[::-1]):
-            P, state, P33, ok = points.stress(law, 2, path, state, MAXWELL, dt, full=True)
+            P, state, P33, ok = point_stresses(law, 2, path, state, MAXWELL, dt, full=True)
             assert ok
             assert np.abs(P33).max() < 1e-9 * MAXWELL[0]
 
@@ -171,14 +171,14 @@ def test_a_free_spectrum_has_as_many_times_as_its_name_says_and_keeps_a_stiffnes
     F = np.eye(3)[None] * 1.001
     for shares, fine in ((0.19, True), (0.21, False)):  # of five
         values = np.array([1000.0, 0.3, 0.1, 10.0, *[shares] * 5])
-        assert points.stress(law, 0, F, law.initial_state(0)[None], values, 1.0)[2] == fine
+        assert point_stresses(law, 0, F, law.initial_state(0)[None], values, 1.0)[2] == fine
     for name in ("free_relaxation(2)", "free_relaxation(4+3)", "free_relaxation(x)", "free_relaxation(40)"):
         with pytest.raises(InputError, match="number of relaxation times"):
             get_law(name)
 
 
 def test_the_card_of_a_spectrum_is_its_prony_series_and_calculix_has_none():
-    from idic.materials.composed.material_card import material_card
+    from idic.laws import material_card
 
     names = get_law("free_relaxation").parameter_names
     values = dict(zip(names, [1000.0, 0.25, 1.0, 100.0, 0.3, 0.0, 0.1], strict=True))

@@ -5,9 +5,8 @@ import pulls
 import pytest
 from law_paths import follow, random_path
 
-from idic.materials import all_laws, compile, get_law
-from idic.materials.core import point
-from idic.materials.core.points import directional, stress, tangent
+from idic.laws import all_laws, compile, directional_stresses, get_law, point_stresses, point_tangents
+from idic.laws.core import point
 
 STRAIN = np.linspace(0.0, 0.04, 21)
 
@@ -40,19 +39,19 @@ def test_orthotropic_tension_off_axis_has_the_transformed_compliance(angle):
 def test_every_orthotropic_sheet_that_can_be_has_its_compliance_in_plane_stress_and_a_positive_energy(E1, E2, nu):
     """A laminate of +-45 degrees contracts by 0.75: no transversely isotropic body in space does."""
     law, params, strain = compile("orthotropic", "small"), np.array([E1, E2, nu, 5e3, 0.0]), np.array([1e-3, 2e-4])
-    P, _, A, ok = tangent(law, 2, np.eye(2)[None] + np.diag(strain), np.ones((1, 1)), params, 0.0)
+    P, _, A, ok = point_tangents(law, 2, np.eye(2)[None] + np.diag(strain), np.ones((1, 1)), params, 0.0)
     compliance = np.array([[1 / E1, -nu / E1], [-nu / E1, 1 / E2]])
     assert ok and np.allclose(compliance @ np.diag(P[0]), strain, rtol=1e-9)
-    space = tangent(law, 0, np.eye(3)[None], np.zeros((1, 0)), params, 0.0)[2][0]
+    space = point_tangents(law, 0, np.eye(3)[None], np.zeros((1, 0)), params, 0.0)[2][0]
     sizes = np.sort(np.linalg.eigvalsh(space))
     assert sizes[3] > 1.0  # behind three rotations
     assert sizes[-1] < 20.0 * max(E1, E2) or nu == 0.5  # incompressible with equal moduli
     change = np.array([[1.0, 0, 0, 0, 0], [0, 1.0, 0, 0, 0], [0, 0, 1.0, 0, 0]])
-    dP, dstate, _ = directional(law, 2, np.eye(2)[None] + np.diag(strain), np.ones((1, 1)), params, 0.0,
+    dP, dstate, _ = directional_stresses(law, 2, np.eye(2)[None] + np.diag(strain), np.ones((1, 1)), params, 0.0,
                                 np.zeros((1, 3, 2, 2)), None, change)
     for k, step in enumerate((1.0, 1.0, 1e-6)):
-        up, down = (stress(law, 2, np.eye(2)[None] + np.diag(strain), np.ones((1, 1)), params + s * step * change[k],
-                           0.0)[:2] for s in (1.0, -1.0))
+        up, down = (point_stresses(law, 2, np.eye(2)[None] + np.diag(strain), np.ones((1, 1)),
+                           params + s * step * change[k], 0.0)[:2] for s in (1.0, -1.0))
         assert np.allclose(dP[0, k], (up[0] - down[0])[0] / (2 * step), rtol=1e-5, atol=1e-7)
         assert np.isclose(dstate[0, k, 0], (up[1] - down[1])[0, 0] / (2 * step), rtol=1e-4, atol=1e-13)
 
@@ -63,7 +62,7 @@ def test_an_orthotropic_body_that_cannot_be_has_no_stress():
     for kinematics in ("small", "finite"):
         law = compile("orthotropic", kinematics)
         for mode, F in ((0, np.eye(3)), (1, np.eye(2)), (2, np.eye(2))):
-            assert not stress(law, mode, F[None], law.initial_state(mode)[None], params, 0.0)[-1]
+            assert not point_stresses(law, mode, F[None], law.initial_state(mode)[None], params, 0.0)[-1]
     assert "nu12 = 0.3" in get_law("orthotropic").why_impossible(params)
 
 

@@ -7,8 +7,7 @@ import pytest
 from law_paths import follow, random_path
 
 from idic.errors import InputError
-from idic.materials import compile, get_law
-from idic.materials.core import points
+from idic.laws import compile, directional_stresses, get_law, point_stresses, point_tangents
 
 
 def sheet(stretches_1, stretches_2):
@@ -25,7 +24,7 @@ def test_J2_plane_stress_takes_huge_increments_in_one_step(name):
     F = sheet(*(x.ravel() for x in np.meshgrid(grid, grid)))
     F[:, 0, 1] = 0.3
     state = np.tile(law.initial_state(2), (len(F), 1))
-    P, state_new, P33, ok = points.stress(law, 2, F, state, law.spec.defaults(), 1.0, full=True)
+    P, state_new, P33, ok = point_stresses(law, 2, F, state, law.spec.defaults(), 1.0, full=True)
     assert ok
     assert np.isfinite(P).all()
     assert np.abs(P33).max() < 1e-8
@@ -40,7 +39,7 @@ def test_neo_Hookean_plane_stress_takes_large_stretches_in_one_step(kappa):
     grid = np.geomspace(0.2, 5.0, 9)
     F = sheet(*(x.ravel() for x in np.meshgrid(grid, grid)))
     state = np.tile(law.initial_state(2), (len(F), 1))
-    P, state_new, P33, ok = points.stress(law, 2, F, state, np.array([3.3, kappa]), 1.0, full=True)
+    P, state_new, P33, ok = point_stresses(law, 2, F, state, np.array([3.3, kappa]), 1.0, full=True)
     assert ok
     assert np.abs(P33).max() <= 1e-12 * kappa * 25  # rounding of kappa times the largest area stretch
     assert (state_new[:, -1] > 0).all()
@@ -50,9 +49,9 @@ def test_a_start_far_away_finds_the_same_root():
     law = compile("neo_hookean")
     F, state = sheet([1.5], [0.8]), law.initial_state(2)[None]
     params = law.spec.defaults()
-    reference = points.stress(law, 2, F, state, params, 1.0)[1][0, -1]
+    reference = point_stresses(law, 2, F, state, params, 1.0)[1][0, -1]
     for start in (1e-3, 0.1, 10.0, 1e3):
-        found = points.stress(law, 2, F, state, params, 1.0, guess=np.array([start]))[1][0, -1]
+        found = point_stresses(law, 2, F, state, params, 1.0, guess=np.array([start]))[1][0, -1]
         np.testing.assert_allclose(found, reference, rtol=1e-12)  # one root: P33 grows with F33
 
 
@@ -68,8 +67,8 @@ def test_power_law_onset_is_smooth_in_stress_and_tangent(mode):
     strains = onset * (1 + np.array([-1e-3, -1e-9, 1e-9, 1e-6, 1e-4, 0.5]))
     F = np.eye(d) + strains[:, None, None] * direction
     state = np.tile(law.initial_state(mode), (len(F), 1))
-    P, state_new, A, ok = points.tangent(law, mode, F, state, params, 1.0)
-    dP, dstate, ok_d = points.directional(law, mode, F, state, params, 1.0,
+    P, state_new, A, ok = point_tangents(law, mode, F, state, params, 1.0)
+    dP, dstate, ok_d = directional_stresses(law, mode, F, state, params, 1.0,
                                           np.zeros((len(F), 5, d, d)), None, np.eye(5))
     assert ok and ok_d
     for x in (P, state_new, A, dP, dstate):
@@ -118,7 +117,7 @@ def test_softening_is_solved_until_nothing_is_left_to_carry(mode):
     d = 3 if mode == 0 else 2
     F = np.eye(d) + np.linspace(0, 0.3, 7)[:, None, None] * np.diag([1.0, -1.0, 0.0][:d])
     state = np.tile(law.initial_state(mode), (7, 1))
-    P, state_new, ok = points.stress(law, mode, F, state, np.array([70e3, 0.3, 200.0, -1000.0]), 1.0)
+    P, state_new, ok = point_stresses(law, mode, F, state, np.array([70e3, 0.3, 200.0, -1000.0]), 1.0)
     gone = state_new[:, 6] == 0
     assert np.isfinite(P).all()
     assert not ok  # beyond p = 0.2 the flow stress would be negative: reported
@@ -131,14 +130,14 @@ def test_read_only_and_strided_inputs_are_taken(mode):
     d = 3 if mode == 0 else 2
     F = np.broadcast_to(1.01 * np.eye(d), (4, d, d))
     state = np.broadcast_to(law.initial_state(mode), (4, law.n_state(mode)))
-    P, _, ok = points.stress(law, mode, F, state, law.spec.defaults(), 1.0)
+    P, _, ok = point_stresses(law, mode, F, state, law.spec.defaults(), 1.0)
     assert ok and np.ptp(P, axis=0).max() == 0.0
 
 
 def test_errors_about_wrong_shapes_name_the_expected_shape():
     law = compile("elastic")
     with pytest.raises(ValueError, match=r"expected F of shape \(3, 2, 2\), got \(3, 3, 3\)"):
-        points.stress(law, 2, np.zeros((3, 3, 3)), np.zeros((3, 1)), law.spec.defaults(), 1.0)
+        point_stresses(law, 2, np.zeros((3, 3, 3)), np.zeros((3, 1)), law.spec.defaults(), 1.0)
 
 
 def test_an_unknown_law_lists_near_matches_and_unknown_kinematics_the_ones_on_offer():

@@ -10,11 +10,11 @@ import pytest
 from numba import njit
 
 from idic.errors import InputError
-from idic.materials import LawParameter, LawSpec, compile, get_law, point, register
-from idic.materials.core import law as registry
-from idic.materials.core.compilation import LINEARISE, UPDATE, UPDATE_COMPLEX, compile_cached, is_kept
-from idic.materials.core.outside_values import code_of, outside_values
-from idic.materials.core.update_check import check_update
+from idic.laws import point
+from idic.laws import LawParameter, LawSpec, code_of, compile, get_law, is_kept, outside_values, register
+from idic.laws.core import law as registry
+from idic.laws.core.compilation import LINEARISE, UPDATE, UPDATE_COMPLEX, compile_cached
+from idic.laws.core.update_check import check_update
 
 
 def keeps(F, state, params, dt, P, state_new):

@@ -7,11 +7,8 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError, NotConverged
-from idic.fe.equilibrium import Control
-from idic.fe.march import march
-from idic.fe.mesh.mesh import make_mesh
-from idic.fe.model import Constraints, Direction, Loads, Model, Reaction, Section
-from idic.materials import compile, get_law
+from idic.fe import Constraints, Control, Direction, Loads, Model, Reaction, Section, make_mesh, march
+from idic.laws import compile, get_law
 
 LAW = "elastoplastic(linear+linear*E+johnson_cook*flow_stress)"
 VALUES = np.array([70e3, 0.3, 200.0, 1500.0, -4e-4, 1.1, 640.0, 20.0])

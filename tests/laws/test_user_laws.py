@@ -14,7 +14,7 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
 from twin_runs import GRIPS, Twin, write_folder  # noqa: E402
 
 from idic.errors import InputError  # noqa: E402
-from idic.materials.core import law, user_laws  # noqa: E402
+from idic.laws.core import law, user_laws  # noqa: E402
 
 PAGE = Path(__file__).parents[2] / "docs" / "add-a-law.md"
 RUBBER = """
@@ -59,14 +59,14 @@ def test_a_file_that_a_program_has_imported_and_compiled_serves_as_a_file_of_law
     """Numba keeps what it compiles under the file, with the name of the module in it."""
     (tmp_path / "mine.py").write_text((scratch / "my_law.py").read_text())
     (tmp_path / "other.py").write_text((scratch / "my_law.py").read_text().replace("yeoh_2", "yeoh_other"))
-    compiled = "from idic.materials.core.compilation import compile; compile('yeoh_2', 'finite')"
+    compiled = "from idic.laws.core.compilation import compile; compile('yeoh_2', 'finite')"
     done = subprocess.run([sys.executable, "-c", f"import mine; {compiled}"], cwd=tmp_path, capture_output=True,
                           text=True, check=False, env=os.environ | {"PYTHONPATH": os.pathsep.join(
                               [str(tmp_path), *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))])})
     assert done.returncode == 0, done.stderr
     for files in (["mine.py"], ["other.py", "mine.py"]):
         laws = os.pathsep.join(str(tmp_path / file) for file in files)
-        done = subprocess.run([sys.executable, "-c", f"from idic.materials.core.user_laws import load_user_laws; "
+        done = subprocess.run([sys.executable, "-c", f"from idic.laws.core.user_laws import load_user_laws; "
                                f"load_user_laws(); {compiled}"], capture_output=True, text=True,
                               env=os.environ | {"IDIC_LAWS": laws}, check=False)
         assert done.returncode == 0, done.stderr

@@ -8,13 +8,10 @@ from functools import cache
 import meshio
 import numpy as np
 
-from idic.fe.march import march
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
-from idic.materials.core.compilation import compile as compile_law
-from idic.virtual_tests.meshes import strip_with_hole
-from idic.virtual_tests.render import Sensor, clean_image, painted, record
+from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.images import Camera, dense_speckle
+from idic.laws import compile as compile_law
+from idic.virtual_tests import Sensor, clean_image, painted, record, strip_with_hole
 
 LENGTH, WIDTH, RADIUS, THICKNESS = 12.0, 8.0, 1.5, 2.0  # mm
 PIXEL, SHAPE, ORIGIN = 0.1, (95, 135), (67.2, 47.1)

@@ -11,7 +11,7 @@ import tifffile
 
 import idic
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
+from idic.experiment_file import load_experiment
 
 
 def made(**changes):
@@ -41,7 +41,7 @@ def test_a_saved_experiment_is_read_as_the_same(tmp_path):
 
 
 def again_tables(folder):
-    from idic.experiment_file.toml_file import read_toml
+    from idic.experiment_file import read_toml
 
     return read_toml(folder / "experiment.toml")
 

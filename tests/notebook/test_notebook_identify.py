@@ -163,7 +163,7 @@ def test_a_notebook_shows_the_result(in_memory):
 
 
 def test_identify_is_a_function_and_a_package_whatever_was_imported_first(experiment):
-    from idic.identify.loop import start
+    from idic.identification import start
 
     assert start(experiment.record).status == "running" and callable(idic.identify)
     with pytest.raises(InputError, match="without a RUN folder") as told:

@@ -9,7 +9,7 @@ from virtual_tests.point_strip import N_POINTS, N_STAGES, write_point_strip
 
 import idic
 from idic.errors import InputError
-from idic.fe.mesh.mesh import make_mesh
+from idic.fe import make_mesh
 from idic.notebook.dataset import strains
 from idic.notebook.fields import checked_frame
 from idic.notebook.posterior import Posterior, posterior_of

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers.meshes import read_mesh_file
-from idic.readers.raw_mesh import to_mesh
+from idic.readers import read_mesh_file, to_mesh
 
 NODES = "*NODE\n1,0,0\n2,1,0\n3,2,0\n4,0,1\n5,1,1\n6,2,1\n"
 ELEMENTS = "*ELEMENT,TYPE=CPS4,ELSET=PLATE\n1,1,2,5,4\n2,2,3,6,5\n"

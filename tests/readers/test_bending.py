@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from idic.readers.fields.bending import largest_bending
-from idic.readers.fields.flattened import Flattening
-from idic.readers.fields.series import FieldStack, measured_points, open_fields
+from idic.readers import FieldStack, Flattening, largest_bending, measured_points, open_fields
 
 THICKNESS = 2.0
 SHEET = np.stack(np.meshgrid(np.linspace(-10, 10, 9), np.linspace(-40, 40, 27)), axis=-1).reshape(-1, 2)  # mm

@@ -13,10 +13,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from idic.errors import InputError
-from idic.images.pinhole import PinholeCamera, rotation_of
-from idic.readers.calibration.read import read_calibration
-from idic.readers.calibration.rig import CameraRig, Conventions
-from idic.readers.calibration.write import write_rig
+from idic.images import PinholeCamera, rotation_of
+from idic.readers import CameraRig, Conventions, read_calibration, write_rig
 
 SHARED = Path(os.environ.get("IDIC_SHARED_DATA", "../shared/data")) / "stereo"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="the shared stereo data are not here")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers.fields.chosen_stages import StageRule, change_of_shape, chosen_stages, mean_strain
-from idic.readers.fields.series import measured_points, open_fields
+from idic.readers.fields.chosen_stages import change_of_shape
+from idic.readers import StageRule, chosen_stages, mean_strain, measured_points, open_fields
 
 GRID = np.stack(np.meshgrid(np.arange(5.0), np.arange(6.0)), axis=-1).reshape(-1, 2)
 

@@ -8,7 +8,7 @@ import pytest
 
 from idic.errors import InputError
 from idic.readers import foreign_mesh
-from idic.readers.meshes import read_mesh_file
+from idic.readers import read_mesh_file
 
 INP = """*NODE
 101, 0., 0.

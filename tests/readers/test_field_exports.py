@@ -12,9 +12,8 @@ from scipy.io import savemat
 
 from idic.errors import InputError
 from idic.experiment_file.measured_fields.stages import field_notes
-from idic.readers.fields.plane import mean_plane, out_of_plane
-from idic.readers.fields.series import FieldStack, measured_points, open_fields
-from idic.readers.fields.sound_stages import check_stages
+from idic.readers.fields.plane import mean_plane
+from idic.readers import FieldStack, check_stages, measured_points, open_fields, out_of_plane
 
 GRID = np.stack(np.meshgrid(np.arange(6) * 1.5, np.arange(8) * 1.5), axis=-1).reshape(-1, 2) + [3.0, -2.0]  # (48, 2) mm
 F = np.array([[1.002, 0.001], [0.0005, 0.996]])

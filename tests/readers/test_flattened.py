@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from idic.readers.fields.flattened import Flattening
+from idic.readers import Flattening
 
 SHEET = np.stack(np.meshgrid(np.linspace(-10, 10, 9), np.linspace(-60, 60, 40)), axis=-1).reshape(-1, 2)  # mm, along it
 STRAIN, HALF = 2e-3, 1.0

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers.logs import match, read_log
-from idic.readers.units import column_factor
+from idic.readers import column_factor, match, read_log
 
 PLAIN = "time_s,force_kN,grip_µm\n0,0.0,-0.1\n1,0.5,12.25\n2,1.25,1500.5\n"
 GERMAN = PLAIN.replace(",", ";").replace(".", ",")

@@ -7,7 +7,7 @@ import pytest
 import tifffile
 from PIL import Image, ImageOps
 
-from idic.readers.images import open_stack, read_image
+from idic.readers import open_stack, read_image
 
 STORED = np.random.default_rng(3).integers(0, 2**16, (5, 7)).astype(np.uint16)
 

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe.mesh.mesh import surface_cells
-from idic.readers.fields.outline import MIN_HOLE, loops_of
-from idic.readers.fields.placement import Edges, Placement, fitted_placement
-from idic.readers.roi_mesh import roi_mesh
+from idic.fe import surface_cells
+from idic.readers import Edges, MIN_HOLE, Placement, fitted_placement, loops_of, roi_mesh
 
 WIDTH, HEIGHT, PITCH, MARGIN = 20.0, 50.0, 0.7, 0.5
 ORIGIN = np.array([5.0, -7.0])

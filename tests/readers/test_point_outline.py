@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.readers.fields.outline import outline_of, sides, sides_of_any
-from idic.readers.fields.outline_width import narrowest, notched_axis, width_error
+from idic.readers import narrowest, notched_axis, outline_of, sides, sides_of_any, width_error
 
 PITCH, MARGIN = 0.8, 0.5
 

@@ -9,12 +9,11 @@ import pytest
 from experiment_file.small_experiment import change, load_experiment, write_experiment
 from fe.fe_bodies import grid
 from idic.errors import InputError
-from idic.fe.external.inp_writer import ABAQUS_TYPES
-from idic.fe.mesh import element
-from idic.fe.mesh.mesh import boundary_faces, surface_cells
-from idic.fe.mesh.refine import can_raise_order, is_raised_by_default, raise_order
-from idic.readers.meshes import read_mesh_file
-from idic.readers.raw_mesh import to_mesh
+from idic.fe import (
+    ABAQUS_TYPES, CELL_TYPES, boundary_faces, can_raise_order, is_raised_by_default, raise_order, surface_cells,
+)
+from idic.fe.mesh.element import HEX_EDGES
+from idic.readers import read_mesh_file, to_mesh
 
 
 def inp(mesh):
@@ -60,7 +59,7 @@ def test_linear_bricks_are_raised_only_where_it_is_asked_for():
     places = lambda mesh: {tuple(np.round(x, 9)) for x in mesh.nodes}  # noqa: E731
     assert places(raised) == places(straight) and raised.blocks[0].cell == "hex20"
     for nodes in raised.blocks[0].connectivity:
-        middle = [raised.nodes[nodes[list(edge)]].mean(axis=0) for edge in element.HEX_EDGES]
+        middle = [raised.nodes[nodes[list(edge)]].mean(axis=0) for edge in HEX_EDGES]
         assert np.allclose(raised.nodes[nodes[8:]], middle)
 
 
@@ -76,5 +75,5 @@ def test_wedges_are_refused_with_the_kinds_that_there_are(tmp_path):
 def test_every_cell_has_its_name_for_abaqus_and_for_paraview():
     from idic.run.reporting.paraview import VTK_NAMES
 
-    bodies = {name for name, cell in element.CELLS.items() if cell.dim > 1}
+    bodies = {name for name, cell in CELL_TYPES.items() if cell.dim > 1}
     assert bodies == set(ABAQUS_TYPES) == set(VTK_NAMES)

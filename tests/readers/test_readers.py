@@ -12,13 +12,10 @@ from PIL import Image
 from experiment_file.small_experiment import inp_text
 from idic.errors import InputError
 from idic.experiment_file.tables.mesh_sets import with_node_set
-from idic.fe.mesh.mesh import check_elements
-from idic.readers.images import open_stack
-from idic.readers.logs import match, read_log
-from idic.readers.meshes import read_mesh_file
-from idic.readers.objects.images import frames_of
-from idic.readers.paths import matching_files, natural_key, recorded_order
-from idic.readers.raw_mesh import to_mesh
+from idic.fe import check_elements
+from idic.readers import (
+    frames_of, match, matching_files, natural_key, open_stack, read_log, read_mesh_file, recorded_order, to_mesh,
+)
 
 PIXELS = np.arange(6 * 8, dtype=np.uint8).reshape(6, 8) * 5
 
@@ -382,7 +379,7 @@ def test_a_set_by_position_does_not_stop_the_only_material_from_meaning_all_elem
     """A wide band of nodes holds whole elements too; it is still no element set of the mesh."""
     from idic.experiment_file.tables.mesh_sets import with_element_set, with_sets
     from idic.experiment_file.schema_boundary import SetTable
-    from idic.fe.mesh.mesh import make_mesh
+    from idic.fe import make_mesh
 
     nodes = np.array([[x, y] for y in range(3) for x in range(4)], float)
     quads = np.array([[i + 4 * j, i + 1 + 4 * j, i + 5 + 4 * j, i + 4 + 4 * j] for j in range(2) for i in range(3)])

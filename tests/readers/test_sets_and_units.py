@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from idic.errors import InputError
-from idic.readers.frame_names import frame_indices, frame_numbers
-from idic.readers.position_sets import where
-from idic.readers.units import column_factor, factor_between, parse_unit, suffix_unit
+from idic.readers import column_factor, factor_between, frame_indices, frame_numbers, parse_unit, where
+from idic.readers.units import suffix_unit
 
 POINTS = np.array([[0.0, -10.0], [3.0, 0.0], [-2.0, 4.0]])
 

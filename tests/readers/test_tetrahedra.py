@@ -13,14 +13,12 @@ sys.path[:0] = [str(Path(__file__).parents[1] / part) for part in ("fe", "twins"
 from fe_bodies import faces_where, grid, where  # noqa: E402
 from solid_bar import CELLS, SIZE, side_and_front  # noqa: E402
 
-from idic.fe.boundary import face_area  # noqa: E402
-from idic.fe.external.inp_writer import inp_text  # noqa: E402
-from idic.fe.mesh import element  # noqa: E402
-from idic.fe.mesh.mesh import check_elements, make_mesh, surface_cells  # noqa: E402
-from idic.fe.mesh.refine import can_raise_order, raise_order  # noqa: E402
-from idic.identify.in_memory import identify  # noqa: E402
-from idic.readers.meshes import read_mesh_file  # noqa: E402
-from idic.readers.raw_mesh import to_mesh  # noqa: E402
+from idic.fe import (  # noqa: E402
+    TET_EDGES, can_raise_order, cell_type, check_elements, face_area, inp_text, make_mesh, quadrature_rule,
+    raise_order, shape_gradients, surface_cells,
+)
+from idic.identification import identify  # noqa: E402
+from idic.readers import read_mesh_file, to_mesh  # noqa: E402
 
 FORMATS = {".inp": {}, ".vtu": {}, ".msh": {"file_format": "gmsh22", "binary": False}}
 
@@ -49,8 +47,8 @@ def written(mesh, path):
 
 
 def volume(mesh):
-    xi, w = element.quadrature(mesh.blocks[0].cell)
-    jac = np.einsum("eak,qai->eqki", mesh.nodes[mesh.blocks[0].connectivity], element.gradient(mesh.blocks[0].cell, xi))
+    xi, w = quadrature_rule(mesh.blocks[0].cell)
+    jac = np.einsum("eak,qai->eqki", mesh.nodes[mesh.blocks[0].connectivity], shape_gradients(mesh.blocks[0].cell, xi))
     return np.sum(np.linalg.det(jac) * w)
 
 
@@ -63,7 +61,7 @@ def test_tetrahedra_and_their_faces_are_read_from_every_format(cell, suffix, tmp
     assert volume(mesh) == pytest.approx(3.0)
     assert face_area(mesh, mesh.edge_sets["FRONT"]) == pytest.approx(2.0)
     middles = mesh.nodes[mesh.blocks[0].connectivity[:, 4:]]
-    for k, (a, b) in enumerate(element.TET_EDGES[:middles.shape[1]]):
+    for k, (a, b) in enumerate(TET_EDGES[:middles.shape[1]]):
         ends = mesh.nodes[mesh.blocks[0].connectivity[:, [a, b]]]
         np.testing.assert_allclose(middles[:, k], ends.mean(axis=1))
     (seen,) = surface_cells(mesh, "FRONT")
@@ -79,7 +77,7 @@ def test_middles_of_edges_are_those_of_the_numbering_that_gmsh_documents(tmp_pat
         *(f"{k} {x} {y} {z}" for k, (x, y, z) in enumerate(nodes, 1)), "$EndNodes", "$Elements", "1",
         "1 11 2 1 1 1 2 3 4 5 6 7 8 9 10", "$EndElements", ""]))
     mesh, _ = to_mesh(read_mesh_file(tmp_path / "one.msh"), 3, 1.0)
-    np.testing.assert_allclose(mesh.nodes[mesh.blocks[0].connectivity[0]], element.cell("tet10").reference_nodes)
+    np.testing.assert_allclose(mesh.nodes[mesh.blocks[0].connectivity[0]], cell_type("tet10").reference_nodes)
 
 
 def test_linear_tetrahedra_become_quadratic_with_their_sets():

@@ -13,9 +13,9 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder  # noqa: E402
 
 from idic.errors import InputError  # noqa: E402
-from idic.experiment_file.load import load_experiment  # noqa: E402
-from idic.identify.in_memory import identify  # noqa: E402
-from idic.readers.images import open_stack, read_image  # noqa: E402
+from idic.experiment_file import load_experiment  # noqa: E402
+from idic.identification import identify  # noqa: E402
+from idic.readers import open_stack, read_image  # noqa: E402
 
 
 def write_video(path, frames, codec="FFV1"):

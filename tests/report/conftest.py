@@ -3,7 +3,7 @@
 import pytest
 from made_up_run import make_record
 
-from idic.report.page import draw_sections
+from idic.report import draw_sections
 
 
 @pytest.fixture(scope="session")

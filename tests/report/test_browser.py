@@ -6,7 +6,7 @@ import pytest
 from browser import find_browser, look_at
 from made_up_run import make_record, make_result
 
-from idic.report.page import render_page
+from idic.report import render_page
 
 needs_browser = pytest.mark.skipif(find_browser() is None, reason="no Chromium on this machine (apt install chromium)")
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from idic.diagnose.locate.place import in_words
-from idic.report.diagnosis.where import WhereRecord, active_map, side_chart, source_map
-from idic.report.figures.style import RED
+from idic.diagnose import in_words
+from idic.report.diagnosis.where import active_map, side_chart, source_map
+from idic.report import RED, WhereRecord
 
 
 def record(columns, rows, side="bulk"):

@@ -2,8 +2,8 @@
 
 import pytest
 
-from idic.report.diagnosis.headline import headline, moves
-from idic.report.diagnosis.words import sentence, standing_of, strongest
+from idic.report.diagnosis.headline import moves
+from idic.report import diagnosis_headline, sentence, standing_of, strongest
 
 TITLES = {"heterogeneity": "heterogeneous stiffness"}
 
@@ -79,9 +79,9 @@ def test_a_cause_below_the_practical_margin_is_told():
 def test_many_causes_below_the_margin_are_counted():
     entries = [{"name": name, "form": None, "named": False, "standing": "small"} for name in "abcdef"]
     said = content("none") | {"excluded": [], "cannot_tell": [], "named": [], "candidates": entries, "rounds": []}
-    assert "; 6 candidates are seen, a most, but below the practical margin" in headline(said, {})
+    assert "; 6 candidates are seen, a most, but below the practical margin" in diagnosis_headline(said, {})
     few = said | {"candidates": entries[:3]}
-    assert "; a, b, and c are seen, but below the practical margin" in headline(few, {})
+    assert "; a, b, and c are seen, but below the practical margin" in diagnosis_headline(few, {})
 
 
 def test_a_blind_test_is_explained_by_its_parameters_or_its_noise():
@@ -141,4 +141,4 @@ def test_many_indistinguishable_causes_are_a_list_with_one_or():
     said = content("set") | {
         "named": ["friction"], "probability": 0.75, "candidates": [{"name": "friction", "form": None}],
         "rounds": [{"winner": "friction", "form": None, "new": [], "equals": ["force_offset", "creep", "creep"]}]}
-    assert headline(said, {}).startswith("Probably (75 %) friction, force offset or creep")
+    assert diagnosis_headline(said, {}).startswith("Probably (75 %) friction, force offset or creep")

@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 
 from experiment_file.small_experiment import TOML, change, load_experiment, write_experiment
 from idic.cli.app import app
-from idic.report.evidence.cost import Cost, expected_cost, memory_here, simulation_cost
+from idic.report.evidence.cost import Cost, memory_here, simulation_cost
+from idic.report import expected_cost
 
 BENCH = Path(__file__).parents[2] / "studies" / "bench"
 ELASTOPLASTIC = """law = "j2_linear"

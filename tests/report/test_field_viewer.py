@@ -8,15 +8,16 @@ import pytest
 from browser import find_browser, look_at
 from made_up_run import make_record
 
-from idic.fields.readings import readings
-from idic.fields.series import FieldSeries, component_of
-from idic.fields.surface import Surface
-from idic.fe.mesh.mesh import make_mesh
-from idic.model.gauges import Gauge
+from idic.measure import FieldSeries, readings
+from idic.measure.fields.series import component_of
+from idic.measure.fields.surface import Surface
+from idic.fe import make_mesh
+from idic.model import Gauge
 from idic.report.fields import viewer
 from idic.report.fields.tables import gauge_tables
 from idic.report.fields.viewer import viewer_data
-from idic.report.page import _fields, drawn_sections, render_page
+from idic.report.page import _fields, drawn_sections
+from idic.report import render_page
 
 needs_browser = pytest.mark.skipif(find_browser() is None, reason="no Chromium on this machine (apt install chromium)")
 PIXEL = 0.05  # mm

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from made_up_run import make_record, make_result
 
-from idic.report import words
+from idic.report.words import hardly_determined
+from idic.report import comparison_tables, in_words_of, render_page, result_headline, undetermined
 from idic.report.figures.point_maps import point_maps, rms
-from idic.report.fit_words import in_words_of
-from idic.report.page import render_page
 from idic.report.record import PointMaps
-from idic.report.tables_page import comparison_tables
-from idic.run.reporting.compare import _parameter, headlines
+from idic.run.reporting.compare import _parameter
+from idic.run import headlines
 
 
 @pytest.fixture
@@ -56,11 +55,11 @@ def test_a_modulus_that_only_the_misfit_moves_is_not_determined():
     result = make_result()
     entry = result["parameters"]["sheet.E"]
     entry.update(value=17.0, std=16.5, std_noise=6.0, std_model=15.4, ci95=[-15.0, 49.0], unit="MPa")
-    assert "E = " not in words.headline(result)[0]
-    assert "E (the 95 % interval reaches zero" in words.undetermined(result)
+    assert "E = " not in result_headline(result)[0]
+    assert "E (the 95 % interval reaches zero" in undetermined(result)
     assert '<td class="text warn-text">interval reaches 0</td>' in render_page(make_record(result=result), ())
     entry.update(std_noise=16.0, std_model=4.0)  # noise alone: it is found, badly
-    assert words.hardly_determined(result) == [] and "E = 17 ± 16" in words.headline(result)[0]
+    assert hardly_determined(result) == [] and "E = 17 ± 16" in result_headline(result)[0]
 
 
 def compared(*quantities: str) -> dict:

@@ -8,7 +8,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from PIL import Image
 
 from idic.report.figures.layout import MeasuredOnce
-from idic.report.figures.style import DIVERGING, DPI, look, new_figure, to_picture
+from idic.report import DIVERGING, DPI, look, new_figure, to_picture
 
 
 def test_a_file_holds_every_pixel_and_the_resolution():

@@ -9,12 +9,9 @@ import pytest
 from browser import find_browser, look_at
 from made_up_run import make_record, make_result
 
-from idic.materials import compile
-from idic.materials.core.point import uniaxial
+from idic.laws import compile, uniaxial
 from idic.report.figures import charts, maps
-from idic.report.figures.style import Picture
-from idic.report.html import filled_in
-from idic.report.page import render_page
+from idic.report import Picture, filled_in, render_page
 
 needs_browser = pytest.mark.skipif(find_browser() is None, reason="no Chromium on this machine (apt install chromium)")
 

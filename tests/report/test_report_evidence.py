@@ -16,15 +16,13 @@ sys.path[:0] = [str(Path(__file__).parents[1] / "identify")]
 from twin_runs import ELASTIC, FORCE, GRIPS, NOISE, SHAPE, Twin, write_folder  # noqa: E402
 
 import idic  # noqa: E402
-from idic.correlation.experiment_reference import build_reference  # noqa: E402
-from idic.correlation.grey import frame_spline  # noqa: E402
-from idic.dic import node_std  # noqa: E402
-from idic.dic.frame import dic_frame  # noqa: E402
+from idic.correlation import build_experiment_reference, frame_spline  # noqa: E402
+from idic.measure.dic import node_std  # noqa: E402
+from idic.measure import dic_frame, seen_by  # noqa: E402
 from idic.errors import InputError  # noqa: E402
-from idic.experiment_file.load import load_experiment  # noqa: E402
-from idic.fields.free import seen_by  # noqa: E402
-from idic.run.reporting.write import load_record, write_report  # noqa: E402
-from idic.run.context import open_run  # noqa: E402
+from idic.experiment_file import load_experiment  # noqa: E402
+from idic.run.reporting.write import load_record  # noqa: E402
+from idic.run import open_run, write_report  # noqa: E402
 
 SETUP = '\n[setup]\ncamera = "a virtual camera"\n'
 
@@ -61,7 +59,7 @@ def test_the_curve_ends_at_the_strain_of_the_specimen(record):
 
 def test_the_noise_floor_of_the_free_dic_is_its_theory(run, record):
     experiment = open_run(str(run)).experiment
-    reference = build_reference(experiment, experiment.camera)
+    reference = build_experiment_reference(experiment, experiment.camera)
     seen = seen_by(experiment, reference)
     u = np.zeros((experiment.mesh.n_nodes, 2))
     frame = dic_frame(reference, frame_spline(experiment, experiment.reference), u, seen.smoother)
@@ -131,7 +129,7 @@ def test_words_on_the_laboratory_change_no_result(tmp_path):
 
 
 def test_an_identified_law_becomes_a_table_and_cards(run, tmp_path):
-    from idic.run.reporting.law_files import export_laws
+    from idic.run import export_laws
 
     written, = export_laws(run, tmp_path / "laws")
     assert [file.name for file in written.files] == ["BODY.toml", "BODY.abaqus.inp", "BODY.calculix.inp"]
@@ -142,8 +140,8 @@ def test_an_identified_law_becomes_a_table_and_cards(run, tmp_path):
 
 
 def test_a_card_of_a_set_with_any_letters_is_written(run, tmp_path, monkeypatch):
-    from idic.materials.composed.material_card import Card
-    from idic.run.reporting.law_files import export_laws
+    from idic.laws.composed.material_card import Card
+    from idic.run import export_laws
 
     monkeypatch.setattr("idic.run.reporting.law_files.material_card",
                         lambda *_, **__: Card("*MATERIAL, NAME=PRÜFLING\n", ()))
@@ -152,9 +150,10 @@ def test_a_card_of_a_set_with_any_letters_is_written(run, tmp_path, monkeypatch)
 
 
 def test_a_free_hardening_curve_is_drawn_with_its_band_and_the_nearest_forms():
-    from idic.materials.composed.free_curve import classical_fits, knots
+    from idic.laws import classical_fits, knots
     from idic.report.figures.hardening import hardening_curve
-    from idic.report.record import HardeningCurve, RunRecord
+    from idic.report.record import HardeningCurve
+    from idic.report import RunRecord
 
     p = knots(0.1, 8)
     stress, covariance = 200.0 + 120.0 * (1.0 - np.exp(-15.0 * p)), 0.25 * np.eye(8)
@@ -170,11 +169,10 @@ def test_a_free_spectrum_is_drawn_with_its_band_and_the_form_that_it_came_from()
 
     from scipy.optimize import nnls
 
-    from idic.materials.rate.free_relaxation import grid, relaxing
+    from idic.laws import grid, relaxing
     from idic.parameters import Parameter, ParameterSet
-    from idic.report.evidence.relaxation import relaxation_curves
+    from idic.report import RunRecord, relaxation_curves
     from idic.report.figures.relaxation import relaxation_curve
-    from idic.report.record import RunRecord
 
     times, taus = np.linspace(0.0, 60.0, 31), grid(0.5, 50.0, 5)
     weights = np.array([0.0, 0.0, 0.4, 0.0, 0.0])  # 5 s is on the grid

@@ -10,11 +10,14 @@ import numpy as np
 import pytest
 from made_up_run import NAMES, make_curve, make_practice, make_record, make_result
 
-from idic.report import tables, words
-from idic.report.design.page import short
+from idic.report import tables
+from idic.report.words import explained, relative_std, result_cautions
+from idic.report import (
+    advice, draw_sections, number_text, render_page, result_headline, result_verdict, short, two_digits, with_std,
+)
 from idic.report.design.words import percent
 from idic.report.figures import charts, maps, matrices
-from idic.report.page import _derived_rows, draw_sections, render_page
+from idic.report.page import _derived_rows
 
 BARE = dict(history=(), M=None, reference=None, nodes_px=None, cells=(), times=None, rms_before=None, rms_after=None,
             channels=(), fields=None, sensitivities=None, residuals=None, notes=(), views=(), free=None, curves=(),
@@ -70,7 +73,7 @@ def test_the_first_sentence_reports_the_identified_values(record):
 
 def test_a_parameter_that_the_test_cannot_see_is_named_with_the_reason():
     lost = [(n, "no force was measured: stresses have no scale") for n in NAMES[:1]]
-    sentences = words.headline(make_result(not_identifiable=lost))
+    sentences = result_headline(make_result(not_identifiable=lost))
     assert "E = " not in sentences[0]
     assert (
         sentences[-1]
@@ -85,34 +88,34 @@ def test_a_free_measurement_with_a_far_larger_residual_than_the_model_has_failed
     result = make_result()
     for free, said in ((0.99, "has χ² = 0.99"), (78.8, "failed")):
         result["residual"]["free_dic_chi2_dof"] = free
-        assert f"a free FE-DIC on the same mesh {said}" in words.explained(result)
+        assert f"a free FE-DIC on the same mesh {said}" in explained(result)
         assert ("on the same mesh failed" in render_page(make_record(result=result), ())) == (free > 2.0)
 
 
 def test_a_ratio_that_moves_between_treatments_is_not_given_as_found():
     result = make_result(not_identifiable=[("G", "moves by 62 % between treatments of boundary and camera")])
     result["derived"]["G"]["systematic_std"] = 9e3
-    assert "G = " not in words.headline(result)[0] and "G = " in words.headline(make_result())[0]
-    assert "Not determined by this test: G (moves by 62 %" in words.headline(result)[-1]
-    assert not any("G:" in sentence for sentence in words.cautions(result))
+    assert "G = " not in result_headline(result)[0] and "G = " in result_headline(make_result())[0]
+    assert "Not determined by this test: G (moves by 62 %" in result_headline(result)[-1]
+    assert not any("G:" in sentence for sentence in result_cautions(result))
     row = next(row for row in _derived_rows(make_record(result=result)))
     assert row["value"] == "–" and row["status"] == "not determined" and row["systematic"] == "9000"
 
 
 @pytest.mark.parametrize("status", ["stalled", "max_iterations", "at_bound", "forward_failed", "interrupted"])
 def test_a_run_that_did_not_converge_says_so(status):
-    sentences = words.headline(make_result(status=status))
+    sentences = result_headline(make_result(status=status))
     assert "Converged" not in " ".join(sentences) and len(sentences[1]) > 20
     assert 'class="warn"' in render_page(make_record(result=make_result(status=status)), ())
 
 
 def test_residuals_above_the_noise_are_not_called_noise():
-    text = words.explained(make_result(chi2=1.4))
+    text = explained(make_result(chi2=1.4))
     assert "larger than camera noise" in text and "residual maps show where" in text
-    assert "overstated" in words.explained(make_result(chi2=0.7))
+    assert "overstated" in explained(make_result(chi2=0.7))
     result = make_result()
     result["residual"]["channel_chi2_dof"]["force_N"] = 9.0
-    assert "The simulated force_N differs from the measured one by more than its noise" in words.explained(result)
+    assert "The simulated force_N differs from the measured one by more than its noise" in explained(result)
 
 
 def test_the_first_sentence_of_a_test_without_force_reports_ratios():
@@ -121,7 +124,7 @@ def test_the_first_sentence_of_a_test_without_force_reports_ratios():
     result["derived"] = {"sheet.E/yield_stress": {"value": 350.2, "std": 0.5, "ci95": [349.2, 351.2]}}
     result["residual"]["free_dic_chi2_dof"] = 1.12
     result["frames"][7] |= {"status": "unexplained", "label": "zoom-0078.tif"}
-    first, *rest = words.headline(result)
+    first, *rest = result_headline(result)
     assert first == "nu = 0.3004 ± 0.0011, E/yield_stress = 350.20 ± 0.50."
     assert "a free FE-DIC on the same mesh has χ² = 1.12" in rest[1]
     assert rest[2] == f"Not determined by this test: E, yield_stress, hardening_modulus ({reason})."
@@ -167,18 +170,18 @@ def test_the_local_chi2_is_one_where_there_is_nothing_but_noise():
     ],
 )
 def test_numbers_show_two_digits_of_their_standard_deviation(value, std, unit, text):
-    assert words.with_std(value, std, unit) == text
+    assert with_std(value, std, unit) == text
 
 
 @pytest.mark.parametrize(("std", "text"), [
     (99.4, "99"), (99.5, "100"), (99.96, "100"), (100.0, "100"), (123.0, "120"), (9.96e6, "10000000"), (2e7, "2e+07"),
     (0.0, "0"), (-99.7, "-100"), (float("nan"), "nan"), (float("inf"), "inf"), (2.5e-6, "2.5e-06")])
 def test_an_error_has_no_exponent_where_it_can_be_written_out(std, text):
-    assert words.two_digits(std) == short(std) == text
+    assert two_digits(std) == short(std) == text
 
 
 def test_a_share_that_is_rounded_to_the_whole_has_no_exponent():
-    assert words.relative(1.0, 0.997) == percent(0.997) == "100 %" and percent(1.52) == "150 %"
+    assert relative_std(1.0, 0.997) == percent(0.997) == "100 %" and percent(1.52) == "150 %"
 
 
 @pytest.mark.parametrize(
@@ -195,31 +198,31 @@ def test_the_verdict_stands_at_the_top(changes, level, text):
     result = make_result(**changes)
     if "not_identifiable" in changes:
         result["derived"] = {}
-    assert words.verdict(result)[0] == level and text in words.verdict(result)[1]
+    assert result_verdict(result)[0] == level and text in result_verdict(result)[1]
     page = render_page(make_record(result=result), ())
     assert page.index(f'class="verdict {level}"') < page.index('class="first')
 
 
 def test_the_terminal_proposes_remedies_for_a_poor_fit():
-    assert words.advice(make_result()) == []
-    first, second = words.advice(make_result(chi2=1.4))
+    assert advice(make_result()) == []
+    first, second = advice(make_result(chi2=1.4))
     assert first.startswith("Look closer") and "idic diagnose" in second
-    first, second = words.advice(make_result(status="at_bound"))
+    first, second = advice(make_result(status="at_bound"))
     assert "do not use" in first and "bound" in second
 
 
 def test_a_channel_that_is_missed_counts_against_the_fit():
     result = make_result()
     result["residual"]["channel_chi2_dof"]["force_N"] = 9.0
-    assert words.verdict(result) == ("look", "Look closer: force_N not matched within the noise")
+    assert result_verdict(result) == ("look", "Look closer: force_N not matched within the noise")
 
 
 def test_correlations_and_biases_above_the_error_bars_are_said():
     result = make_result()
-    assert words.cautions(result) == []
+    assert result_cautions(result) == []
     result["correlation"]["matrix"][2][3] = result["correlation"]["matrix"][3][2] = -0.97
     result["parameters"]["sheet.nu"]["discretisation_bias"] = 0.005
-    first, second = words.cautions(result)
+    first, second = result_cautions(result)
     assert "hardening_modulus" in first and "yield_stress" in first and "0.970" in first
     assert second.startswith("nu: a finer mesh")
 
@@ -313,7 +316,7 @@ def test_the_tables_hold_the_same_numbers(record):
     (1.7e-7, 1.7e-7, "1.7e-07", "> 100 %"), (1.4702e11, 2.1e9, "1.470e+11", "1.4 %"),
     (0.0020, 0.0050, "0.0020", "> 100 %"), (0.0, 0.1, "0.00", "–")])
 def test_a_value_has_the_digits_that_its_standard_deviation_supports(value, std, shown, share):
-    assert words.number(value, std) == shown and words.relative(value, std) == share
+    assert number_text(value, std) == shown and relative_std(value, std) == share
 
 
 def test_the_figure_of_correlations_does_not_say_that_all_parameters_are_separated_where_one_is_open():

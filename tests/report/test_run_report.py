@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.fe.mesh.mesh import boundary_edges, check_elements
+from idic.fe import boundary_edges, check_elements
 from idic.readers.abaqus import read_inp
-from idic.readers.raw_mesh import to_mesh
+from idic.readers import to_mesh
 from idic.run.reporting.paraview import _frames, write_collection
 from idic.run.reporting.write import load_record
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
+from idic.virtual_tests import strip_with_hole, write_inp
 
 
 class Stored:

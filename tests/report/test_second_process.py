@@ -6,8 +6,9 @@ from functools import partial
 import pytest
 from made_up_run import make_record
 
-from idic.report.page import draw_sections, parts, plan_sections
-from idic.run.reporting.second_process import HANDS_OUT, drawing_beside
+from idic.report import draw_sections, parts, plan_sections
+from idic.run.reporting.second_process import HANDS_OUT
+from idic.run import drawing_beside
 
 FEW = dict(reference=None, nodes_px=None, cells=(), residuals=None, fields=None, sensitivities=None, channels=(),
            views=(), free=None)  # what a figure needs little time for

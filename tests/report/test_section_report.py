@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import idic
-from idic.run.reporting.write import load_record, write_report
+from idic.run.reporting.write import load_record
+from idic.run import write_report
 from idic_studies.cases.bulge import SKETCH_SIZE
 from idic_studies.examples.bulge import write_bulge
 

@@ -10,7 +10,7 @@ from made_up_run import make_record
 from rich.console import Console
 
 from idic.cli.tables import laws_table
-from idic.materials import get_law
+from idic.laws import get_law
 from idic.report.figures import charts
 from idic.run.reporting.write import _temperature
 

@@ -26,10 +26,10 @@ from virtual_tests.small_strip import write_small_strip
 
 import idic
 from idic.errors import InputError
-from idic.run.plain import identify_plainly
-from idic.workers.dask_connection import LOOPBACK
-from idic.workers.dask_settings import ONE_THREAD
-from idic.workers.prefect_server import QUIET, start_server
+from idic.run import identify_plainly, start_server
+from idic.run.workers.dask_connection import LOOPBACK
+from idic.run.workers.dask_settings import ONE_THREAD
+from idic.run.workers.prefect_server import QUIET
 
 SECONDS = 600.0  # 10 s on a quiet machine
 PARAMETERS = ["sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus"]

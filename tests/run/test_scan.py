@@ -5,9 +5,7 @@ import pytest
 
 from idic.run.recovery import scan
 from idic.run.recovery.scan import damaged_groups, is_whole
-from idic.store.arrays import FrameArrays, write_array
-from idic.store.run_store import RunStore
-from idic.workers.runner import SerialRunner
+from idic.run import FrameArrays, RunStore, SerialRunner, write_array
 
 
 class TwoWorkers(SerialRunner):

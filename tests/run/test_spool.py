@@ -4,11 +4,12 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from idic.correlation.system import CorrelationSystem, LocalEquations, OpenSums
+from idic.correlation import (
+    CorrelationSystem, FrameRecord, LocalEquations, OpenSums, Weights, generalised_weights, reduce_systems,
+)
 from idic.correlation import shared_noise
-from idic.correlation.shared_noise import close, generalised_weights
-from idic.correlation.equations import Weights
-from idic.correlation.system import FrameRecord, SharedSums, reduce_systems
+from idic.correlation.shared_noise import close
+from idic.correlation.system import SharedSums
 from idic.run import spool
 from idic.run.spool import open_spool
 

@@ -15,7 +15,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "draw"))
 from drawn_folder import make_folder, plan  # noqa: E402
 
 from idic.draw.desk import Desk  # noqa: E402
-from idic.draw.server import HOST, MAX_BODY_BYTES, application, new_token, open_socket  # noqa: E402
+from idic.draw.server import MAX_BODY_BYTES, application  # noqa: E402
+from idic.draw import HOST, new_token, open_socket  # noqa: E402
 from idic.errors import InputError  # noqa: E402
 
 PORT, TOKEN = 45671, "right-token"

@@ -6,7 +6,7 @@ import pytest
 from experiment_file.small_experiment import write_experiment
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
+from idic.experiment_file import load_experiment
 
 KEYS = ["experiment.images", "experiment.loads", "experiment.mesh", "experiment.mask", "experiment.still_frames",
         "experiment.image_times"]

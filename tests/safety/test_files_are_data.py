@@ -16,16 +16,15 @@ from quality.called import called
 from quality.sources import modules
 
 from idic.errors import InputError
-from idic.readers.images import open_stack
-from idic.readers.meshes import read_mesh_file
-from idic.readers.paths import existing_file, inside, matching_files
-from idic.store.arrays import FrameArrays, open_array, read_array, write_array
+from idic.readers import existing_file, inside, matching_files, open_stack, read_mesh_file
+from idic.run.store.arrays import open_array
+from idic.run import FrameArrays, read_array, write_array
 
 ROOT = Path(__file__).parents[2]
 SOURCES = [*modules().values(), *sorted((ROOT / "deploy").rglob("*.py"))]
 STARTS_PROGRAMS = {  # each knows what it starts; the external solver: only with the user's leave, see docs/safety.md
-    "idic/workers/prefect_server.py", "idic/fe/external/process.py", "idic/fe/external/guard.py",
-    "idic/workers/precompiling.py",  # idic's own compiler
+    "idic/run/workers/prefect_server.py", "idic/fe/external/process.py", "idic/fe/external/guard.py",
+    "idic/run/workers/precompiling.py",  # idic's own compiler
     "idic/run/reporting/second_process.py",  # idic itself, for figures
     "idic/draw/watch.py",  # idic itself, on a folder that the user has opened
     "deploy/slurm_cluster.py", "studies/trial/scenes/calculix.py",  # ccx on decks of our own

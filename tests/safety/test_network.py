@@ -10,11 +10,11 @@ import sys
 import pytest
 
 from idic.errors import InputError
-from idic.virtual_tests.examples import write_example
-from idic.workers.dask_executor import open_cluster
-from idic.workers.dask_settings import ONE_THREAD
-from idic.workers.dask_connection import check_client_key
-from idic.workers.prefect_server import QUIET, _server_environment, start_server
+from idic.virtual_tests import write_example
+from idic.run import open_cluster, start_server
+from idic.run.workers.dask_settings import ONE_THREAD
+from idic.run.workers.dask_connection import check_client_key
+from idic.run.workers.prefect_server import QUIET, _server_environment
 
 posix = pytest.mark.skipif(os.name != "posix", reason="no such rights on this system")
 SPY = '''

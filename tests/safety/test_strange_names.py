@@ -6,10 +6,10 @@ import pytest
 from virtual_tests.small_strip import write_small_strip
 
 import idic
-from idic.run.reporting.write import write_report
-from idic.virtual_tests.demo import Size
+from idic.run import write_report
+from idic.virtual_tests import DemoSize
 
-SMALL = Size(0.2, (60, 110), (3, 3, 4), (2, 2, 1), (2, 2, 1), 1)
+SMALL = DemoSize(0.2, (60, 110), (3, 3, 4), (2, 2, 1), (2, 2, 1), 1)
 SET, COLUMN = "../../../../../elsewhere/s", "Force/top_N"
 
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from virtual_tests.small_strip import write_small_strip
 
-from idic.virtual_tests.examples import write_example
-from idic.workers import working_folder
-from idic.workers.working_folder import empty_folder, in_empty_folder
+from idic.virtual_tests import write_example
+from idic.run.workers import working_folder
+from idic.run import empty_folder, in_empty_folder
 
 SERVER = """
-from idic.workers.prefect_server import start_server
+from idic.run.workers.prefect_server import start_server
 with start_server() as server:
     print(server.wait())
 """

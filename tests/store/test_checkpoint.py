@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.store.checkpoint import (
+from idic.run.store.checkpoint import (
     copy_of, remove_checkpoint, restore_checkpoint, from_hex, load_checkpoint, save_checkpoint, to_hex,
 )
 

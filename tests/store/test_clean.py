@@ -10,12 +10,9 @@ from typer.testing import CliRunner
 
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.run.context import open_run
-from idic.run.plain import identify_experiment
-from idic.run.reporting.write import write_report
-from idic.store.clean import clean_run
-from idic.store.run_lock import RunBusy, run_lock
-from idic.store.state_file import load_state, save_state
+from idic.run import clean_run, identify_experiment, open_run, run_lock, write_report
+from idic.run.store.run_lock import RunBusy
+from idic.run.store.state_file import load_state, save_state
 
 
 @pytest.fixture(scope="module")

@@ -9,10 +9,9 @@ import pytest
 import tifffile
 
 from idic.errors import InputError
-from idic.readers.images import open_stack
-from idic.store.image_files import describe, refuse_changed
-from idic.store.run_store import RunStore
-from idic.store.stack import ZarrStack, ingest
+from idic.readers import open_stack
+from idic.run.store.image_files import describe, refuse_changed
+from idic.run import RunStore, ZarrStack, ingest
 
 SHAPE = (400, 500)  # more than the identity of an experiment looks at
 

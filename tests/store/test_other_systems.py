@@ -17,13 +17,13 @@ import pytest
 
 import idic
 from idic.errors import InputError
-from idic.readers.paths import natural_key
+from idic.readers import natural_key
 from idic.run.diagnosis.enriched import way_to
-from idic.store import replace, run_lock
-from idic.store.layout import group_name
-from idic.store.path_names import ignores_case, path_name, refuse_names_that_are_one
-from idic.store.run_lock import RunBusy
-from idic.workers import peak_memory
+from idic.run.store import replace, run_lock
+from idic.run import group_name
+from idic.path_names import ignores_case, path_name, refuse_names_that_are_one
+from idic.run.store.run_lock import RunBusy
+from idic.run.workers import peak_memory
 
 ONLY_SOMEWHERE = {"fcntl", "grp", "msvcrt", "pwd", "resource", "termios", "winreg"}
 # of the module os
@@ -125,7 +125,7 @@ def test_peak_memory_is_known_without_the_resource_module(monkeypatch):
 def test_the_peak_of_a_process_does_not_count_the_memory_of_the_one_that_started_it():
     """The kernel hands the peak on: a notebook of 6 GB made every run that it started say 6 GB."""
     large = np.ones(60_000_000)  # 480 MB
-    code = "from idic.workers.peak_memory import peak_memory_mb; print(peak_memory_mb())"
+    code = "from idic.run.workers.peak_memory import peak_memory_mb; print(peak_memory_mb())"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert 1.0 < float(found.stdout) < large.nbytes / 2e6
 

@@ -3,9 +3,8 @@
 import pytest
 
 from idic.errors import InputError
-from idic.store.layout import group_name
-from idic.store.path_names import MAX_BYTES, path_name
-from idic.store.run_store import RunStore
+from idic.run import RunStore, group_name
+from idic.path_names import MAX_BYTES, path_name
 
 STRANGE = ["../../elsewhere", "..", ".", ".hidden", "Force/N", "a\\b", "C:", "nul", "end.", "tab\there", "100 %",
            "é" * 200, ""]

@@ -3,9 +3,12 @@
 import pytest
 
 from idic.errors import InputError
-from idic.identify.step.state import (GENERALISED_REJECTED, AcceptedPoint, Activation, EstimatorChoice, LoopState,
-                                      ParallelTrial, SchedulePosition, Trial, TrustRegion)
-from idic.store.state_file import STATE_FILE, load_state, save_state
+from idic.identification.step.state import GENERALISED_REJECTED
+from idic.identification import (
+    AcceptedPoint, Activation, EstimatorChoice, LoopState, ParallelTrial, SchedulePosition, Trial, TrustRegion,
+)
+from idic.run.store.state_file import load_state, save_state
+from idic.run import STATE_FILE
 
 ENTRY = {"evaluation": 0, "stage": 0, "accepted": True, "passed_over": False, "damping": 0.0, "phi": 12.5,
          "phi_image": 10.25, "rms_gv": 1.5, "values": {"BODY.E": 1 / 3, "BODY.nu": 0.1}, "message": ""}

@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.images.stack import ArrayStack, Stack
-from idic.store.arrays import Damaged, FrameArrays, open_array, read_array, write_array
-from idic.store.run_lock import LOCK_NAME
-from idic.store.run_store import RunStore
-from idic.store.stack import ZarrStack
+from idic.images import ArrayStack, Stack
+from idic.run.store.arrays import Damaged, open_array
+from idic.run import FrameArrays, RunStore, ZarrStack, read_array, write_array
+from idic.run.store.run_lock import LOCK_NAME
 
 
 @pytest.fixture
@@ -262,7 +261,7 @@ def test_images_of_different_size_are_refused_and_nothing_stays(store):
 def test_a_kill_during_ingest_leaves_no_half_stack(tmp_path):
     code = """
         import sys, os, signal, numpy as np
-        from idic.store.run_store import RunStore
+        from idic.run.store.run_store import RunStore
         from idic.images.stack import ArrayStack
         def progress(done, total):
             if done >= 32: os.kill(os.getpid(), signal.SIGKILL)
@@ -296,7 +295,7 @@ def test_a_folder_with_other_things_in_it_is_refused(tmp_path):
 def test_a_second_process_is_refused_while_the_first_one_works(tmp_path):
     code = """
         import sys
-        from idic.store.run_store import RunStore
+        from idic.run.store.run_store import RunStore
         with RunStore(sys.argv[1]).claim("x"):
             print("locked", flush=True)
             sys.stdin.read()
@@ -352,7 +351,7 @@ def test_a_group_that_is_being_replaced_is_there_afterwards_whenever_the_process
                     raise Killed
             os.replace(source, target)
 
-        patch.setattr("idic.store.run_store.replace_file", rename)
+        patch.setattr("idic.run.store.run_store.replace_file", rename)
         if killed:
             patch.setattr("shutil.rmtree", lambda *_, **__: None)
         build(2.0)

@@ -11,7 +11,7 @@ from idic_studies.pages.bulge_page import ended_right
 from idic_studies.pages.study_charts import chance
 from idic_studies.cases.registry import make_study
 from idic_studies.cases.store import StudyStore
-from idic.workers.dask_settings import ONE_THREAD
+from idic.run.workers.dask_settings import ONE_THREAD
 
 DRIVE = """
 import sys

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic_studies.misfit.page import FLOW_STRESS, PLASTIC_STRAIN, draw_misfit, outcome_of
-from idic.materials.core.compilation import compile as compile_law
+from idic.laws import compile as compile_law
 from idic_studies.misfit.worlds import _sections, _truth_of, draw, flow_stress
 from idic_studies.pages.case_record import CaseRecord
 

@@ -10,7 +10,7 @@ import pytest
 from idic_studies.pages.polycarbonate_outcomes import ended_right
 from idic_studies.cases.registry import make_study
 from idic_studies.cases.store import StudyStore
-from idic.workers.dask_settings import ONE_THREAD
+from idic.run.workers.dask_settings import ONE_THREAD
 
 pytestmark = pytest.mark.slow  # two minutes on a quiet core
 

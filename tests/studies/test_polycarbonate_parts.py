@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from idic.experiment_file.load import load_rendered
-from idic.identify.in_memory import identify
-from idic.identify.step.stages import resolve_stages
-from idic.images.stack import ArrayStack
-from idic.images.stack_views import RoundedStack
+from idic.experiment_file import load_rendered
+from idic.identification import identify, resolve_stages
+from idic.images import ArrayStack, RoundedStack
 from idic_studies.pages.case_record import CaseRecord
 from idic_studies.pages.polycarbonate_figures import Lattice
 from idic_studies.pages.polycarbonate_outcomes import ended_right
@@ -18,7 +16,7 @@ from idic_studies.cases.realisation import quantised
 from idic_studies.cases.registry import make_study
 from idic_studies.examples.polycarbonate import Size, necking_strip
 from idic_studies.examples.polycarbonate_model import Divisions
-from idic.virtual_tests.virtual_test import write_virtual_model
+from idic.virtual_tests import write_virtual_model
 
 NAMES = tuple(PAPER)
 

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_rendered
-from idic.identify.in_memory import identify
-from idic.images.stack import ArrayStack
-from idic.images.stack_views import LeadingFrames, NoisyStack
-from idic.model.forward import build_forward
-from idic.model.leading_frames import leading_frames
+from idic.experiment_file import load_rendered
+from idic.identification import identify
+from idic.images import ArrayStack, LeadingFrames, NoisyStack
+from idic.model import build_forward, leading_frames
 from idic_studies.pages.bulge_page import ended_right
 from idic_studies.pages.case_record import CaseRecord
 from idic_studies.pages.study_charts import chance

@@ -10,13 +10,10 @@ from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.known_error import MAX_FURTHER_SHARE, error_beside, further_share
 from idic.diagnose.discretisation.mesh_error import (REACTION_LEFT, as_elastic, brick_mesh_error, compared_frames,
                                                        motion_error, without_reactions)
-from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.experiment_file.load import load_rendered
-from idic.identify.systematic.real_thickness import thick
-from idic.identify.systematic.refinement import refined
-from idic.model.forward import build_forward, solve
-from idic.model.motion_error import MotionError
+from idic.diagnose import identification_at, residual_evidence
+from idic.experiment_file import load_rendered
+from idic.identification import refined, thick
+from idic.model import MotionError, build_forward, solve
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
 from idic_studies.trial.scenes.solve import Motion, true_mesh

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from idic.diagnose.discretisation import bricks, increments, mesh_error
-from idic.diagnose.refit import identification_at
-from idic.experiment_file.load import load_rendered
+from idic.diagnose import identification_at
+from idic.experiment_file import load_rendered
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
 from idic_studies.trial.scenes.solve import Motion, true_mesh

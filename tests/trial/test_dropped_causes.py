@@ -4,10 +4,8 @@ wrong values."""
 import numpy as np
 import pytest
 
-from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.screen.candidate import candidates
-from idic.identify.in_memory import identify
+from idic.diagnose import candidate_library, identification_at, residual_evidence
+from idic.identification import identify
 from idic_studies.trial.scenes.effects import EFFECTS
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
@@ -25,7 +23,7 @@ def told(folder, world, effects, library):
     for effect, amplitude in effects.items():
         scene = EFFECTS[effect].change(scene, amplitude, np.random.default_rng(3))
     write_public(folder, scene, solve(scene), Paint(5, 6))
-    return run_tool(folder, [c for c in candidates() if c.name in library]).content, scene
+    return run_tool(folder, [c for c in candidate_library() if c.name in library]).content, scene
 
 
 @pytest.mark.slow  # 3 s of CPU time

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.diagnose.screen.candidate import candidates
+from idic.diagnose import candidate_library
 from idic_studies.trial.scenes.effects import EFFECTS
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
@@ -22,7 +22,7 @@ def defocus_of(folder, blur):
     if blur:
         scene = EFFECTS["defocus"].change(scene, blur, np.random.default_rng(3))
     write_public(folder, scene, solve(scene), FINE)
-    answer = run_tool(folder, [c for c in candidates() if c.name in ("defocus", "illumination")]).content
+    answer = run_tool(folder, [c for c in candidate_library() if c.name in ("defocus", "illumination")]).content
     return answer, next(entry for entry in answer["candidates"] if entry["name"] == "defocus")
 
 

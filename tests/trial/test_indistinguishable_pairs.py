@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.diagnose.residual.evidence import Columns
-from idic.diagnose.screen.score import null_model, score
+from idic.diagnose import Columns, null_model, score
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
 from idic_studies.trial.plan import INDISTINGUISHABLE_PAIRS, Campaign, draw, effect_in
 from idic_studies.trial.scenes.indistinguishable import STRENGTH_OF

@@ -7,14 +7,11 @@ import pytest
 
 from idic.diagnose.discretisation.known_error import with_error
 from idic.diagnose.discretisation.mesh_error import motion_error
-from idic.diagnose.refit import identification_at
+from idic.diagnose import identification_at, residual_evidence
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.experiment_file.load import load_rendered
-from idic.identify.discrepancy.mesh_error import projection
-from idic.identify.in_memory import identify
-from idic.identify.systematic.refinement import refined
-from idic.model.forward import build_forward, solve
+from idic.experiment_file import load_rendered
+from idic.identification import identify, projection, refined
+from idic.model import build_forward, solve
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
 from idic_studies.trial.scenes.solve import solve as solve_scene

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.experiment_file.toml_file import read_toml
-from idic.images.pattern import dense_speckle
+from idic.experiment_file import read_toml
+from idic.images import dense_speckle
 from idic_studies.trial.kinds import is_unseen
 from idic_studies.trial.many import run_many
 from idic_studies.trial.plan import PICTURES, Campaign, Truth, draw, paint_of, scene_of

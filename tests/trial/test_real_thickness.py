@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.diagnose.cautions import untested_thickness
+from idic.diagnose.caution_texts import untested_thickness
 from idic.diagnose.discretisation.combinations import (BRICKS, FINITE_STRAINS, Combination, drop_by,
                                                        probabilities)
 from idic.diagnose.discretisation.neglected import neglected
@@ -16,18 +16,13 @@ from idic.diagnose.discretisation.thickness_error import are_shown, neglected_er
 from idic.diagnose.discretisation.thickness_std import as_recorded, error_changes, std_factors
 from idic.diagnose.discretisation.turns import TURNED_STD, begun_at, in_turns, sheet_at, turned
 from idic.diagnose.discretisation.weight import MIN_ERROR_CHI2, change_matters, counts, error_column, weighed
-from idic.diagnose.refit import identification_at
+from idic.diagnose import identification_at, residual_evidence
 from idic.diagnose.residual.heldout import grid_of
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.experiment_file.load import load_rendered
-from idic.identify.systematic.real_thickness import MIDDLE, extruded, in_front
-from idic.fe.mesh.element import gradient, quadrature
-from idic.fe.mesh.halve import halve
-from idic.fe.mesh.mesh import boundary_faces, check_elements, make_mesh
-from idic.identify.in_memory import identify
-from idic.model.drives import boundary_parameters
-from idic.model.experiment import Column, Constant, Load, Measured, Parametrised, Prescribed
-from idic.model.forward import build_forward
+from idic.experiment_file import load_rendered
+from idic.identification.systematic.real_thickness import MIDDLE, in_front
+from idic.identification import extruded, identify
+from idic.fe import boundary_faces, check_elements, halve, make_mesh, quadrature_rule, shape_gradients
+from idic.model import Column, Constant, Load, Measured, Parametrised, Prescribed, boundary_parameters, build_forward
 from idic.parameters import ParameterSet
 from idic_studies.trial.scenes.calculix import solve_with_calculix
 from idic_studies.trial.scenes.recording import Paint, write_public
@@ -321,8 +316,8 @@ def in_triangles(sheet):
 
 def volume(mesh):
     (block,) = mesh.blocks
-    points, weights = quadrature(block.cell)
-    jacobians = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], gradient(block.cell, points))
+    points, weights = quadrature_rule(block.cell)
+    jacobians = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], shape_gradients(block.cell, points))
     return float((np.linalg.det(jacobians) @ weights).sum())
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.diagnose.residual.evidence import Columns
+from idic.diagnose import Columns
 from idic.diagnose.screen.decoys import decoys
 from idic.errors import InputError
 from idic_studies.trial.evaluation import _onset, evaluated

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose import residual_evidence
 from idic.errors import InputError
-from idic.experiment_file.load import load_rendered
-from idic.identify.in_memory import identify
+from idic.experiment_file import load_rendered
+from idic.identification import identify
 from idic_studies.trial.evaluation import TrialRecord, _implied, generated_values, told_as_cut
 from idic_studies.trial.kinds import BEYOND, LIBRARY, is_unseen
 from idic_studies.trial.plan import (CLEAR, KNOWN_WORLDS, WORLDS, Campaign, Truth, draw, effect_named,

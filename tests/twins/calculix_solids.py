@@ -13,10 +13,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "external"))
 from test_material_cards import pulled_by_calculix  # noqa: E402
 
-from idic.fe.external.inp_writer import inp_text  # noqa: E402
-from idic.fe.external.solver_output import Wanted, gathered  # noqa: E402
-from idic.fe.mesh.mesh import Mesh, boundary_faces  # noqa: E402
-from idic.materials import compile, point  # noqa: E402
+from idic.fe import Mesh, Wanted, boundary_faces, gathered, inp_text  # noqa: E402
+from idic.laws import compile, point  # noqa: E402
 
 DECK = """*MATERIAL, NAME=M
 *ELASTIC

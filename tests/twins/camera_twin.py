@@ -10,16 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import tifffile
 
-from idic.fe.boundary import face_area, traction
-from idic.fe.march import march
-from idic.fe.mesh.mesh import boundary_faces, make_mesh
-from idic.fe.model import Constraints, Loads, Model, Section
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
-from idic.materials.core.compilation import compile as compile_law
-from idic.virtual_tests.experiment_files import write_loads
-from idic.virtual_tests.meshes import write_inp
-from idic.virtual_tests.render import Sensor, clean_image, painted, record
+from idic.fe import Constraints, Loads, Model, Section, boundary_faces, face_area, make_mesh, march, traction
+from idic.images import Camera, dense_speckle
+from idic.laws import compile as compile_law
+from idic.virtual_tests import Sensor, clean_image, painted, record, write_inp, write_loads
 
 TRUTH = {"SOFT": 1500.0, "STIFF": 4000.0}  # MPa
 NU, THICKNESS, HALF, WIDTH = 0.3, 1.0, 6.0, 4.0  # mm

@@ -6,10 +6,10 @@
 
 import numpy as np
 
-from idic.materials import LawParameter, LawSpec, register
-from idic.materials.core import tensors
-from idic.materials.core.inner import inner
-from idic.materials.plasticity.elastoplastic import (ALTERNATIVES, PARAMETERS, ROOT, STATE_NAMES, cp_after,
+from idic.laws import LawParameter, LawSpec, register
+from idic.laws.core import tensors
+from idic.laws.core.inner import inner
+from idic.laws.plasticity.elastoplastic import (ALTERNATIVES, PARAMETERS, ROOT, STATE_NAMES, cp_after,
                                                      shear_and_bulk, trial_state)
 
 

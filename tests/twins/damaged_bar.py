@@ -19,7 +19,7 @@ from relaxing_bar import straight
 from scipy.optimize import fsolve
 from strip_twin import strip_toml, write_recording, write_rest
 
-from idic.materials import compile, point
+from idic.laws import compile, point
 
 TRUTH = {"E": 70e3, "nu": 0.3, "yield_stress": 200.0, "hardening_1_H": 3000.0, "damage_S": 0.35, "damage_s": 1.0}
 COURSE = [(0.0, 0.0), (0.0, 0.4), (0.0, 0.8), (0.004, 1.0), (0.01, 1.0), (0.01, 0.5), (0.01, 0.05), (0.018, 1.0),

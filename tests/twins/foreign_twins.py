@@ -10,9 +10,9 @@ import open_hole as plate
 from foreign_sheet import Material, moved_sheet
 from strip_twin import strip_toml, write_recording, write_rest
 
-from idic.fe.mesh.mesh import make_mesh
-from idic.images.camera import Camera
-from idic.virtual_tests.meshes import Patch, mesh_patches, strip_with_hole
+from idic.fe import make_mesh
+from idic.images import Camera
+from idic.virtual_tests import Patch, mesh_patches, strip_with_hole
 
 TRUE = {"around": 6, "radial": 9, "beside": 4, "grading": 1.5}  # nowhere the nodes of the user
 USER = {"around": 4, "radial": 7, "beside": 3}

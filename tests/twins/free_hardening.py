@@ -9,11 +9,11 @@ import numpy as np
 from numba import njit
 from strip_twin import marched, pulled, strip_toml, write_recording, write_rest
 
-from idic.fe.mesh.mesh import make_mesh
-from idic.images.camera import Camera
-from idic.materials import LawParameter, LawSpec, all_laws, compile, register, tensors
-from idic.materials.plasticity import elastoplastic
-from idic.virtual_tests.meshes import Patch, mesh_patches
+from idic.fe import make_mesh
+from idic.images import Camera
+from idic.laws import LawParameter, LawSpec, all_laws, compile, register, tensors
+from idic.laws.plasticity import elastoplastic
+from idic.virtual_tests import Patch, mesh_patches
 
 LENGTH, WIDTH, THICKNESS = 26.0, 16.0, 2.0  # mm
 WAIST_SHARE, WAIST_LENGTH = 0.25, 7.0  # narrower by that share in the middle; mm

@@ -9,10 +9,10 @@ import numpy as np
 from numba import njit
 from strip_twin import marched, pulled, strip_toml, write_recording, write_rest
 
-from idic.images.camera import Camera
-from idic.materials import LawParameter, LawSpec, all_laws, compile, register
-from idic.materials.composed.rubber_forms import CHAIN
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.images import Camera
+from idic.laws import LawParameter, LawSpec, all_laws, compile, register
+from idic.laws.composed.rubber_forms import CHAIN
+from idic.virtual_tests import strip_with_hole
 
 LENGTH, WIDTH, RADIUS, THICKNESS, KAPPA = 24.0, 16.0, 3.0, 2.0, 200.0  # mm, MPa
 PIXEL, SHAPE, ORIGIN = 0.2, (100, 215), (72.3, 49.6)

@@ -9,11 +9,10 @@ from free_hardening import waisted
 from hosford import NAMES, hosford, hosford_law
 from strip_twin import strip_toml, write_recording, write_rest
 
-from idic.fe.march import march
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.images.camera import Camera
-from idic.materials import compile
-from idic.materials.plasticity.surface_forms import equivalent, hill48
+from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.images import Camera
+from idic.laws import compile, equivalent
+from idic.laws.plasticity.surface_forms import hill48
 from idic.report.evidence.yield_surface import std_of
 
 THICKNESS, PIXEL, SHAPE = 2.0, 0.16, (150, 200)  # mm, mm, px

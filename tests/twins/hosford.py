@@ -7,7 +7,7 @@ of the Kirchhoff stresses t, m = 8 (Hosford, J. Appl. Mech. 39 (1972) 607, doi:1
 import numpy as np
 from numba import njit
 
-from idic.materials import LawParameter, LawSpec, all_laws, compile, register
+from idic.laws import LawParameter, LawSpec, all_laws, compile, register
 
 M = 8  # the powers below are written for it
 MOST_STEPS, TOLERANCE = 60, 1e-11

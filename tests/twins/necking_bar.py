@@ -16,12 +16,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "fe"))
 from calculix_solids import pulled, with_surfaces  # noqa: E402
 from fe_bodies import grid  # noqa: E402
 
-from idic.fe.mesh.mesh import Mesh  # noqa: E402
-from idic.images.pinhole import PinholeCamera, rotation_of  # noqa: E402
-from idic.images.placed_camera import PlacedCamera  # noqa: E402
-from idic.virtual_tests.experiment_files import write_images, write_loads  # noqa: E402
-from idic.virtual_tests.meshes import write_inp  # noqa: E402
-from idic.virtual_tests.render import Sensor  # noqa: E402
+from idic.fe import Mesh  # noqa: E402
+from idic.images import PinholeCamera, PlacedCamera, rotation_of  # noqa: E402
+from idic.virtual_tests import Sensor, write_images, write_inp, write_loads  # noqa: E402
 from idic.virtual_tests.stereo.images import common_speckle, traced_images  # noqa: E402
 from idic.virtual_tests.stereo.rig import FROM_ABOVE, write_calibration  # noqa: E402
 

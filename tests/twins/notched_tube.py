@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "fe"))
 from calculix_solids import pulled, with_surfaces  # noqa: E402
 from fe_bodies import grid  # noqa: E402
 
-from idic.fe.mesh.mesh import Mesh, face_cells  # noqa: E402
+from idic.fe import Mesh, face_cells  # noqa: E402
 from idic.virtual_tests.stereo.plate import PlateTest, Size, write_plate  # noqa: E402
 from idic.virtual_tests.stereo.ray_tracing import Scene  # noqa: E402
 from idic.virtual_tests.stereo.rig import rig  # noqa: E402

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from strip_twin import marched, pulled, strip_toml, write_recording, write_rest
 
-from idic.images.camera import Camera
-from idic.materials.core.compilation import compile as compile_law
-from idic.virtual_tests.meshes import strip_with_hole
+from idic.images import Camera
+from idic.laws import compile as compile_law
+from idic.virtual_tests import strip_with_hole
 
 LENGTH, WIDTH, RADIUS, THICKNESS = 24.0, 16.0, 3.0, 2.0  # mm, as in the user's mesh
 PIXEL, SHAPE, ORIGIN = 0.1, (190, 270), (134.3, 94.6)

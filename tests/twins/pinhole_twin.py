@@ -5,15 +5,10 @@ import json
 
 import numpy as np
 
-from idic.fe.march import march
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.images.pinhole import PinholeCamera, rotation_of
-from idic.images.placed_camera import PlacedCamera
-from idic.images.rigid_motion import RigidMotion
-from idic.materials.core.compilation import compile as compile_law
-from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.meshes import strip_with_hole, write_inp
-from idic.virtual_tests.render import Sensor
+from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.images import PinholeCamera, PlacedCamera, RigidMotion, rotation_of
+from idic.laws import compile as compile_law
+from idic.virtual_tests import Sensor, strip_with_hole, write_images, write_inp, write_loads
 from idic.virtual_tests.stereo.images import common_speckle, traced_images
 from idic.virtual_tests.stereo.rig import write_calibration
 

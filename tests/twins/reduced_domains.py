@@ -16,16 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.fe.march import march
-from idic.fe.mesh.mesh import make_mesh
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
-from idic.images.stack import ArrayStack
-from idic.materials.core.compilation import compile as compile_law
-from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.meshes import Patch, mesh_patches, strip_with_hole, write_inp
-from idic.virtual_tests.render import Sensor, clean_image, painted, record
+from idic.fe import Constraints, Model, Reaction, Section, make_mesh, march
+from idic.images import ArrayStack, Camera, dense_speckle
+from idic.laws import compile as compile_law
+from idic.virtual_tests import (
+    Patch, Sensor, clean_image, mesh_patches, painted, record, strip_with_hole, write_images, write_inp, write_loads,
+)
 
 LENGTH, WIDTH, RADIUS, THICKNESS = 96.0, 12.0, 2.5, 2.0  # mm
 HALF = 6.0  # mm: half the length of the reduced domain, an eighth of the specimen

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.optimize import brentq
 from strip_twin import strip_toml, write_recording, write_rest
 
-from idic.fe.mesh.mesh import make_mesh
-from idic.virtual_tests.meshes import Patch, mesh_patches
+from idic.fe import make_mesh
+from idic.virtual_tests import Patch, mesh_patches
 
 E, NU = 1000.0, 0.4  # MPa, of no time
 KERNELS = {  # G(t) / G(0)

@@ -6,14 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.fe.mesh.mesh import boundary_faces, make_mesh, surface_cells
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
-from idic.images.stack import ArrayStack
-from idic.model.experiment import Column, Constant, Experiment, FurtherCamera, Material, Noise, Options, Prescribed
-from idic.model.forward import build_forward
+from idic.fe import boundary_faces, make_mesh, surface_cells
+from idic.images import ArrayStack, Camera, dense_speckle
+from idic.model import Column, Constant, Experiment, FurtherCamera, Material, Noise, Options, Prescribed, build_forward
 from idic.parameters import Parameter, ParameterSet
-from idic.virtual_tests.render import Sensor, painted, render
+from idic.virtual_tests.render import render
+from idic.virtual_tests import Sensor, painted
 
 SIZE, CELLS = (6.0, 3.0, 2.0), (8, 4, 3)  # mm
 FRONT, SIDE = Camera.from_table(0.06, (15.0, 65.0)), Camera.from_table(0.05, (135.0, 10.0), ("-col", "+row"))

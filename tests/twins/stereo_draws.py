@@ -13,22 +13,18 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.correlation.frame_equations import frame_system, with_all_cameras
-from idic.correlation.shared_noise import closed_system, generalised_weights
-from idic.correlation.system import CorrelationSystem, reduce_systems
-from idic.dic.stereo import surface_motion
-from idic.experiment_file.load import load_experiment
-from idic.fe.mesh.mesh import face_cells
-from idic.identify.covariance import covariance, scaled_system, spectrum
-from idic.identify.kept_simulation import response_of
-from idic.identify.weights import noise_weights
-from idic.images.stack import ArrayStack
-from idic.model.experiment import Experiment
-from idic.model.forward import build_forward
+from idic.correlation import (
+    CorrelationContext, CorrelationSystem, FrameResponse, build_experiment_reference, camera_at, closed_system,
+    frame_system, generalised_weights, reduce_systems, with_all_cameras,
+)
+from idic.measure import surface_motion
+from idic.experiment_file import load_experiment
+from idic.fe import face_cells
+from idic.identification import covariance, noise_weights, response_of, scaled_system, spectrum
+from idic.images import ArrayStack
+from idic.model import Experiment, build_forward
 from idic.parameters import JointPrior, ParameterSet
-from idic.virtual_tests.render import Sensor, record
+from idic.virtual_tests import Sensor, record
 from idic.virtual_tests.stereo.plate import (FORCE_NOISE_N, GRIP_NOISE_MM, INCREMENTS, TRUTH, PlateTest, speckle_of,
                                              write_plate)
 from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
@@ -164,7 +160,7 @@ def _summed(repeats: Repeats, one: Draw, experiment: Experiment, names: tuple[st
     moving = tuple(name for name in names if forward.moves(name))
     camera = camera_at(experiment, parameters)
     context = with_all_cameras(CorrelationContext(
-        experiment, parameters, names, moving, camera, build_reference(experiment, camera),
+        experiment, parameters, names, moving, camera, build_experiment_reference(experiment, camera),
         generalised_weights(noise_weights(experiment)), forward.drives.local_precision,
         local_scatter=forward.drives.local_scatter))
     systems = [frame_system(context, response, -one.grip_error[[response.frame]]) for response in repeats.responses]

@@ -8,13 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.fe.march import march
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
-from idic.virtual_tests.experiment_files import write_images, write_loads
-from idic.virtual_tests.meshes import write_inp
-from idic.virtual_tests.render import Sensor, clean_image, painted, record
+from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.images import Camera, dense_speckle
+from idic.virtual_tests import Sensor, clean_image, painted, record, write_images, write_inp, write_loads
 
 
 def strip_toml(pixel: float, origin: tuple[float, float], thickness: float, force_noise: float,

@@ -7,15 +7,14 @@ import pytest
 import tifffile
 
 import idic
-from idic.correlation.experiment_reference import build_reference
-from idic.correlation.view import view_of
-from idic.experiment_file.load import load_experiment
-from idic.model.forward import build_forward
+from idic.correlation import build_experiment_reference, view_of
+from idic.experiment_file import load_experiment
+from idic.model import build_forward
 from idic_studies.examples.bulge import REDUCED_SIZE, Size, write_bulge
 from idic_studies.examples.bulge_mesh import REDUCED, Columns
 from idic_studies.examples.bulge_model import TRUTH
-from idic.virtual_tests.section_images import Section, height_image, material_places, roughness
-from idic.virtual_tests.simulate import simulate
+from idic.virtual_tests.section_images import Section, height_image, material_places
+from idic.virtual_tests import roughness, simulate
 
 SMALL = Size(1.328, (60, 192), 8, Columns(12, 10, 20), 5.0, 1, 3e-4)
 
@@ -65,7 +64,7 @@ def small(tmp_path_factory):
 
 def residuals(experiment):
     """rms residual of every frame at the experiment's parameters, in its unit of height."""
-    reference = build_reference(experiment, experiment.camera)
+    reference = build_experiment_reference(experiment, experiment.camera)
     view, forward = view_of(experiment, experiment.camera), build_forward(experiment)
     nodes = experiment.mesh.nodes
     rms = []

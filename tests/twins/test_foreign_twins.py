@@ -5,11 +5,9 @@ import numpy as np
 import pytest
 
 import idic
-from idic.fe.march import march
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.materials import compile
-from idic.run.systematic import systematic
-from idic.workers.runner import SerialRunner
+from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.laws import compile
+from idic.run import SerialRunner, systematic
 
 pytestmark = pytest.mark.slow
 

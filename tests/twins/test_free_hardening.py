@@ -5,12 +5,10 @@ import pytest
 from free_hardening import FORMS, FREE, USER, true_flow_stress, truth_of, write_folder
 
 import idic
-from idic.experiment_file.load import load_experiment
-from idic.identify.free_form.evidence import MOST_KNOTS, choose_knots
-from idic.identify.free_form.forms import FreeCurve
-from idic.identify.in_memory import evaluate_at
-from idic.materials.composed.free_curve import basis, between_knots, knots, level_names
-from idic.materials.composed.smoothness import bends
+from idic.experiment_file import load_experiment
+from idic.identification.free_form.evidence import MOST_KNOTS
+from idic.identification import FreeCurve, choose_knots, evaluate_at
+from idic.laws import basis, bends, between_knots, knots, level_names
 
 pytestmark = pytest.mark.slow
 RANGE, RISE, DRAWS = 0.12, 120.0, 100  # RISE: of the starting curve, MPa

@@ -6,14 +6,10 @@ import pytest
 from free_surface import SURFACES, radius_errors, truth_of, write_folder
 from scipy.optimize import lsq_linear, nnls
 
-from idic.experiment_file.load import load_experiment
-from idic.identify.covariance import scaled_system
-from idic.identify.driver import log_progress
-from idic.identify.in_memory import evaluate_at, identify
-from idic.materials.composed.terms import surface_weights
-from idic.materials.plasticity.free_locus import POWER
-from idic.materials.plasticity.surface_forms import equivalent, powers
-from idic.run.in_memory.preparation import prepare
+from idic.experiment_file import load_experiment
+from idic.identification import evaluate_at, identify, log_progress, scaled_system
+from idic.laws import POWER, equivalent, powers, surface_weights
+from idic.run import prepare_in_memory
 
 pytestmark = pytest.mark.slow  # simulates the test
 WEIGHTS = [f"sheet.{name}" for name in surface_weights(6)]
@@ -49,7 +45,7 @@ def test_the_surface_that_images_give_is_the_true_one_within_a_percent_and_its_b
     """One draw identified, further ones by one linearised step from there, each with images and forces of its own."""
     truth = truth_of(surface)
     experiment = load_experiment(write_folder(tmp_path / "test", truth, 0))
-    prepared = prepare(experiment, print)
+    prepared = prepare_in_memory(experiment, print)
     found = identify(prepared.start, prepared.local, motion=prepared.motion, searched=prepared.begin is not None,
                      progress=log_progress(print))
     end = found.parameters.as_values()

@@ -13,12 +13,12 @@ sys.path.append(str(Path(__file__).parents[1] / "identify"))
 
 from twin_bodies import TIMES, column, experiment, held_left, photographed, plate  # noqa: E402
 
-from idic.fe.mesh.mesh import make_mesh  # noqa: E402
-from idic.identify.in_memory import identify  # noqa: E402
-from idic.images.stack import ArrayStack  # noqa: E402
-from idic.model.experiment import Channel, Column, Constant, Load, Material, Noise, Prescribed  # noqa: E402
-from idic.model.forward import build_forward, solve  # noqa: E402
-from idic.model.loads import load_parameters  # noqa: E402
+from idic.fe import make_mesh  # noqa: E402
+from idic.identification import identify  # noqa: E402
+from idic.images import ArrayStack  # noqa: E402
+from idic.model import (  # noqa: E402
+    Channel, Column, Constant, Load, Material, Noise, Prescribed, build_forward, load_parameters, solve,
+)
 from idic.parameters import Parameter, ParameterSet  # noqa: E402
 
 NOISE = 1.0  # grey values

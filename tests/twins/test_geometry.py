@@ -20,9 +20,10 @@ from twin_runs import identify as identify_run  # noqa: E402
 from twin_runs import write_folder as write_small  # noqa: E402
 
 from idic.errors import InputError  # noqa: E402
-from idic.experiment_file.load import load_experiment  # noqa: E402
-from idic.fe.mesh.morph import find_holes, fit_circle  # noqa: E402
-from idic.identify.in_memory import identify  # noqa: E402
+from idic.experiment_file import load_experiment  # noqa: E402
+from idic.fe.mesh.morph import fit_circle  # noqa: E402
+from idic.fe import find_holes  # noqa: E402
+from idic.identification import identify  # noqa: E402
 from idic.report.figures.mesh_overlay import identified_mesh  # noqa: E402
 from idic.run.reporting.write import load_record  # noqa: E402
 

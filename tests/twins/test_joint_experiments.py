@@ -16,13 +16,11 @@ from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, write_folder  # noqa: 
 
 import idic  # noqa: E402
 from idic.errors import InputError  # noqa: E402
-from idic.experiment_file.load import load_experiment  # noqa: E402
-from idic.identify.in_memory import identify  # noqa: E402
-from idic.identify.joint import join  # noqa: E402
+from idic.experiment_file import load_experiment  # noqa: E402
+from idic.identification import identify, join  # noqa: E402
 from idic.run import joint_run  # noqa: E402
-from idic.run.reporting.compare import compare_runs, write_comparison  # noqa: E402
-from idic.run.reporting.write import write_report  # noqa: E402
-from idic.store.state_file import load_state, save_state  # noqa: E402
+from idic.run import compare_runs, write_comparison, write_report  # noqa: E402
+from idic.run.store.state_file import load_state, save_state  # noqa: E402
 
 TURNED = """
 [[dof]]
@@ -118,8 +116,7 @@ def test_an_interrupted_run_of_several_goes_on_to_the_same_bits(pair, together, 
     class Stop(Exception):
         pass
 
-    from idic.run.plain import identify_on
-    from idic.workers.runner import SerialRunner
+    from idic.run import SerialRunner, identify_on
 
     lines = []
 
@@ -200,7 +197,7 @@ def test_a_shared_parameter_that_is_stated_in_two_ways_is_refused(pair, tmp_path
 
 def test_a_schedule_joins_the_stages_of_all_experiments(pair):
     first, second = (load_experiment(path) for path in pair)
-    from idic.model.experiment import Stage
+    from idic.model import Stage
 
     staged = replace(first, stages=(Stage(("BODY.E",)), Stage("all")))
     stages = join({"first": staged, "second": second}).whole.stages

@@ -16,10 +16,9 @@ import numpy as np
 import pytest
 from necking_bar import GRIP, PINHOLE, USER, VALUES, bar, pulled, telecentric, write_bar
 
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
-from idic.identify.result import Analysis
-from idic.model.forward import build_forward
+from idic.experiment_file import load_experiment
+from idic.identification import Analysis, identify
+from idic.model import build_forward
 
 TRUTH = {f"BODY.{name}": value for name, value in VALUES.items()}
 INCREMENTS = "\n[options]\nsubsteps = 8\n"

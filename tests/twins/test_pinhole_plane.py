@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pinhole_twin import GRIP, PIXEL, TRUTH, lens, pinhole_table, scores, true_motion, write_plane_test
 
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
+from idic.experiment_file import load_experiment
+from idic.identification import identify
 
 APPROACH = np.linspace(0.0, 1.0, len(GRIP))[:, None] * np.array([0.3, -0.2, 0.0, 0.0, 0.0, 0.25])  # deg, mm
 

@@ -6,23 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.correlation.experiment_reference import build_reference
-from idic.correlation.frame import nodal_equations, residual_map, solve_brightness
-from idic.experiment_file.load import load_experiment, load_rendered
-from idic.fe.boundary import constrain, dofs_of
-from idic.fe.extrapolation import increments_to_try
-from idic.fe.march import march
-from idic.fe.mesh.mesh import make_mesh
-from idic.fe.model import Reaction
-from idic.images.interpolate import prefilter
-from idic.images.stack import ArrayStack
-from idic.images.stack_views import RoundedStack
-from idic.virtual_tests.examples import write_example
+from idic.correlation import build_experiment_reference, nodal_equations, residual_map, solve_brightness
+from idic.experiment_file import load_experiment, load_rendered
+from idic.fe import Reaction, constrain, dofs_of, increments_to_try, make_mesh, march
+from idic.images import ArrayStack, RoundedStack, prefilter
+from idic.virtual_tests import Sensor, clean_image, write_example, write_virtual_model
 from idic_studies.examples import EXAMPLES
 from idic_studies.examples.polycarbonate import Size, necking_strip
 from idic_studies.examples.polycarbonate_model import TRUTH, Divisions, directions, pull, strip_mesh, strip_model
-from idic.virtual_tests.render import Sensor, clean_image
-from idic.virtual_tests.virtual_test import write_virtual_model
 
 VALUES = np.array(list(TRUTH.values()))
 SMALL = Divisions(16, 2)
@@ -139,7 +130,7 @@ def test_with_the_default_options_the_true_motion_leaves_rounding_up_to_a_stretc
     experiment = load_rendered(tmp_path, stack, {"options.element_order": "as_given"})  # nodes of the truth
     options, nodes = experiment.options, experiment.mesh.nodes
     assert options.lowpass_px == 0.6 and options.border_px == 4 and options.edge_margin_px == 3
-    reference = build_reference(experiment, experiment.camera)
+    reference = build_experiment_reference(experiment, experiment.camera)
     assert (np.abs(test.displacements[-1][:len(nodes)]).max() / 0.1862) > 50.0  # px
 
     def chi2(reference, frame):

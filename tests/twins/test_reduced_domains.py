@@ -11,7 +11,7 @@ sys.path.append(str(Path(__file__).parent))
 from reduced_domains import TRUTH, clean_images, user_mesh, write_case  # noqa: E402
 from virtual_boundary_study import one_draw  # noqa: E402
 
-from idic.experiment_file.load import load_experiment  # noqa: E402
+from idic.experiment_file import load_experiment  # noqa: E402
 
 DRAWS = 3
 

@@ -6,12 +6,10 @@ from relaxing_bar import E, KERNELS, MATERIAL, NU, write_folder
 from scipy.optimize import lsq_linear, nnls
 
 import idic
-from idic.experiment_file.load import load_experiment
-from idic.identify.free_form.evidence import choose_knots
-from idic.identify.free_form.forms import FreeSpectrum
-from idic.identify.in_memory import evaluate_at
-from idic.materials.rate.free_relaxation import grid, relaxing, weight_names
-from idic.materials.rate.relaxation_forms import grid_covariance, mittag_leffler
+from idic.experiment_file import load_experiment
+from idic.identification import FreeSpectrum, choose_knots, evaluate_at
+from idic.laws import grid, grid_covariance, relaxing, weight_names
+from idic.laws.rate.relaxation_forms import mittag_leffler
 from idic.run.reporting.write import load_record
 
 pytestmark = pytest.mark.slow

@@ -17,18 +17,15 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "ide
 from camera_twin import LEFT_EYE, RIGHT_EYE, TRUTH, WHOLE_EYE, clean_views, write_folder  # noqa: E402
 from twin_runs import identify as identify_folder  # noqa: E402
 
-from idic.correlation.context import CorrelationContext, FrameResponse  # noqa: E402
-from idic.correlation.experiment_reference import camera_at  # noqa: E402
-from idic.correlation.experiment_reference import build_reference  # noqa: E402
-from idic.correlation.frame_equations import frame_system  # noqa: E402
-from idic.correlation.frame_equations import with_all_cameras  # noqa: E402
+from idic.correlation import (  # noqa: E402
+    CorrelationContext, FrameResponse, build_experiment_reference, camera_at, frame_system, with_all_cameras,
+)
 from idic.errors import InputError  # noqa: E402
-from idic.experiment_file.load import load_experiment  # noqa: E402
-from idic.identify.in_memory import identify  # noqa: E402
-from idic.identify.weights import noise_weights  # noqa: E402
-from idic.images.stack import ArrayStack  # noqa: E402
-from idic.model.forward import build_forward  # noqa: E402
-from idic.virtual_tests.render import Sensor, record  # noqa: E402
+from idic.experiment_file import load_experiment  # noqa: E402
+from idic.identification import identify, noise_weights  # noqa: E402
+from idic.images import ArrayStack  # noqa: E402
+from idic.model import build_forward  # noqa: E402
+from idic.virtual_tests import Sensor, record  # noqa: E402
 
 EYES = [LEFT_EYE, RIGHT_EYE]
 
@@ -83,7 +80,7 @@ def context_of(experiment):
     names = experiment.parameters.free
     camera = camera_at(experiment, experiment.parameters)
     return forward, CorrelationContext(experiment, experiment.parameters, names, names, camera,
-                                       build_reference(experiment, camera), noise_weights(experiment),
+                                       build_experiment_reference(experiment, camera), noise_weights(experiment),
                                        forward.drives.local_precision)
 
 
@@ -147,7 +144,7 @@ def test_the_result_holds_noise_residual_and_frames_of_every_camera(run):
 
 @pytest.mark.slow
 def test_the_report_shows_every_camera(run):
-    from idic.run.reporting.write import write_report
+    from idic.run import write_report
 
     page = write_report(run[1]).read_text()
     assert "Camera behind" in page
@@ -162,7 +159,7 @@ def test_the_weighting_of_the_paper_knows_several_cameras(pair, tmp_path):
 
 
 def test_check_draws_the_mesh_on_every_camera(pair):
-    from idic.report.evidence.check import check
+    from idic.report import check
 
     report = check(load_experiment(pair))
     assert [camera.name for camera in report.cameras] == ["behind"]

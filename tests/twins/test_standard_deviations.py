@@ -17,11 +17,11 @@ sys.path.append(str(Path(__file__).parents[1] / "identify"))
 
 from twin_runs import ELASTIC, FORCE, GRIPS, SHAPE, Twin, clean_images, write_folder  # noqa: E402
 
-from idic.experiment_file.load import load_experiment  # noqa: E402
-from idic.identify.in_memory import identify  # noqa: E402
-from idic.images.stack import ArrayStack  # noqa: E402
+from idic.experiment_file import load_experiment  # noqa: E402
+from idic.identification import identify  # noqa: E402
+from idic.images import ArrayStack  # noqa: E402
 from idic_studies.cases.case import with_measured_start
-from idic.virtual_tests.render import Sensor, record  # noqa: E402
+from idic.virtual_tests import Sensor, record  # noqa: E402
 
 YIELDING = {"E": 2000.0, "nu": 0.35, "yield_stress": 15.0, "hardening_modulus": 200.0}
 PLASTIC = """

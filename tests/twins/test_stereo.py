@@ -17,28 +17,22 @@ from wrong_calibration import write_wrongly_calibrated
 sys.path.insert(0, str(Path(__file__).parents[1] / "diagnose"))
 from side_twins import screening  # noqa: E402
 
-from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.correlation.frame_equations import frame_system, with_all_cameras
+from idic.correlation import (
+    CorrelationContext, FrameResponse, build_experiment_reference, camera_at, frame_system, with_all_cameras,
+)
 from idic.correlation.pinhole.texture import texture_equations
 from idic.correlation.shared_noise import reference_gram
 from idic.diagnose.locate.adjoint_sources import image_adjoint
 from idic.diagnose.locate.freedoms import in_images
-from idic.diagnose.refit import identification_at
+from idic.diagnose import candidate_library, identification_at, maps_of_evidence, residual_evidence
 from idic.diagnose.residual.heldout import positions
-from idic.diagnose.residual.residual_evidence import residual_evidence
-from idic.diagnose.residual.residual_maps import maps_of_evidence
-from idic.diagnose.screen.candidate import Situation, candidates
+from idic.diagnose.screen.candidate import Situation
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml
-from idic.identify.discrepancy.mesh_error import is_counted, mesh_error
-from idic.identify.in_memory import identify
-from idic.identify.systematic.refinement import refined
-from idic.identify.weights import noise_weights
-from idic.images.spline_reference import spline_slopes, spline_values
-from idic.model.experiment import Column
-from idic.model.forward import build_forward
+from idic.experiment_file import load_experiment, read_toml
+from idic.identification.discrepancy.mesh_error import is_counted, mesh_error
+from idic.identification import identify, noise_weights, refined
+from idic.images import spline_slopes, spline_values
+from idic.model import Column, build_forward
 from idic.report.evidence.rig import rig_warnings
 from idic.virtual_tests.stereo.plate import REDUCED, TRUTH, Size, plate_test, write_plate
 
@@ -57,7 +51,7 @@ def context_of(experiment):
     forward = build_forward(experiment)
     names, camera = experiment.parameters.free, camera_at(experiment, experiment.parameters)
     return forward, CorrelationContext(experiment, experiment.parameters, names, names, camera,
-                                       build_reference(experiment, camera), noise_weights(experiment),
+                                       build_experiment_reference(experiment, camera), noise_weights(experiment),
                                        forward.drives.local_precision, local_scatter=forward.drives.local_scatter)
 
 
@@ -88,8 +82,8 @@ def test_two_textures_compared_pixel_by_pixel_give_the_same_equations(folder):
     def context_at(values):
         parameters = experiment.parameters.with_values(values)
         camera = camera_at(experiment, parameters)
-        return with_all_cameras(CorrelationContext(experiment, parameters, names, (), camera, build_reference(
-            experiment, camera), noise_weights(experiment), np.zeros((0, 0))))
+        return with_all_cameras(CorrelationContext(experiment, parameters, names, (), camera,
+            build_experiment_reference( experiment, camera), noise_weights(experiment), np.zeros((0, 0))))
 
     start = experiment.parameters.as_values()
     context = context_at(start)
@@ -262,7 +256,7 @@ def test_candidates_of_the_calibration_speak_of_every_camera(folder):
     experiment = load_experiment(folder)
     where = Situation(read_toml(folder / "experiment.toml"), experiment, experiment.parameters.as_values(), {}, {},
                       np.zeros((experiment.n_frames, experiment.mesh.n_nodes, 3)), np.zeros((experiment.n_frames, 1)))
-    known = {candidate.name: candidate for candidate in candidates()}
+    known = {candidate.name: candidate for candidate in candidate_library()}
     of_rig = [variant for name in ("focal_length", "stereo_angle") for variant in known[name].variants(where)]
     assert [variant.label for variant in of_rig] == ["another focal length of left", "another focal length of right",
                                                      "right is turned against left"]

@@ -9,8 +9,8 @@ from pinhole_twin import scores
 from stereo_draws import build_repeats, draw, integrated
 from wrong_calibration import write_wrongly_calibrated
 
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
+from idic.experiment_file import load_experiment
+from idic.identification import identify
 from idic.virtual_tests.stereo.plate import REDUCED, plate_test
 
 pytestmark = pytest.mark.slow  # half a minute of processor time each

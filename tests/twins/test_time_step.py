@@ -14,22 +14,19 @@ import numpy as np
 import pytest
 from strip_twin import marched, pulled, strip_toml, write_recording, write_rest
 
-from idic.experiment_file.load import load_experiment
-from idic.identify.covariance import scaled_system, spectrum
-from idic.identify.in_memory import evaluate_at, identify
-from idic.identify.loop import advance
-from idic.identify.result import Analysis
-from idic.identify.step.increments import increment_notes, path_dependent_laws
-from idic.identify.step.state import Evaluation, IncrementChoice, Trial
-from idic.identify.systematic.discretisation import time_step_bias
-from idic.images.camera import Camera
-from idic.materials.core.compilation import compile as compile_law
-from idic.run.plain import identify_experiment
-from idic.run.systematic import systematic
-from idic.store.checkpoint import save_checkpoint
-from idic.store.state_file import load_state, save_state
-from idic.virtual_tests.meshes import strip_with_hole
-from idic.workers.runner import SerialRunner
+from idic.experiment_file import load_experiment
+from idic.identification import (
+    Analysis, Evaluation, IncrementChoice, Trial, evaluate_at, identify, path_dependent_laws, scaled_system, spectrum,
+    time_step_bias,
+)
+from idic.identification.loop import advance
+from idic.identification.step.increments import increment_notes
+from idic.images import Camera
+from idic.laws import compile as compile_law
+from idic.run import SerialRunner, identify_experiment, systematic
+from idic.run.store.checkpoint import save_checkpoint
+from idic.run.store.state_file import load_state, save_state
+from idic.virtual_tests import strip_with_hole
 
 LENGTH, WIDTH, RADIUS, TRUE_INCREMENTS, FORCE_NOISE = 20.0, 10.0, 2.0, 24, 1.0  # mm, per frame, N
 
@@ -226,7 +223,7 @@ def test_searches_that_are_left_before_their_end_lead_to_the_same_values_in_fewe
     sharp = replace(experiment, noise=replace(experiment.noise, std_gv=0.1 * experiment.noise.std_gv), channels=tuple(
         replace(channel, noise_std=0.1 * channel.noise_std) for channel in experiment.channels))
     found = identify(sharp)
-    monkeypatch.setattr("idic.identify.step.increments.MAX_KNOWN_ERROR", 0.0)
+    monkeypatch.setattr("idic.identification.step.increments.MAX_KNOWN_ERROR", 0.0)
     whole = identify(sharp)
     assert found.result["increments"] == whole.result["increments"]
     assert found.state.evaluations < whole.state.evaluations
@@ -240,7 +237,7 @@ def test_searches_that_are_left_before_their_end_lead_to_the_same_values_in_fewe
 def test_generalised_least_squares_begin_where_the_ordinary_search_would_have_ended(tmp_path, monkeypatch):
     experiment = write_folder(tmp_path / "plastic", PLASTIC, 12, 0.25, 0.3, (2, 2, 1))
     found = identify(experiment)
-    monkeypatch.setattr("idic.identify.step.increments.MAX_KNOWN_ERROR", 0.0)
+    monkeypatch.setattr("idic.identification.step.increments.MAX_KNOWN_ERROR", 0.0)
     whole = identify(experiment)
     assert found.state.generalised and whole.state.generalised
     assert found.state.evaluations == whole.state.evaluations - 1

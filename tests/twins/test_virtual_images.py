@@ -13,9 +13,9 @@ import idic.images.inverse_mapping
 import idic.images.pattern
 import idic.virtual_tests.render
 from idic.errors import InputError
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle, sparse_speckle
-from idic.virtual_tests.render import Sensor, clean_image, noisy_channel, painted, record, render
+from idic.images import Camera, dense_speckle, sparse_speckle
+from idic.virtual_tests.render import noisy_channel, render
+from idic.virtual_tests import Sensor, clean_image, painted, record
 
 SHAPE = (60, 80)
 CAMERA = Camera.from_table(pixel_size=0.05, origin=(38.3, 29.1))

@@ -15,11 +15,10 @@ from pathlib import Path
 import numpy as np
 from reduced_domains import TRUTH, clean_images, redrawn, write_case
 
-from idic.dic import boundary_start, dic_stack, with_boundary_start
-from idic.experiment_file.load import load_experiment
-from idic.identify.in_memory import identify
-from idic.model.experiment import Measured, Parametrised
-from idic.identify.measured_start import measured_start
+from idic.measure import boundary_start, dic_stack, with_boundary_start
+from idic.experiment_file import load_experiment
+from idic.identification import identify, measured_start
+from idic.model import Measured, Parametrised
 
 CASES = ("strip", "plate")
 STUDIED = ("full", "full, log 1 % off", "measured", "bspline", "dic")

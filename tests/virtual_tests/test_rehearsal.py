@@ -12,8 +12,8 @@ from string import Template
 
 import pytest
 
-from idic.experiment_file.load import load_experiment
-from idic.materials.core.compilation import has_code_on_disk
+from idic.experiment_file import load_experiment
+from idic.laws import has_code_on_disk
 from idic.virtual_tests.demo import FULL, TOML
 from idic.virtual_tests.rehearsal import write_rehearsal
 

@@ -14,16 +14,11 @@ from virtual_tests.point_strip import write_point_strip
 from virtual_tests.small_strip import SMALL
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import to_toml
-from idic.model.drives import build_drives
-from idic.model.experiment import Column
-from idic.readers.logs import read_log
+from idic.experiment_file import load_experiment, to_toml
+from idic.model import Column, build_drives
+from idic.readers import read_log
 from idic.virtual_tests import examples
-from idic.virtual_tests.demo import strip
-from idic.virtual_tests.examples import write_example
-from idic.virtual_tests.experiment_files import write_loads
-from idic.virtual_tests.simulate import simulate
+from idic.virtual_tests import simulate, strip, write_example, write_loads
 
 
 @pytest.fixture(scope="module")

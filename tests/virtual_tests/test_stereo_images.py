@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from idic.correlation.pinhole.ray_map import build_ray_map
-from idic.fe.mesh.mesh import Block, make_mesh
-from idic.images.pinhole import PinholeCamera, rotation_of
-from idic.images.placed_camera import PlacedCamera
-from idic.virtual_tests.render import Sensor
+from idic.fe import Block, make_mesh
+from idic.images import PinholeCamera, PlacedCamera, rotation_of
+from idic.virtual_tests import Sensor
 from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
 from idic.virtual_tests.stereo.rig import FROM_ABOVE, rig
 from idic.virtual_tests.stereo.solid_speckle import solid_speckle

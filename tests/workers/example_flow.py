@@ -3,7 +3,7 @@
 from cluster_jobs import square
 from prefect import flow, task
 
-from idic.workers.runner import SerialRunner
+from idic.run import SerialRunner
 
 
 @task(task_run_name="simulate it{iteration:03d}")

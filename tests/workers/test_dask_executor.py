@@ -20,15 +20,12 @@ from cluster_jobs import (die_always, die_once, die_when_asked, fail_until, hold
 from experiment_file.small_experiment import load_experiment, write_experiment
 
 from idic.errors import InputError, NotConverged
-from idic.readers.images import open_stack
+from idic.readers import open_stack
 from idic.run.prepare import ingest
-from idic.store.run_store import RunStore
-from idic.store.stack import ZarrStack
-from idic.workers.dask_connection import checked_address
-from idic.workers.dask_executor import open_cluster
-from idic.workers.runner import JobKillsWorkers, SerialRunner
-from idic.workers.submission import Submission
-from idic.workers.task_limits import TaskLimits, task_limits
+from idic.run import JobKillsWorkers, RunStore, SerialRunner, ZarrStack, open_cluster
+from idic.run.workers.dask_connection import checked_address
+from idic.run.workers.submission import Submission
+from idic.run.workers.task_limits import TaskLimits, task_limits
 
 HERE = Path(__file__).parent
 posix = pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
@@ -208,8 +205,8 @@ def test_work_in_the_background_is_given_up_with_its_worker(tmp_path):
 def test_a_job_that_always_kills_its_worker_is_named(tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(HERE))
-        patch.setattr("idic.workers.dask_executor.ALLOWED_FAILURES", 1)
-        patch.setattr("idic.workers.submission.ALLOWED_FAILURES", 1)  # each death costs the start of a worker
+        patch.setattr("idic.run.workers.dask_executor.ALLOWED_FAILURES", 1)
+        patch.setattr("idic.run.workers.submission.ALLOWED_FAILURES", 1)  # each death costs the start of a worker
         with open_cluster(1) as runner, pytest.raises(InputError, match="dying on simulate-it001-A.E") as problem:
             runner.map(die_always, [0], ["simulate-it001-A.E"])
     assert "fewer --workers" in problem.value.remedy
@@ -328,7 +325,7 @@ def test_workers_end_with_their_driver_however_it_ends(tmp_path, stop):
         import sys
         sys.path.insert(0, {str(HERE)!r})
         from cluster_jobs import wait_long
-        from idic.workers.dask_executor import open_cluster
+        from idic.run.workers.dask_executor import open_cluster
         if __name__ == "__main__":
             with open_cluster(2) as runner:
                 runner.map(wait_long, [{str(tmp_path / "a")!r}, {str(tmp_path / "b")!r}], ["wait-a", "wait-b"])
@@ -361,7 +358,7 @@ def test_an_existing_scheduler_is_used():
 
 
 def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
-    monkeypatch.setattr("idic.workers.dask_connection.CONNECT_SECONDS", 1)
+    monkeypatch.setattr("idic.run.workers.dask_connection.CONNECT_SECONDS", 1)
     with pytest.raises(InputError, match="cannot connect"), open_cluster(scheduler="127.0.0.1:1"):
         pass
 
@@ -369,7 +366,7 @@ def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
 def test_nothing_is_written_for_a_scheduler_that_is_not_there(tmp_path, monkeypatch):
     from idic_flows.identify import run_identification
 
-    monkeypatch.setattr("idic.workers.dask_connection.CONNECT_SECONDS", 1)
+    monkeypatch.setattr("idic.run.workers.dask_connection.CONNECT_SECONDS", 1)
     folder = write_experiment(tmp_path / "test")
     with pytest.raises(InputError, match="cannot connect"):
         run_identification([folder], tmp_path / "run", scheduler="127.0.0.1:1")

@@ -9,7 +9,7 @@ import pytest
 from prefect.client.orchestration import get_client
 from prefect.states import Pending
 
-from idic.workers.prefect_server import start_server
+from idic.run import start_server
 from idic_flows.deployed import FLOWS
 from idic_flows.settings import connected
 

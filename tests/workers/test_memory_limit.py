@@ -9,10 +9,8 @@ import idic.cli  # noqa: F401 - registers every command
 from idic.cli.app import app
 from idic.errors import InputError
 from idic.run import points, postprocess
-from idic.store import layout
-from idic.run.plain import identify_experiment
-from idic.store.arrays import FrameArrays
-from idic.workers.dask_executor import checked_memory_limit
+from idic.run.store import layout
+from idic.run import FrameArrays, checked_memory_limit, identify_experiment
 
 
 @pytest.mark.parametrize(

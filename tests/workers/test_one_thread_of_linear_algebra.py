@@ -5,8 +5,7 @@ import pytest
 from experiment_file.small_experiment import write_experiment
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from idic.run.plain import identify_on
-from idic.workers.runner import SerialRunner
+from idic.run import SerialRunner, identify_on
 
 
 def threads():

@@ -20,9 +20,9 @@ import psutil
 import pytest
 
 from idic.errors import InputError
-from idic.store.run_lock import run_lock
-from idic.workers import prefect_server
-from idic.workers.prefect_server import PASSWORD, configured_url, start_server
+from idic.run import PASSWORD, run_lock, start_server
+from idic.run.workers import prefect_server
+from idic.run.workers.prefect_server import configured_url
 
 
 @pytest.fixture(scope="module")
@@ -133,7 +133,7 @@ def test_a_configured_server_that_refuses_the_password_is_bad_input_and_no_bug(u
 
 def test_an_error_inside_a_flow_is_said_once_and_by_us(shared_server):
     code = """
-        from idic.workers.prefect_server import start_server
+        from idic.run.workers.prefect_server import start_server
         from idic.errors import InputError
         with start_server() as server:
             from idic_flows.settings import connected
@@ -185,7 +185,7 @@ def test_a_server_that_does_not_answer_is_said(unconfigured):
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGKILL")
 def test_the_server_ends_when_its_driver_is_killed(unconfigured):
     code = """
-        from idic.workers.prefect_server import start_server
+        from idic.run.workers.prefect_server import start_server
         server = start_server()
         server.wait()
         print(server._process.pid, flush=True)

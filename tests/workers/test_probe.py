@@ -10,13 +10,12 @@ import pytest
 from experiment_file.small_experiment import write_experiment
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.run.plain import identify_plainly
-from idic.workers import probe as probing
-from idic.workers.dask_connection import LOOPBACK
-from idic.workers.dask_executor import check_scheduler
-from idic.workers.dask_settings import ONE_THREAD
-from idic.workers.probe import ExperimentToSee, ProbeJob, check_workers, probe, rounding_here, versions_here
+from idic.experiment_file import load_experiment
+from idic.run import check_scheduler, identify_plainly
+from idic.run.workers import probe as probing
+from idic.run.workers.dask_connection import LOOPBACK
+from idic.run.workers.dask_settings import ONE_THREAD
+from idic.run.workers.probe import ExperimentToSee, ProbeJob, check_workers, probe, rounding_here, versions_here
 
 SECONDS = 60
 

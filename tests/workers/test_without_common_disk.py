@@ -15,16 +15,14 @@ from typer.testing import CliRunner
 
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.experiment_file.inputs import inputs_of
-from idic.run.plain import Console, identify_plainly
-from idic.store.arrays import FrameArrays, read_array, write_array
-from idic.store.mirror.adopt import adopt
-from idic.store.mirror.manifest import Entry, Scanner, decoded, digest_of, encoded, run_files
-from idic.store.mirror.mirror import Mirror
-from idic.store.mirror.objects import StoredObjects
-from idic.store.run_store import RunStore
-from idic.workers.mirrored_runner import checked_store, relocated
-from idic.workers.probe import ExperimentToSee
+from idic.experiment_file import inputs_of
+from idic.run import Console, FrameArrays, RunStore, identify_plainly, read_array, write_array
+from idic.run.store.mirror.adopt import adopt
+from idic.run.store.mirror.manifest import Entry, Scanner, decoded, digest_of, encoded, run_files
+from idic.run.store.mirror.mirror import Mirror
+from idic.run.store.mirror.objects import StoredObjects
+from idic.run.workers.mirrored_runner import checked_store, relocated
+from idic.run.workers.probe import ExperimentToSee
 
 SHORT = {"options.max_iterations": 3}
 HERE = os.path.dirname(__file__)

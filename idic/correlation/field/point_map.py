@@ -15,8 +15,8 @@ from numba import njit
 from idic.correlation.pixels.cells import N_MONOMIALS, N_NODES, TRANSFORMS, invert, monomial_slopes, to_monomials
 from idic.correlation.pixels.pixel_map import EDGE_TOLERANCE, PixelMap, flat_elements
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Block
-from idic.images.camera import Camera
+from idic.fe import Block
+from idic.images import Camera
 
 
 @dataclass(frozen=True, eq=False)

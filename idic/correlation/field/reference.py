@@ -23,10 +23,10 @@ from idic.correlation.comparison import NodalBasis, NoiseTerms, Reference
 from idic.correlation.field.equations import FieldEquations, KeptProduct
 from idic.correlation.field.point_map import PointMap, build_point_map
 from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
-from idic.fe.mesh.mesh import surface_cells
-from idic.images.camera import Camera
-from idic.model.experiment import Depth, Experiment
-from idic.readers.fields.plane import BENDING_DEGREE, powers
+from idic.fe import surface_cells
+from idic.images import Camera
+from idic.model import Depth, Experiment
+from idic.readers import BENDING_DEGREE, powers
 
 
 GAUSS_POINTS = 3  # along each side of a subset

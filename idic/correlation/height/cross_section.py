@@ -24,9 +24,8 @@ from idic.correlation.height.section_nodes import (LEVELLING, ColumnSums, Sectio
 from idic.correlation.height.section_pass import (N_SUMS, from_blocks, poles, section_residuals, section_sums,
                                                   tap_weights, to_blocks)
 from idic.errors import InputError
-from idic.images.interpolate import gradient_at_pixels, noise_gain_1d, prefilter
-from idic.images.quality.lowpass import REACH_STDS, lowpass, lowpass_weights, still_gain
-from idic.model.experiment import Experiment
+from idic.images import REACH_STDS, gradient_at_pixels, lowpass, lowpass_weights, noise_gain_1d, prefilter, still_gain
+from idic.model import Experiment
 
 _GAP_MARGIN_PX = 8  # px on either side of a missing height whose spline coefficients it changes
 

@@ -14,9 +14,7 @@ import numpy as np
 import scipy
 
 from idic.errors import InputError
-from idic.images.interpolate import Spline, prefilter
-from idic.images.prefilter import MIRROR_PAD_PX
-from idic.images.quality.lowpass import REACH_STDS
+from idic.images import MIRROR_PAD_PX, REACH_STDS, Spline, prefilter
 
 _FILL_STD_PX = 2.0  # standard deviation of the neighbourhood that a gap is filled from
 

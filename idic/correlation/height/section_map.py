@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Mesh
-from idic.images.camera import Camera
+from idic.fe import Mesh
+from idic.images import Camera
 
 RIM_PX = 8  # columns next to the image's ends: the spline's mirror boundary bends a sloping profile there
 _NEWTON_STEPS = 4

@@ -14,8 +14,7 @@ from functools import cache
 import numpy as np
 from numba import njit
 
-from idic.images.prefilter import POLES, filter_block
-from idic.images.taps import weight_polynomials
+from idic.images import POLES, filter_block, weight_polynomials
 
 N_LANES = 32
 N_TAPS = 6

@@ -26,9 +26,8 @@ from idic.correlation.pixels.blocks import Pattern, sparsity
 from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, inverse_gradients
 from idic.correlation.pixels.pixel_map import PixelMap, element_coefficients
 from idic.errors import InputError
-from idic.images.interpolate import gradient_at_pixels, noise_gain
-from idic.images.quality.lowpass import lowpass, still_gain
-from idic.model.experiment import Experiment
+from idic.images import gradient_at_pixels, lowpass, noise_gain, still_gain
+from idic.model import Experiment
 
 LEVELLING = {"none": 0, "frame": 1, "tilt": 3}  # columns of the offset and tilt of the instrument
 

@@ -13,7 +13,7 @@ from numba import njit
 
 from idic.correlation.image_kernel import (_FAST, _INT, _ZERO, _cubic_residuals, _drop_lost, _positions,
                                            _quintic_residuals, _split_motion)
-from idic.images.prefilter import MIRROR_PAD_PX
+from idic.images import MIRROR_PAD_PX
 
 N_HEIGHT_SUMS = 25  # 8 monomials x fx r, 8 x fy r, 8 x r, r^2
 _PIXELS_PER_BLOCK = 256

@@ -16,8 +16,8 @@ from idic.correlation.pinhole.ray_map import build_ray_map
 from idic.correlation.pinhole.view import in_space
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Mesh, surface_cells
-from idic.images.placed_camera import PlacedCamera
+from idic.fe import Mesh, surface_cells
+from idic.images import PlacedCamera
 
 COARSE_PX = 4.0   # blur before a comparison that has to survive a rough alignment
 MIN_POINTS, MAX_POINTS = 200, 200_000  # of an image; more are thinned out

@@ -18,8 +18,7 @@ from idic.correlation.normal_equations import PixelEquations
 from idic.correlation.pinhole.view import in_space
 from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, monomial_slopes
 from idic.correlation.pixels.pixel_map import PixelMap
-from idic.images.placed_camera import PlacedCamera
-from idic.images.spline_reference import inside, spline_slopes, spline_values
+from idic.images import PlacedCamera, inside, spline_slopes, spline_values
 
 
 def pinhole_normal_equations(pixel_map: PixelMap, nodes: np.ndarray, camera: PlacedCamera, f: np.ndarray,

@@ -21,9 +21,8 @@ from idic.correlation.pixels.cells import (N_MONOMIALS, N_NODES, TRANSFORMS, mon
                                            outside_by, sort_by_owner, to_monomials)
 from idic.correlation.pixels.pixel_map import (EDGE_TOLERANCE, PixelMap, checked_mask, element_boxes, flat_elements,
                                                nothing_visible)
-from idic.fe.mesh.mesh import Block, Mesh, boundary_faces, face_cells
-from idic.images.pinhole import PinholeCamera
-from idic.images.placed_camera import PlacedCamera
+from idic.fe import Block, Mesh, boundary_faces, face_cells
+from idic.images import PinholeCamera, PlacedCamera
 
 MIN_COSINE = 0.17  # of line of sight and normal, 80 degrees: a pixel covers six times its width there
 SAME_DEPTH = 1e-7  # relative: two faces that meet at an edge

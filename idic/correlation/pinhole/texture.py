@@ -30,8 +30,8 @@ from idic.correlation.pinhole.agreement import seen_as_well
 from idic.correlation.pinhole.two_views import columns_between, moves_at_rest, pulled_back, way_between
 from idic.correlation.pinhole.view import in_space
 from idic.correlation.system import CorrelationSystem, solve_positive
-from idic.images.interpolate import Spline, prefilter
-from idic.model.experiment import Experiment
+from idic.images import Spline, prefilter
+from idic.model import Experiment
 
 BRIGHTNESS = "patch"  # light falls on two cameras differently, and not evenly
 MIN_CORRELATION = 0.6  # of the two textures: below, the pair is farther off than a step can mend and moves nothing

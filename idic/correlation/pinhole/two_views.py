@@ -14,8 +14,8 @@ from idic.correlation.pinhole.view import in_space, solved_at_seen, surface_tang
 from idic.correlation.pixels.cells import (N_MONOMIALS, N_NODES, NODE_POINTS, TRANSFORMS, inverse_gradients,
                                            monomials)
 from idic.correlation.pixels.pixel_map import PixelMap
-from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
-from idic.model.experiment import Experiment
+from idic.images import PLACEMENT_STEM, PlacedCamera
+from idic.model import Experiment
 
 
 def way_between(pixel_map: PixelMap, one: CorrelationContext, two: CorrelationContext) -> np.ndarray:

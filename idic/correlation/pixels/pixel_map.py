@@ -15,9 +15,8 @@ from scipy import sparse
 from idic.correlation.pixels.cells import (CELLS, EDGES, N_MONOMIALS, N_NODES, TRANSFORMS, curvatures, find_owners,
                                            inverse_gradients, monomial_slopes, monomials, sort_by_owner, to_monomials)
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Block
-from idic.images.camera import Camera
-from idic.images.matched_blur import fineness_of, mean_shift
+from idic.fe import Block
+from idic.images import Camera, fineness_of, mean_shift
 
 EDGE_TOLERANCE = 1e-6  # of a cell's size: a pixel on the edge between two elements belongs to one of them
 

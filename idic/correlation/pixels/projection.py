@@ -20,9 +20,8 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from idic.correlation.pixels.pixel_map import build_pixel_map
 from idic.errors import InputError
-from idic.fe.conduction import conductance, volume
-from idic.fe.mesh.mesh import Block, Mesh
-from idic.images.camera import Camera
+from idic.fe import Block, Mesh, conductance, volume
+from idic.images import Camera
 
 MAX_MOTION_PX = 0.25  # of the nodes; after more, the pixel map is made again
 N_CHECKED_NODES = 100  # at which the noise of the result is computed

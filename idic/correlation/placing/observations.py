@@ -21,8 +21,7 @@ import scipy
 from idic.correlation.placing.contours import Contour
 from idic.correlation.placing.surface_points import SurfacePoints
 from idic.errors import InputError
-from idic.images.pinhole import rotation_of
-from idic.images.placed_camera import PlacedCamera
+from idic.images import PlacedCamera, rotation_of
 
 CLICK_STD_PX = 1.0
 OFFSET_STD_PX = 0.25    # of a contour, outwards

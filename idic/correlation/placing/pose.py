@@ -15,9 +15,7 @@ import scipy
 from idic.correlation.placing.contours import on_circle
 from idic.correlation.placing.observations import Evidence, Observations
 from idic.errors import InputError
-from idic.images.pinhole import rotation_of
-from idic.images.placed_camera import PlacedCamera
-from idic.images.rigid_motion import RIGID
+from idic.images import PlacedCamera, RIGID, rotation_of
 
 MIN_STD_PX = 0.02       # of a contour point or a match
 N_WEIGHTINGS = 2

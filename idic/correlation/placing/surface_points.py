@@ -15,7 +15,7 @@ import scipy
 from idic.correlation.pinhole.agreement import Seen
 from idic.correlation.pinhole.ray_map import build_ray_map
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Mesh, surface_cells
+from idic.fe import Mesh, surface_cells
 
 HALF_PX = 10          # of a subset
 MAX_SUBSETS = 300

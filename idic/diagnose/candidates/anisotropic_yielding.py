@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.enrich import enriched, new
-from idic.materials.composed.elastoplastic import NAME, composed_name
-from idic.materials.composed.terms import kinds_of
+from idic.laws import ELASTOPLASTIC, composed_name, kinds_of
 
 PROBE_R = 1.4
 TERM = "hill48"
@@ -38,9 +37,9 @@ def _hill(law: str) -> tuple[str, str] | None:
     """The law with Hill's r-values and the beginning of their names; None where it has a yield surface of its own."""
     if law in ("j2_linear", "j2_voce"):
         return "j2_hill", ""
-    if law != NAME and not law.startswith(f"{NAME}("):
+    if law != ELASTOPLASTIC and not law.startswith(f"{ELASTOPLASTIC}("):
         return None
-    kinds = [kind for kind in law[len(NAME) + 1:-1].split("+") if kind]
+    kinds = [kind for kind in law[len(ELASTOPLASTIC) + 1:-1].split("+") if kind]
     if set(kinds) & set(kinds_of("yield_surface")) - {"mises"} or any("*" in kind for kind in kinds):
         return None
     return composed_name((TERM, *(kind for kind in kinds if kind != "mises"))), "yield_surface_"

@@ -6,7 +6,7 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import camera_key
-from idic.images.camera import Camera
+from idic.images import Camera
 
 MAX_TESTED_FRAMES = 12  # that are tested; the refit frees all of them
 PROBE_PX = 0.1

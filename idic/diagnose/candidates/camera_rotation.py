@@ -6,7 +6,7 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
-from idic.images.camera import Camera
+from idic.images import Camera
 
 PROBE_PX = 3.0  # in the corner of the image
 

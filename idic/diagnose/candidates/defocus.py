@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from idic.diagnose.candidates.illumination import courses
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.images.quality.compression import compressed_at
+from idic.images import compressed_at
 
 MIN_BLUR_PX2 = 1.0 / 60.0  # a fifth of the variance of a pixel's area; demosaiced and compressed images: up to 0.015
 MIN_BLUR_OF_WHITE_PX2 = 1.0 / 120.0  # of images with white noise; 31 clean drawn worlds: up to 0.0067

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
-from idic.images.placed_camera import PlacedCamera
+from idic.images import PlacedCamera
 
 PROBE_SHARE = 0.003  # of the focal length of the file
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
-from idic.model.loads import load_stem
+from idic.model import load_stem
 
 PROBE_FORCE_SHARE = 0.02  # of the largest force
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
-from idic.model.experiment import Column
+from idic.model import Column
 
 PROBE_INTERVAL_SHARE = 0.05  # of the time between two frames
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
-from idic.model.load_train import way_of
+from idic.model import way_of
 
 PROBE_SHARE = 0.02  # of the largest force, or of the force
 

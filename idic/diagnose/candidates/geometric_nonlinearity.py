@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.materials import get_law
+from idic.laws import get_law
 
 
 def variants(situation: Situation) -> tuple[Variant, ...]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import driven, with_correction
-from idic.model.experiment import Column, Experiment
+from idic.model import Column, Experiment
 
 PROBE_PX = 0.2
 ONSETS = (0.0, 0.2, 0.4, 0.6, 0.8)  # of the test, of a rotation with a course of its own

@@ -14,7 +14,7 @@ import numpy as np
 
 from idic.diagnose.locate.place import in_words
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.model.heterogeneity import nodes_of
+from idic.model import nodes_of
 
 MAX_PLACES = 30  # inclusions of the grid, per element set
 RADII_OVER_SPACING = (0.45, 0.9)  # radii, of the distance between two places

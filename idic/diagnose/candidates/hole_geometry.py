@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
-from idic.fe.mesh.morph import find_holes
+from idic.fe import find_holes
 
 PROBE_RADIUS_SHARE = 0.02  # of the radius; places move as far
 WHAT = {"hole_radius": "another radius", "hole_x": "another place along x", "hole_y": "another place along y"}

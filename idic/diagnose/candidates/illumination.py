@@ -12,7 +12,7 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.residual.grey_value_effects import LIGHT
-from idic.model.free_course import hats, knot_frames
+from idic.model import hats, knot_frames
 
 PATCHES_PER_SIDE = 4  # along the longer side of the visible region, in the refit
 COURSE_KNOTS = 3  # of a course that the data give, at every place; in the refit every frame has its own

@@ -15,8 +15,8 @@ import numpy as np
 from idic.diagnose.locate.place import element_centres
 from idic.diagnose.locate.stiffness_score import wave_scores
 from idic.diagnose.screen.candidate import MESH_TOO_COARSE, Candidate, Situation, Variant, register
-from idic.fe.mesh.element import cell
-from idic.model.heterogeneity import nodes_of
+from idic.fe import cell_type
+from idic.model import nodes_of
 
 MAX_LINES = 3  # waves that become variants, per element set
 MIN_PERIODS = 3.0  # on the specimen
@@ -115,7 +115,7 @@ def _element_sizes(situation: Situation, name: str, waves: np.ndarray) -> np.nda
     ways = np.array([np.cos(turns), np.sin(turns)])
     lengths, areas = [], []
     for block in mesh.blocks:
-        corners = mesh.nodes[block.connectivity[:, :cell(block.cell).n_corners], :2]
+        corners = mesh.nodes[block.connectivity[:, :cell_type(block.cell).n_corners], :2]
         lengths.append(np.abs((corners - np.roll(corners, 1, axis=1)) @ ways).max(axis=1))
         areas.append(np.prod(np.ptp(corners, axis=1), axis=1))
     length, area = np.concatenate(lengths)[elements], np.concatenate(areas)[elements]

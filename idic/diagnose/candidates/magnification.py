@@ -6,8 +6,8 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import camera_key, further_dofs
-from idic.images.camera import Camera
-from idic.model.experiment import Column
+from idic.images import Camera
+from idic.model import Column
 
 PROBE_MAGNIFICATION = 1e-3  # relative magnification at the end, or at the largest load
 

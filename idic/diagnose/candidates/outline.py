@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import open_share
-from idic.fe.mesh.edge_morph import EDGE_STD_SHARE, OUTLINE, edges_by_name, free_edges
+from idic.fe import EDGE_STD_SHARE, OUTLINE, edges_by_name, free_edges
 
 PROBE_SHARE = 0.1  # of the distance of the points
 

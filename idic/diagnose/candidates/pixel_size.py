@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
-from idic.images.camera import Camera
+from idic.images import Camera
 
 PROBE_SHARE = 0.02  # of the pixel size of the file
 

@@ -12,9 +12,7 @@ import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
-from idic.images.camera import Camera
-from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
-from idic.images.rigid_motion import RIGID
+from idic.images import Camera, PLACEMENT_STEM, PlacedCamera, RIGID
 
 PROBE_PX = 2.0
 MIN_SHARE_OVER_LIMIT = 0.03  # as a further cause: less is a flaw in the description of the one that is wrong

@@ -7,7 +7,7 @@ import numpy as np
 from idic.diagnose.candidates.magnification import changing_columns
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import camera_key, further_dofs
-from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
+from idic.images import PLACEMENT_STEM, PlacedCamera
 
 KINDS = ("t_z", "rotation_x", "rotation_y")  # what no motion within a plane shows
 PROBE_PX = 0.3  # in the corner of the image, at the end or at the largest load

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.screen.edits import further_dofs
-from idic.images.placed_camera import TURN, PlacedCamera
+from idic.images import PLACED_TURNS, PlacedCamera
 
 PROBE_DEG = 0.1
 
@@ -14,7 +14,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     for view in situation.experiment.views[1:]:
         if not isinstance(view.camera, PlacedCamera):
             continue
-        names = tuple(f"{view.camera_name}.{turn}" for turn in TURN)
+        names = tuple(f"{view.camera_name}.{turn}" for turn in PLACED_TURNS)
         if (edits := further_dofs(situation, *names)) is None:
             continue
         at = dict(zip(names, view.camera.turn_deg.tolist(), strict=True))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.materials.core.law import EXPANSION
+from idic.laws import EXPANSION
 
 PROBE_EXPANSION_PER_K = 1e-5  # 1/K where the temperature is known
 PROBE_STRAIN = 1e-4  # over the test where it is not

@@ -1,8 +1,8 @@
 """The error of plane stress: what bricks of the specimen's thickness move otherwise than the sheet.
 
 A thick sheet is not in plane stress: a bent beam of bricks, 3 mm wide and 2.8 mm thick, moves by 0.026 px otherwise.
-The test is simulated on bricks of the stated thickness (`idic.identify.systematic.real_thickness`) at the parameters of
-a model, with its increments or a few (`idic.diagnose.discretisation.increments`).
+The test is simulated on bricks of the stated thickness (`idic.identification.systematic.real_thickness`) at the
+parameters of a model, with its increments or a few (`idic.diagnose.discretisation.increments`).
 """
 
 from __future__ import annotations
@@ -12,16 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.context import FrameResponse
+from idic.correlation import FrameResponse
 from idic.diagnose.discretisation.increments import compared_increments
 from idic.errors import NotConverged
-from idic.fe.superposition import is_linear
-from idic.identify.discrepancy.mesh_error import LOOSE
-from idic.identify.in_memory import Identification
-from idic.identify.kept_simulation import response_of
-from idic.identify.systematic.real_thickness import can_be_thick, extruded, thick
-from idic.model.forward import ForwardModel, build_forward
-from idic.model.motion_error import MotionError
+from idic.fe import is_linear
+from idic.identification import Identification, LOOSE, can_be_thick, extruded, response_of, thick
+from idic.model import ForwardModel, MotionError, build_forward
 
 MAX_BRICK_NODES = 12_000  # of half the thickness: 40 CPU s under a load that yields, 36 frames of 9000
 MAX_LINEAR_BRICK_NODES = 40_000  # of a body whose motions are superposed: 9000 take a second

@@ -19,7 +19,7 @@ from idic.diagnose.discretisation.weight import error_column
 from idic.diagnose.residual.evidence import joined
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.score import NullModel, score
-from idic.model.motion_error import MotionError
+from idic.model import MotionError
 
 BRICKS, FINITE_STRAINS = "bricks", "finite strains"
 # without a recording: a grip may let the thickness go; every body has finite strains, and the law at them is open

@@ -8,9 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from idic.diagnose.discretisation.mesh_error import lacking
-from idic.identify.discrepancy.strain_error import with_finite_strains
-from idic.identify.in_memory import Identification
-from idic.model.motion_error import MotionError
+from idic.identification import Identification, with_finite_strains
+from idic.model import MotionError
 
 
 def finite_strain_error(found: Identification) -> MotionError | None:

@@ -9,10 +9,8 @@ import numpy as np
 
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.score import null_model
-from idic.identify.in_memory import Identification
-from idic.identify.step.state import AcceptedPoint
-from idic.model.experiment import Experiment
-from idic.model.forward import build_forward
+from idic.identification import AcceptedPoint, Identification
+from idic.model import Experiment, build_forward
 from idic.parameters import ParameterSet
 
 # of a parameter: an error of the simulation that was found so near is not found anew. Beside a new one the parameters

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.identify.in_memory import Identification
-from idic.identify.step.increments import rate_dependent_laws
+from idic.identification import Identification, rate_dependent_laws
 
 MAX_INCREMENTS = 3  # per frame, both of an extrapolation counted, of a law with time
 MAX_INCREMENTS_WITHOUT_TIME = 1

@@ -15,8 +15,8 @@ from idic.diagnose.refit_job import ExperimentSource
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.score import null_model, score
-from idic.identify.in_memory import Identification
-from idic.model.motion_error import MotionError
+from idic.identification import Identification
+from idic.model import MotionError
 
 # of the change by elements of half the size: with the order p of convergence 1/(2^p - 1) is left, here for p = 0.75
 MAX_FURTHER_SHARE = 1.5

@@ -2,7 +2,7 @@
 
 A mesh that is coarse for its body moves otherwise than the body at the same parameters: by 0.006 px at the notches of
 a strip of rubber, of which a tilted camera explained six standard deviations. At the identified values the test is
-simulated once more on a finer mesh (`idic.identify.systematic.refinement`), with the same increments or a few
+simulated once more on a finer mesh (`idic.identification.systematic.refinement`), with the same increments or a few
 (`idic.diagnose.discretisation.increments`) and without derivatives. The difference of the two motions and of the
 channels,
 
@@ -29,18 +29,11 @@ from scipy.interpolate import make_interp_spline
 from idic.diagnose.discretisation.bricks import MAX_LINEAR_BRICK_NODES
 from idic.diagnose.discretisation.increments import compared_increments
 from idic.errors import NotConverged
-from idic.fe.mesh.halve import can_halve
-from idic.fe.mesh.refine import can_raise_order
-from idic.fe.model import Model
-from idic.fe.superposition import is_linear
-from idic.identify.discrepancy.mesh_error import LOOSE, MAX_NODES, projection
-from idic.identify.in_memory import Identification
-from idic.identify.systematic.real_thickness import can_be_thick, thick
-from idic.identify.systematic.refinement import RAISED, Refined, carried_local, refined
-from idic.model.drives import build_drives
-from idic.model.experiment import Experiment
-from idic.model.forward import ForwardModel, build_forward
-from idic.model.motion_error import MotionError
+from idic.fe import Model, can_halve, can_raise_order, is_linear
+from idic.identification import (
+    Identification, LOOSE, MAX_NODES, RAISED, Refined, can_be_thick, carried_local, projection, refined, thick,
+)
+from idic.model import Experiment, ForwardModel, MotionError, build_drives, build_forward
 
 # of the change of a reaction by elements of half the size: it converges with the order p = 2 lambda = 1.5 of the
 # singular strains at the corner of a grip (lambda: Williams 1952, doi:10.1115/1.4010553), and 1/(2^p - 1) is left

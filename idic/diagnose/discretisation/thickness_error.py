@@ -23,8 +23,8 @@ from idic.diagnose.residual.heldout import Fit, fit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.score import null_model
-from idic.identify.in_memory import Identification
-from idic.model.motion_error import MotionError
+from idic.identification import Identification
+from idic.model import MotionError
 
 MIN_DROP = 25.0  # of chi-square by bricks: five standard deviations
 MIN_DROP_SHARE = 0.5  # of what free motions and channels explain

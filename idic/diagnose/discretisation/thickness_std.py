@@ -15,7 +15,7 @@ from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.score import NullModel, null_model, score
 from idic.errors import NotConverged
-from idic.identify.in_memory import Identification
+from idic.identification import Identification
 
 
 def std_factors(found: Identification, residual: ResidualEvidence) -> dict[str, float]:

@@ -18,8 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.context import FrameResponse
-from idic.correlation.frame_equations import correlated_frames
+from idic.correlation import FrameResponse, correlated_frames
 from idic.diagnose.discretisation.bricks import Bricks, bricks_of, simulated_sheet
 from idic.diagnose.discretisation.following import at_values, following, moved
 from idic.diagnose.discretisation.thickness_std import taken_back
@@ -28,8 +27,8 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.score import null_model
 from idic.errors import NotConverged
-from idic.identify.in_memory import Identification
-from idic.model.motion_error import MotionError
+from idic.identification import Identification
+from idic.model import MotionError
 
 MAX_TURNS, TURNED_STD = 12, 0.1  # of error and parameters; standard deviations of the last step
 SETTLED_SHARE = 1e-4  # of the mismatch in chi-square: a last step that would bring less is of no use to a wrong model

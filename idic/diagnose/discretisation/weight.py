@@ -8,7 +8,7 @@ from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.score import null_model, score
-from idic.model.motion_error import MotionError
+from idic.model import MotionError
 
 MIN_ERROR_CHI2 = 1.0  # on the whole recording, beside the parameters: one standard deviation of any cause
 MAX_RISE = 25.0  # of the chi-square of the recording by an error: five standard deviations

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.fe.march import PointValues
-from idic.identify.in_memory import Identification
-from idic.model.experiment import Experiment
+from idic.fe import PointValues
+from idic.identification import Identification
+from idic.model import Experiment
 
 MIN_ACTIVE_STRAIN = 1e-7  # plastic strain, or strain beyond the threshold of damage
 ACTIVE_STATES = {"plastic_strain": "yields", "largest_strain": "is damaged"}

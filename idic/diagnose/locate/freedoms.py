@@ -12,15 +12,11 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.linalg import block_diag
 
-from idic.correlation.frame_equations import nodal_gradient
-from idic.correlation.view import GREY, View
+from idic.correlation import GREY, View, nodal_gradient
 from idic.diagnose.locate.tangents import Tangent
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
-from idic.images.camera import PARAMETERS
-from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
-from idic.images.rigid_motion import RIGID
-from idic.model.drives import COMPONENTS, set_nodes
-from idic.model.experiment import Experiment
+from idic.images import CAMERA_PARAMETERS, PLACEMENT_STEM, PlacedCamera, RIGID
+from idic.model import COMPONENTS, Experiment, set_nodes
 
 EDGE_MODE_DEGREE = 3  # of the modes along an edge
 FACE_MODE_DEGREE = 2  # of those on a face
@@ -106,10 +102,12 @@ def _of_camera(camera: CameraResidual, frame: int, u: np.ndarray) -> np.ndarray:
     if view.kind != GREY:
         return _of_instrument(experiment, view, u)
     here = view.at(frame)
-    own, constant = (LENS, CONSTANT_LENS) if isinstance(view.camera,
-                                                        PlacedCamera) else (PARAMETERS, CONSTANT_CAMERA_PARAMETERS)
+    if isinstance(view.camera, PlacedCamera):
+        names, constant = LENS, CONSTANT_LENS
+    else:
+        names, constant = CAMERA_PARAMETERS, CONSTANT_CAMERA_PARAMETERS
     deformed = here.deformed(nodes, u)
-    moved = [here.moved_camera.parameter_jacobian(deformed, name).ravel() for name in own]
+    moved = [here.moved_camera.parameter_jacobian(deformed, name).ravel() for name in names]
     gradient = nodal_gradient(experiment, u)
     still = [here.camera_column(nodes, u, gradient, name) for name in constant]
     return np.column_stack(moved + still)

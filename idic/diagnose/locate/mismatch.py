@@ -20,7 +20,7 @@ from idic.diagnose.residual.noise_draws import FreeMotion, free_motion
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.subspace import explained, hats
 from idic.diagnose.screen.score import NullModel, null_model
-from idic.identify.in_memory import Identification
+from idic.identification import Identification
 
 ONSET_GRID_ELEMENTS, EFFECT_GRID_ELEMENTS = 8.0, 4.0  # element sizes between grid points
 SEED = 71

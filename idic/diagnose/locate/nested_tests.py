@@ -35,7 +35,7 @@ from idic.diagnose.residual.heldout import grid_of
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, hats
 from idic.diagnose.screen.score import NullModel, null_model
-from idic.identify.in_memory import Identification
+from idic.identification import Identification
 
 HAT_SPACING_ELEMENTS = 4.0  # element sizes between the grid points of the free motion
 N_WINDOWS = 6  # of frames, for lasting effects

@@ -9,8 +9,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from idic.diagnose.locate.adjoint_sources import MIN_SOURCE_SHARE, MAX_ELEMENT_P, SourceMap
-from idic.fe.mesh.element import cell
-from idic.fe.mesh.mesh import Mesh
+from idic.fe import Mesh, cell_type
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +88,7 @@ def element_centres(mesh: Mesh) -> np.ndarray:
 
 
 def _corners(name: str) -> int:
-    return cell(name).n_corners
+    return cell_type(name).n_corners
 
 
 def _nodes_of(mesh: Mesh, element: int) -> np.ndarray:

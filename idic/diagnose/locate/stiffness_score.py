@@ -18,7 +18,7 @@ from idic.diagnose.locate.adjoint_sources import element_scores, recorded_residu
 from idic.diagnose.locate.tangents import tangents
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.score import null_model
-from idic.identify.in_memory import Identification
+from idic.identification import Identification
 
 WINDOW_MARGIN = 0.05  # of the body, beyond its ends, where the window becomes zero
 

@@ -12,13 +12,11 @@ import numpy as np
 
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.errors import NotConverged
-from idic.fe.assembly import assembly
-from idic.fe.assembly.assembly import Evaluation, System, discretise
-from idic.fe.boundary import drives_at
-from idic.fe.equilibrium import factorise_tangent
-from idic.fe.solver.linear import Factor
-from idic.identify.in_memory import Identification
-from idic.model.readings import Readings
+from idic.fe import (
+    Evaluation, Factor, System, discretise, drives_at, evaluate_system, factorise_tangent, stiffness_times,
+)
+from idic.identification import Identification
+from idic.model import Readings
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +39,7 @@ class Tangent:
 
     def answer(self, motion: np.ndarray, forces: np.ndarray) -> np.ndarray:
         """Displacement of the whole body under motion of held dofs and nodal forces  # (n_dof, m) each -> (n_dof, m)"""
-        load = forces - assembly.stiffness_times(self.system, self.evaluation, motion)
+        load = forces - stiffness_times(self.system, self.evaluation, motion)
         free, whole = self.system.pattern.dofs, motion.copy()
         whole[free] += self.factor.solve(load[free])
         return whole
@@ -84,7 +82,7 @@ def tangents(found: Identification, residual: ResidualEvidence, only: int | None
         if only is not None and index < only and not history:
             continue
         frame = int(number) - start
-        ev = assembly.evaluate(system, params, np.ascontiguousarray(solved[index]), states,
+        ev = evaluate_system(system, params, np.ascontiguousarray(solved[index]), states,
                                times[frame] - times[before],
                                drives_at(model, times, times[frame]), guesses=states if before else None)
         if ev.trouble:
@@ -92,7 +90,7 @@ def tangents(found: Identification, residual: ResidualEvidence, only: int | None
         if only is not None and index < only:
             states, before = tuple(g.state for g in ev.groups), frame
             continue
-        assembly.stiffness_times(system, ev, np.zeros((model.n_dof, 1)))  # leaves the element matrices in ev
+        stiffness_times(system, ev, np.zeros((model.n_dof, 1)))  # leaves the element matrices in ev
         now = (*(g.Ke for g in ev.groups), *ev.pressure_K)
         if factor is None or not all(np.array_equal(a, b) for a, b in zip(now, matrices, strict=True)):
             factor, matrices = factorise_tangent(system, ev), now

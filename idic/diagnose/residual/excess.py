@@ -20,7 +20,7 @@ from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.grey_value_effects import sums_against
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
-from idic.identify.judgement.significance import z_text
+from idic.identification import z_text
 
 LAGS_PX = (6, 10, 14, 20)  # beyond the reach of interpolation and low-pass
 # neighbouring products are alike through interpolation and low-pass: variance of their sum

@@ -17,12 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from idic.correlation.context import CorrelationContext
-from idic.correlation.grey import blur_bias
-from idic.correlation.reference import ReferenceImage
-from idic.images.quality.lowpass import lowpass
-from idic.images.quality.noise_covariance import sum_gain
-from idic.images.stack import ArrayStack
+from idic.correlation import CorrelationContext, ReferenceImage, blur_bias
+from idic.images import ArrayStack, lowpass, sum_gain
 
 GAIN, OFFSET, BLUR = "gain", "offset", "blur"
 LIGHT = "light"  # a factor of the grey values: gain about their mean, and the mean times as much offset

@@ -13,7 +13,7 @@ import numpy as np
 from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.subspace import Grid, explained, grid_over, hats
-from idic.fe.mesh.mesh import surface_cells
+from idic.fe import surface_cells
 
 FREE_MOTION_SPACING = 2.5  # element sizes between the free motions' grid points
 CAMERA_GAP_SHARE = 0.25  # of the width of the mesh, between the images of two cameras: few motions reach over it

@@ -13,11 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from idic.correlation.frame_equations import correlated_frames
-from idic.correlation.grey import GreyReference
+from idic.correlation import GREY, GreyReference, correlated_frames, view_of
 from idic.diagnose.residual.residual_evidence import context_of
-from idic.correlation.view import GREY, view_of
-from idic.identify.in_memory import Identification
+from idic.identification import Identification
 
 MIN_PATTERN_SHARE = 0.5  # of the pattern's variance around a pixel: a uniform grey in its place leaves all of it
 MIN_NOISE_STD = 6.0  # root mean square of the residual, over its noise

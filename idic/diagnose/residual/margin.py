@@ -2,7 +2,7 @@
 
 Two parts bound it. Interpolation and discretisation leave a motion in every sound recording; still frames do not show
 them, as nothing moves there, and their size is an assumption. The camera's own floor is measured where the recording
-has still frames (`idic.dic.camera_floor`), by region. The larger of the two counts, with half as much again.
+has still frames (`idic.measure.dic.camera_floor`), by region. The larger of the two counts, with half as much again.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.dic.camera_floor import CameraFloor
+from idic.measure import CameraFloor
 
 PRACTICAL_MARGIN_PX = 0.004  # rms: half as much again as interpolation and discretisation left in a sound recording
 INCLUSION_MARGIN_PX = 0.003  # the same with an inclusion in the model: error of interpolation and discretisation alone

@@ -15,17 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.channels import channel_equations
-from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.experiment_reference import build_reference, camera_at
-from idic.correlation.frame import NodalEquations
-from idic.correlation.frame_equations import correlated_frames, global_columns, turned_response, with_all_cameras
-from idic.correlation.grey import GreyReference, blur_bias
-from idic.correlation.view import GREY, View, view_of
+from idic.correlation import (
+    CorrelationContext, FrameResponse, GREY, GreyReference, NodalEquations, View, blur_bias,
+    build_experiment_reference, camera_at, channel_equations, correlated_frames, global_columns, turned_response,
+    view_of, with_all_cameras,
+)
 from idic.diagnose.residual.evidence import Columns, Evidence, FrameEvidence, noise_share
 from idic.diagnose.residual.grey_value_effects import joined_pixels, pixel_basis, pixel_parts, sums_against
-from idic.identify.in_memory import Identification
-from idic.identify.kept_simulation import response_of
+from idic.identification import Identification, response_of
 
 MAX_KEPT_BYTES = 300e6  # of residual maps, at most
 MAX_LOST_SHARE = 0.5  # of the pixels: where frames lose more, each counts what it sees
@@ -115,8 +112,8 @@ def context_of(found: Identification, null: bool = True) -> CorrelationContext:
     camera = camera_at(experiment, parameters)
     names = experiment.parameters.free if null else ()
     moving = tuple(name for name in names if forward.moves(name))
-    return CorrelationContext(experiment, parameters, names, moving, camera, build_reference(experiment, camera),
-                              found.weights, forward.drives.local_precision)
+    return CorrelationContext(experiment, parameters, names, moving, camera, build_experiment_reference(experiment,
+                              camera), found.weights, forward.drives.local_precision)
 
 
 def joined_cameras(context: CorrelationContext) -> tuple[CorrelationContext, ...]:
@@ -157,7 +154,8 @@ class _CameraPasses:
             return self
         experiment, shows = self.context.experiment, self.context.reference.pixel_map.to_image(~lost, 0.0) > 0.0
         seen = replace(experiment, mask=shows, options=replace(experiment.options, edge_margin_px=0))
-        lasting = replace(self.context, experiment=seen, reference=build_reference(seen, self.context.camera))
+        reference = build_experiment_reference(seen, self.context.camera)
+        lasting = replace(self.context, experiment=seen, reference=reference)
         return _CameraPasses(lasting, self.unturned)
 
     @property

@@ -7,11 +7,10 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
-from idic.correlation.context import CorrelationContext
-from idic.correlation.view import view_of
+from idic.correlation import CorrelationContext, view_of
 from idic.diagnose.measured_motion import holds_motion
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, context_of, joined_cameras
-from idic.identify.in_memory import Identification
+from idic.identification import Identification
 
 
 def maps_of_evidence(residual: ResidualEvidence, frame: int) -> tuple[np.ndarray, ...]:

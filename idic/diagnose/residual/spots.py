@@ -21,7 +21,7 @@ import numpy as np
 from scipy import ndimage
 
 from idic.diagnose.residual.lost_pattern import LostPattern, lost_pattern
-from idic.identify.in_memory import Identification
+from idic.identification import Identification
 
 DUST, PAINT = "dust", "paint_loss"
 LEFT_OUT = "options.left_out_px"  # key of the circles in which no pixel is correlated

@@ -12,7 +12,7 @@ import numpy as np
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.grey_value_effects import BLUR, columns_of_kind
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
-from idic.images.quality.subpixel_blur import subpixel_blur
+from idic.images import subpixel_blur
 
 # of a size: surfaces of three recordings, sampled 1.3 to 1.8 times coarser and moved by half a pixel, have 0.76 to 1.58
 # of it

@@ -18,10 +18,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.identify.input_noise import logged_noise
-from idic.images.quality.noise_covariance import coloured
-from idic.images.stack_views import StackView
-from idic.model.experiment import Channel, Experiment, FieldPoints, FurtherCamera, Noise
+from idic.identification import logged_noise
+from idic.images import StackView, coloured
+from idic.model import Channel, Experiment, FieldPoints, FurtherCamera, Noise
 
 CHOICE, JUDGEMENT = 1, -1  # signs of e
 COPY_VARIANCE_FACTOR = 2.0  # variance of a copy's noise over the recording's

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.model.experiment import Experiment
+from idic.model import Experiment
 
 
 
@@ -224,7 +224,7 @@ def register(candidate: Candidate) -> Candidate:
     return candidate
 
 
-def candidates() -> tuple[Candidate, ...]:
+def candidate_library() -> tuple[Candidate, ...]:
     """The whole library, in the order of the families."""
     import idic.diagnose.candidates  # noqa: F401  registers every file of the package
 

@@ -13,9 +13,7 @@ import numpy as np
 
 from idic.diagnose.courses import TIMED
 from idic.diagnose.screen.candidate import Variant
-from idic.model.corrections import corrections_of
-from idic.model.experiment import Correction, Experiment, TemperatureField
-from idic.model.free_course import TEMPERATURE, knot_name, without_knot
+from idic.model import Correction, Experiment, TEMPERATURE, TemperatureField, corrections_of, knot_name, without_knot
 
 Pattern = tuple[str, str, str, str | None]  # node set, component, kind, component that a misalignment moves
 

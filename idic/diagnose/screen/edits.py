@@ -7,9 +7,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from idic.diagnose.screen.candidate import Situation
-from idic.fe.mesh.edge_morph import OUTLINE
-from idic.model.experiment import Experiment
-from idic.model.free_course import without_knot
+from idic.fe import OUTLINE
+from idic.model import Experiment, without_knot
 
 
 def further_dofs(situation: Situation, *names: str, **values: float) -> dict[str, Any] | None:

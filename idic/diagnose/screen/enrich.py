@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.screen.candidate import Situation
-from idic.materials import get_law
-from idic.materials.core.law import EXPANSION
+from idic.laws import EXPANSION, get_law
 from idic.parameters import Parameter
 
 MIN_WAY_BACK = 0.1  # of the largest motion: the test unloads

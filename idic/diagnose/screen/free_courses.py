@@ -16,15 +16,14 @@ from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
-from idic.correlation.channels import FRICTION
+from idic.correlation import FRICTION
 from idic.diagnose.courses import SUPPOSED_EXPANSION_PER_K, TIMED
 from idic.diagnose.residual.thinning import drop_on_copy
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.score import Scores
 from idic.errors import InputError
-from idic.model.experiment import Experiment
-from idic.materials.core.law import EXPANSION
-from idic.model.free_course import KNOTS, TEMPERATURE, without_knot
+from idic.model import Experiment, KNOTS, TEMPERATURE, without_knot
+from idic.laws import EXPANSION
 
 MIN_KNOT_CHI2 = 9.0  # drop of chi-square that a knot must bring
 KNOTTED = {"course": "free", "knots": KNOTS}

@@ -18,7 +18,7 @@ from idic.diagnose.residual.heldout import Fit, positions
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence
 from idic.diagnose.residual.subspace import Basis, Grid, explained, hats
-from idic.model.experiment import Experiment
+from idic.model import Experiment
 
 MAX_LOCAL_SHARE = 0.6  # of all free motions: an inclusion, not the whole specimen
 

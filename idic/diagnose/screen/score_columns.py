@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from idic.correlation.channels import channel_equations
-from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.frame_equations import global_columns, nodal_gradient, turned_response
+from idic.correlation import (
+    CorrelationContext, FrameResponse, channel_equations, global_columns, nodal_gradient, turned_response,
+)
 from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.residual.evidence import Columns, joined
 from idic.diagnose.residual.grey_value_effects import columns_of_kind
@@ -25,10 +25,9 @@ from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.course_columns import timed, times_courses, unit_values
 from idic.errors import NotConverged
-from idic.fe.response import Alternative, Responses, first_responses
-from idic.identify.in_memory import Identification
-from idic.model.experiment import Experiment
-from idic.model.forward import ForwardModel, build_forward
+from idic.fe import Alternative, Responses, first_responses
+from idic.identification import Identification
+from idic.model import Experiment, ForwardModel, build_forward
 
 Load = Callable[[Mapping[str, Any]], Experiment]  # edits of experiment.toml -> the experiment
 Gradients = dict[tuple[int, int], np.ndarray]  # deformation gradient at the nodes by frame and camera

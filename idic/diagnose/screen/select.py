@@ -22,7 +22,7 @@ from idic.diagnose.screen.effect_sizes import columns_together, effects, sum_of
 from idic.diagnose.screen.free_courses import course_stem, fewest_knots
 from idic.diagnose.screen.score import Scores, Significance, null_model, score, significances
 from idic.diagnose.screen.score_columns import ScoreColumn
-from idic.model.free_course import TEMPERATURE
+from idic.model import TEMPERATURE
 
 MAX_FAMILYWISE_P = 0.01  # family-wise
 MIN_ROOM_SHARE = 0.5  # of the explainable room, for an effect between floor and margin
@@ -148,7 +148,7 @@ class Screening:
         return float(max(one.statistic, other.statistic) ** 2 * max(1.0 - rho**2, 0.0)) / COPY_VARIANCE_FACTOR
 
 
-def screen(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns,
+def screen_candidates(evidence: Evidence, parameters: Columns, trials: Sequence[ScoreColumn], columns: Columns,
            seed: int = 0, room: float = 0.0, materials: Sequence[str] = (), margin: Margin = ASSUMED,
            further: bool = False, min_channel: float = MIN_CHANNEL_EFFECT_STD,
            mesh: Columns | None = None, known: tuple[Columns, float] | None = None) -> Screening:

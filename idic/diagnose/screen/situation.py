@@ -13,9 +13,9 @@ from idic.diagnose.locate.stiffness_score import stiffness_score
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.screen.candidate import Situation
 from idic.errors import NotConverged
-from idic.fe.march import PointValues
-from idic.identify.in_memory import Identification
-from idic.model.experiment import Experiment
+from idic.fe import PointValues
+from idic.identification import Identification
+from idic.model import Experiment
 
 STRESS_QUANTILES = (0.50, 0.60, 0.70, 0.80, 0.90, 0.95, 0.98)  # quantiles over the points of a set
 

@@ -31,7 +31,7 @@ from idic.diagnose.selection.own_course import leaves_something, refitted_as
 from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, Rival, Round
 from idic.diagnose.selection.rivals import edits_of
 from idic.diagnose.selection.rivals_again import refitted_again
-from idic.model.free_course import jump_frame, jump_name, without_knot
+from idic.model import jump_frame, jump_name, without_knot
 
 MIN_JUMP_CHI2 = 18.0  # that a jump must bring; the best of 100 frames reaches it under noise in 2 of 1000 recordings
 MAX_JUMPS = 5  # more are a course

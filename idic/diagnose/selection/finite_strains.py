@@ -24,7 +24,7 @@ from idic.diagnose.screen.score import null_model
 from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, judge
 from idic.diagnose.selection.rivals import edits_of, variant_of
-from idic.identify.in_memory import Identification
+from idic.identification import Identification
 
 
 def with_finite_strains_counted(rounds: Sequence[Round], null: Refit, whole: ResidualEvidence, refits: Refits,

@@ -31,7 +31,7 @@ from idic.diagnose.selection.own_course import leaves_something
 from idic.diagnose.selection.rival import (COPIES, MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE,
                                            MIN_SEPARATION_CHI2, Round)
 from idic.diagnose.verdict import MIN_RECOVERED_SHARE
-from idic.model.experiment import Column
+from idic.model import Column
 from idic.parameters import ParameterSet
 
 SHAPES = ("as a whole", "linear along it", "bent", "s-shaped")  # by the degree of their polynomial

@@ -21,7 +21,7 @@ from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival
 from idic.diagnose.selection.rivals import edits_of
-from idic.model.free_course import without_knot
+from idic.model import without_knot
 
 MIN_LEFT_Z = 3.0  # standard deviations of what a refit leaves in motions or channels
 

@@ -31,7 +31,7 @@ from idic.diagnose.selection.few_jumps import with_few_jumps
 from idic.diagnose.selection.own_course import has_own_course, with_own_course
 from idic.diagnose.selection.own_scale import with_own_scale
 from idic.diagnose.selection.rival import MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round
-from idic.model.free_course import jump_frame
+from idic.model import jump_frame
 
 MAX_EXCHANGES = 2  # rivals that are tried in the place of one cause
 MIN_EXCHANGE_SHARE = 0.3  # of the winner's drop of chi-square: a rival that may overtake it in the company of others

@@ -29,8 +29,8 @@ from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.selection.finite_strains import finite
 from idic.diagnose.selection.rival import Rival, Round, judge, noise_of_evidence
 from idic.diagnose.selection.rivals import FIRST_ORDER_ERROR_SHARE, edits_of
-from idic.identify.step.state import ORDINARY
-from idic.model.motion_error import MotionError
+from idic.identification import ORDINARY
+from idic.model import MotionError
 
 MAX_RIVALS = 2  # that are compared again
 # of the winner's evidence, in chi-square: what a rival may have lacked before; bricks are counted from 25 on, and may

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from idic.correlation.context import FrameResponse
+from idic.correlation import FrameResponse
 from idic.diagnose.channel_left import smallest_reading
 from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
@@ -34,7 +34,7 @@ from idic.diagnose.screen.free_courses import with_free_courses
 from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.misregistration import reason_to_wait
 from idic.diagnose.screen.score_columns import ScoreColumn, score_columns
-from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, screen
+from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, screen_candidates
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.block_step import judged_by_step
 from idic.diagnose.selection.both_copies import judged_on_both, undecided
@@ -49,8 +49,8 @@ from idic.diagnose.selection.rival import Rival, Round, causes_of, judge
 from idic.diagnose.selection.rivals import edits_of, from_other_starts, refitted
 from idic.diagnose.selection.rivals_again import foreseen, judged_again, near_rivals
 from idic.errors import NotConverged
-from idic.identify.in_memory import Identification
-from idic.model.motion_error import MotionError
+from idic.identification import Identification
+from idic.model import MotionError
 
 MAX_ROUNDS = 3
 YIELD_STATES = ("plastic_strain",)
@@ -389,7 +389,7 @@ def screened(source: ExperimentSource, null: Refit, library: Sequence[Candidate]
     watch(residual, labels, columns)
     error = source.motion_error
     blurs = subpixel_columns(residual) if any(variant.pixels is not None for _, variant in trials) else None
-    made = screen(residual.evidence, residual.null, labels, columns, room=null.choice.room,
+    made = screen_candidates(residual.evidence, residual.null, labels, columns, room=null.choice.room,
                   mesh=None if error is None else error_column(residual, error.of_mesh),
                   known=None if blurs is None else (blurs, RELATIVE_STD),
                   materials=[material.element_set for material in found.experiment.materials], margin=margin,

@@ -15,14 +15,11 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.initial.open_edges import open_edges, open_rectangle
-from idic.images.quality.field_noise import MIN_POINTS, MIN_STAGES
-from idic.readers.fields.chosen_stages import StageRule, mean_strain, strain_path
-from idic.readers.fields.outline import outline_of
-from idic.readers.fields.outline_width import notched_axis
-from idic.readers.fields.series import SUFFIXES, FieldSeries, MeasuredPoints, detected, measured_points, open_fields
-from idic.readers.logs import Log, read_log
-from idic.readers.paths import patterns_of
-from idic.readers.units import parse_unit
+from idic.images import MIN_POINTS, MIN_STAGES
+from idic.readers import (
+    FieldSeries, Log, MeasuredPoints, SUFFIXES, StageRule, detected, mean_strain, measured_points, notched_axis,
+    open_fields, outline_of, parse_unit, patterns_of, read_log, strain_path,
+)
 
 _MESH_SUFFIXES = (".inp", ".msh", ".bdf", ".med")  # .vtu and .vtk may hold fields
 _ELEMENTS_ACROSS = 6  # of the shorter side; three points or more each

@@ -11,13 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Mesh
-from idic.fe.mesh.outline import is_circle
-from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, image_entries, open_stack
-from idic.readers.logs import Log, read_log
-from idic.readers.meshes import mesh_suffixes, read_mesh_file
-from idic.readers.paths import natural_key, patterns_of, recorded_order
-from idic.readers.raw_mesh import DIMENSION, to_mesh
+from idic.fe import Mesh, is_circle
+from idic.readers import (
+    DIMENSION, Log, PNG_SUFFIXES, TIFF_SUFFIXES, image_entries, mesh_suffixes, natural_key, open_stack, patterns_of,
+    read_log, read_mesh_file, recorded_order, to_mesh,
+)
 
 _NO_MESHES = (".dat", ".svg", ".wkt", ".xml")  # formats of meshio whose suffix usually means something else
 _MASK = re.compile(r"mask|(?<![a-z])roi(?![a-z])", re.IGNORECASE)  # microimage_001.tif is an image

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from idic.fe.mesh.edge_morph import EDGE_STD_SHARE, OUTLINE
-from idic.readers.fields.outline import PointOutline, sides
+from idic.fe import EDGE_STD_SHARE, OUTLINE
+from idic.readers import PointOutline, sides
 
 
 def open_edges(found: PointOutline, pitch: float, ends: Sequence[str]) -> str:

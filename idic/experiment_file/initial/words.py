@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from idic.experiment_file.initial.found import Found
-from idic.fe.mesh.outline import segments_of
-from idic.readers.units import parse_unit
+from idic.fe import segments_of
+from idic.readers import parse_unit
 
 MAX_ASPECT_DIFFERENCE = 0.05  # of mesh and speckled area: with more, one of them shows another part of the specimen
 FILL_IN = "FILL IN"

@@ -3,7 +3,7 @@
     hardening = [{ kind = "voce", Q = 80.0, b = { value = 15.0, identify = true } }, { kind = "linear", H = 500.0 }]
 
 becomes ``law = "elastoplastic(voce+linear)"`` with hardening_1_Q, hardening_1_b and hardening_2_H, which is a form that
-experiment.toml may have too. `idic.materials.composed` has the terms and their equations. Free curves:
+experiment.toml may have too. `idic.laws.composed` has the terms and their equations. Free curves:
 ``free_curves.py``, free yield surfaces: ``free_surface.py``. A factor of the temperature,
 
     temperature = [{ of = "yield_stress", kind = "linear", slope = { value = -1e-3, unit = "1/K", identify = true } }]
@@ -23,13 +23,11 @@ from idic.experiment_file.laws.free_curves import free_hardening, free_rubber
 from idic.experiment_file.laws.free_surface import KIND as FREE_SURFACE
 from idic.experiment_file.laws.free_surface import free_surface
 from idic.experiment_file.laws.spectrum import free_relaxation
-from idic.materials.composed.elastoplastic import NAME as COMPOSED
-from idic.materials.composed.elastoplastic import composed_name
-from idic.materials.composed.free_rubber import NAME as RUBBER
-from idic.materials.composed.terms import GROUPS, LISTS, TIMES, kinds_of, term_of
-from idic.materials.core.law import get_law
-from idic.materials.rate.free_relaxation import NAME as RELAXATION
-from idic.model.experiment import Material
+from idic.laws import (
+    ELASTOPLASTIC as COMPOSED, FREE_RELAXATION as RELAXATION, FREE_RUBBER as RUBBER, GROUPS, LISTS, PRODUCT_SIGN,
+    composed_name, get_law, kinds_of, term_of,
+)
+from idic.model import Material
 from idic.parameters import Parameter
 
 TURNED_SHARE = 0.02  # of the range of a course: less is noise of the log
@@ -112,7 +110,7 @@ def _factor(kind: str, entry: Mapping, file: str, key: str) -> tuple[str, dict]:
                          expected='of = "flow_stress", or a list of parameters',
                          found="no such key" if of is None else repr(of)[:80],
                          remedy='write e.g.  of = "yield_stress"')
-    return TIMES.join([kind, *names]), {name: value for name, value in entry.items() if name != "of"}
+    return PRODUCT_SIGN.join([kind, *names]), {name: value for name, value in entry.items() if name != "of"}
 
 
 def course_notes(materials: Sequence[Material], parameters: Sequence[Parameter],

@@ -25,16 +25,14 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema_materials import MaterialTable, SmoothnessTable
-from idic.materials.composed.free_curve import knots, level_names
-from idic.materials.composed.free_rubber import INVARIANTS, NAME, knots_of_rubber
-from idic.materials.composed.free_rubber import level_names as rubber_levels
-from idic.materials.composed.smoothness import OVER, ROOT, STRAIN, Smoothness, bends, rise
-from idic.materials.composed.terms import DEFAULT_KNOTS, KNOTS, ring_knots_of, surface_weights
-from idic.materials.plasticity.free_locus import RINGS, prior_rows
-from idic.materials.rate.free_relaxation import times_of, weight_names
-from idic.model.experiment import Experiment, Material
+from idic.laws import (
+    DEFAULT_KNOTS, FREE_RUBBER, INVARIANTS, KNOTS, OVER, RINGS, ROOT, STRAIN, Smoothness, bends, knots,
+    knots_of_rubber, level_names, prior_rows, ring_knots_of, rise, rubber_level_names as rubber_levels,
+    surface_weights, times_of, weight_names,
+)
+from idic.model import Experiment, Material
 from idic.parameters import Parameter, SmoothnessPrior
-from idic.readers.units import factor_between
+from idic.readers import factor_between
 
 BY_EVIDENCE = "evidence"  # in the place of a number of knots
 SURFACE, SPECTRUM = "yield_surface", "spectrum"  # keys of the smoothness of a free yield surface, a spectrum
@@ -111,7 +109,7 @@ def free_rubber(table: Mapping, file: str, key: str) -> dict:
         flat |= {name: entry.get(short, {"value": float(first), "unit": "MPa", "identify": True})
                  for short, name in own.items()}
     made = {k: v for k, v in table.items() if k not in INVARIANTS}
-    made |= {"law": f"{NAME}({'+'.join(map(str, counts))})"} | flat
+    made |= {"law": f"{FREE_RUBBER}({'+'.join(map(str, counts))})"} | flat
     return made | ({"smoothness": stated} if stated else {})
 
 

@@ -14,8 +14,7 @@ from collections.abc import Mapping
 
 from idic.errors import InputError
 from idic.experiment_file.laws.free_curves import BY_EVIDENCE, is_number
-from idic.materials.composed.terms import DEFAULT_RING
-from idic.materials.plasticity.free_locus import KNOTS, RINGS
+from idic.laws import DEFAULT_RING, RINGS, RING_KNOTS
 
 KIND = "free_surface"
 SPREAD = 0.9  # of every weight
@@ -32,10 +31,11 @@ def free_surface(entry: Mapping, file: str, key: str) -> tuple[str, dict, dict]:
     """
     n = entry.get("knots", DEFAULT_RING)
     stated: dict[str, object] = {"by_evidence": True} if n == BY_EVIDENCE else {}
-    n = KNOTS[1] if stated else n
-    if not isinstance(n, int) or isinstance(n, bool) or not KNOTS[0] <= n <= KNOTS[1]:
+    n = RING_KNOTS[1] if stated else n
+    if not isinstance(n, int) or isinstance(n, bool) or not RING_KNOTS[0] <= n <= RING_KNOTS[1]:
         raise InputError("a free yield surface needs its number of knots on a ring", file=file, key=f"{key}.knots",
-                         expected=f'a whole number, {KNOTS[0]} to {KNOTS[1]}, or "{BY_EVIDENCE}"', found=repr(n)[:80],
+                         expected=f'a whole number, {RING_KNOTS[0]} to {RING_KNOTS[1]}, or "{BY_EVIDENCE}"',
+                         found=repr(n)[:80],
                          remedy=f"{DEFAULT_RING} suit most sheets; the smoothness prior decides where the test shows "
                                 "nothing")
     smoothness = entry.get("smoothness")

@@ -6,12 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.fe.external.solver import EXTERNAL
-from idic.fe.mesh import element
-from idic.fe.mesh.mesh import Mesh
-from idic.materials.core.crack_band import element_sizes
-from idic.materials.core.law import get_law
-from idic.model.experiment import Material
+from idic.fe import EXTERNAL, Mesh, quadrature_rule, shape_gradients
+from idic.laws import element_sizes, get_law
+from idic.model import Material
 from idic.parameters import Parameter
 
 
@@ -45,8 +42,8 @@ def sizes_of(mesh: Mesh, elements: np.ndarray) -> np.ndarray:
     """Sizes of elements as softening laws see them  # (n,) global indices -> (n,) mm"""
     found = np.zeros(mesh.n_elements)
     for block in mesh.blocks:
-        xi, w = element.quadrature(block.cell, None)
-        jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], element.gradient(block.cell, xi))
+        xi, w = quadrature_rule(block.cell, None)
+        jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], shape_gradients(block.cell, xi))
         volumes = (np.linalg.det(jac) * w).sum(axis=1)
         found[block.first:block.first + block.n_elements] = element_sizes(block.cell, volumes, mesh.n_dim)
     return found[elements]

@@ -15,8 +15,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.laws.free_curves import BY_EVIDENCE, is_number, stated_smoothness
-from idic.materials.rate.free_relaxation import DEFAULT_SHARE, DEFAULT_TIMES, NAME, TIMES, times_of, weight_names
-from idic.model.experiment import Material
+from idic.laws import DEFAULT_SHARE, DEFAULT_TIMES, FREE_RELAXATION, TIMES, times_of, weight_names
+from idic.model import Material
 from idic.parameters import Parameter
 
 KEY = "spectrum"
@@ -65,7 +65,7 @@ def free_relaxation(table: Mapping, file: str, key: str) -> dict:
         raise InputError("the weights of a spectrum leave a stiffness", file=file, key=f"{place}.share",
                          expected="their sum at the start, 0 or more and below 1", found=repr(share)[:80],
                          remedy=f"write  share = {DEFAULT_SHARE}")
-    flat = {"law": f"{NAME}({n})", **{name: entry[name] for name in ENDS}}
+    flat = {"law": f"{FREE_RELAXATION}({n})", **{name: entry[name] for name in ENDS}}
     flat |= {name: entry.get(name, {"value": share / n, "identify": True}) for name in own}
     stated = stated_smoothness(entry, file, place) | ({"by_evidence": True} if chosen else {})
     made = {name: value for name, value in table.items() if name != KEY} | flat

@@ -12,10 +12,9 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.measured_fields.stages import side_seen
 from idic.experiment_file.schema import ExperimentFile
-from idic.images.quality.field_noise import FieldNoise, field_noise
-from idic.model.experiment import CorrelatedNoise, Depth, FieldPoints, Noise
-from idic.readers.fields.plane import largest_change
-from idic.readers.fields.series import UM_PER_MM, FieldStack, MeasuredPoints
+from idic.images import FieldNoise, field_noise
+from idic.model import CorrelatedNoise, Depth, FieldPoints, Noise
+from idic.readers import FieldStack, MeasuredPoints, UM_PER_MM, largest_change
 
 
 def depth_of(config: ExperimentFile, points: MeasuredPoints, free_rigid: bool) -> Depth | None:

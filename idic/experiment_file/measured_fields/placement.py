@@ -13,12 +13,10 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
-from idic.fe.mesh.mesh import Mesh, surface_cells
-from idic.images.camera import Camera
-from idic.model.experiment import Depth, FieldPoints
-from idic.readers.fields.outline import MIN_HOLE, loops_of
-from idic.readers.fields.placement import Edges, Placement, fitted_placement
-from idic.readers.fields.series import MeasuredPoints
+from idic.fe import Mesh, surface_cells
+from idic.images import Camera
+from idic.model import Depth, FieldPoints
+from idic.readers import Edges, MIN_HOLE, MeasuredPoints, Placement, fitted_placement, loops_of
 
 
 def grid_of(points: MeasuredPoints, subset_mm: float = 0.0, free_rigid: bool = False,

@@ -9,13 +9,11 @@ import numpy as np
 
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_experiment import ExperimentTable, StagesTable
-from idic.model.experiment import FieldPoints
-from idic.readers.fields.bending import ALLOWED_SHARE, largest_bending
-from idic.readers.fields.chosen_stages import StageRule, chosen_stages
-from idic.readers.fields.flattened import Flattening
-from idic.readers.fields.plane import out_of_plane
-from idic.readers.fields.series import FieldSeries, FieldStack, measured_points, open_fields
-from idic.readers.paths import matching_files
+from idic.model import FieldPoints
+from idic.readers import (
+    ALLOWED_SHARE, FieldSeries, FieldStack, Flattening, StageRule, chosen_stages, largest_bending, matching_files,
+    measured_points, open_fields, out_of_plane,
+)
 
 MIN_TOLD_BENDING = 0.005  # of the mean strain
 MIN_TOLD_CURVATURE_STRAIN = 2e-5  # of a surface by bending, half a thickness away from the middle

@@ -14,8 +14,7 @@ import numpy as np
 import scipy
 
 from idic.errors import InputError
-from idic.images.pinhole import PinholeCamera, rotation_of
-from idic.images.placed_camera import PlacedCamera
+from idic.images import PinholeCamera, PlacedCamera, rotation_of
 
 MAX_CLICK_ERROR_PX = 5.0   # rms: more is another point, another image, or left and right swapped
 NOTED_CLICK_ERROR_PX = 1.0

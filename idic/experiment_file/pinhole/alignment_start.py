@@ -12,7 +12,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.pinhole.alignment import MIN_SPREAD, Clicks, aligned
-from idic.images.pinhole import rotation_of
+from idic.images import rotation_of
 
 ROUGH_PX = 60.0                          # rms of the pixels of the file
 TILTS_DEG = np.arange(-40.0, 41.0, 5.0)  # about a line of points

@@ -13,14 +13,10 @@ from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_cameras import CameraTable
 from idic.experiment_file.pinhole.alignment import Clicks, aligned
-from idic.fe.mesh.mesh import Mesh
-from idic.images.pinhole import INTRINSIC, PinholeCamera
-from idic.images.pinhole import PARAMETERS as LENS_PARAMETERS
-from idic.images.placed_camera import PlacedCamera
+from idic.fe import Mesh
+from idic.images import INTRINSIC_PARAMETERS, PINHOLE_PARAMETERS as LENS_PARAMETERS, PinholeCamera, PlacedCamera
 from idic.parameters import JointPrior, Parameter
-from idic.readers.calibration.read import read_calibration
-from idic.readers.calibration.rig import CameraRig, Conventions
-from idic.readers.paths import existing_file
+from idic.readers import CameraRig, Conventions, existing_file, read_calibration
 
 PINHOLE = "pinhole"
 
@@ -148,7 +144,7 @@ class _Reader:
         if table.model != PINHOLE:
             return None
         values = {}
-        for name in INTRINSIC:
+        for name in INTRINSIC_PARAMETERS:
             key = name if name[0] in "kp" else f"{name}_px"
             if key in table.model_fields_set and getattr(table, key) is not None:
                 values[name] = float(getattr(table, key))
@@ -205,7 +201,7 @@ class _Reader:
                 if int(number) not in stems or parameter not in LENS_PARAMETERS or not rig.covariance[k, k] > 0.0:
                     continue  # not of these cameras, or held
                 table, camera = stems[int(number)]
-                if camera is None or (table.rotation is not None and parameter not in INTRINSIC):
+                if camera is None or (table.rotation is not None and parameter not in INTRINSIC_PARAMETERS):
                     continue  # a pose of its own
                 own.append(k)
                 names.append(f"{table.name}.{parameter}")

@@ -12,19 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.pinhole.agreement import COARSE_PX, Seen, speckle_agreement
-from idic.correlation.pinhole.view import nodal_normals
-from idic.correlation.placing.contours import Contour, edge_contour, hole_contour
-from idic.correlation.placing.observations import Evidence, Marked, Rim
-from idic.correlation.placing.pose import Pose, fitted_pose, reselected
-from idic.correlation.placing.surface_points import SurfacePoints, surface_points
+from idic.correlation import (
+    COARSE_PX, Contour, Evidence, Marked, Pose, Rim, Seen, SurfacePoints, edge_contour, fitted_pose, hole_contour,
+    nodal_normals, reselected, speckle_agreement, surface_points,
+)
 from idic.errors import InputError
 from idic.experiment_file.pinhole.alignment import Clicks
 from idic.experiment_file.pinhole.alignment_start import starts
 from idic.experiment_file.schema_cameras import AlignmentTable
-from idic.fe.mesh.mesh import Mesh, surface_cells
-from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
-from idic.images.rigid_motion import RIGID
+from idic.fe import Mesh, surface_cells
+from idic.images import PLACEMENT_STEM, PlacedCamera, RIGID
 from idic.parameters import JointPrior
 
 SEARCHES_PX = (40.0, 8.0, 4.0)  # how far the place may be off in the second image, one after the other

@@ -7,14 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.pinhole.agreement import COARSE_PX, Seen, agreements, speckle_agreement
-from idic.correlation.pinhole.texture import MIN_CORRELATION
+from idic.correlation import COARSE_PX, MIN_CORRELATION, Seen, agreements, speckle_agreement
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
-from idic.fe.mesh.mesh import Mesh
-from idic.images.placed_camera import PlacedCamera
-from idic.images.stack import Stack
-from idic.model.experiment import FurtherCamera
+from idic.fe import Mesh
+from idic.images import PlacedCamera, Stack
+from idic.model import FurtherCamera
 
 CLEAR, MIN_GAIN = 0.9, 0.1  # correlation of the speckles: right beyond doubt; gain by exchanging left and right
 GOOD = 0.8

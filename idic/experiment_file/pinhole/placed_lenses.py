@@ -11,10 +11,9 @@ from idic.errors import InputError
 from idic.experiment_file.pinhole.lenses import Lenses, camera_tables, check_image
 from idic.experiment_file.pinhole.measured_alignment import Eye, placed_by_images
 from idic.experiment_file.schema import ExperimentFile
-from idic.fe.mesh.mesh import Mesh
-from idic.images.stack import Stack
-from idic.readers.images import open_stack
-from idic.readers.paths import matching_files
+from idic.fe import Mesh
+from idic.images import Stack
+from idic.readers import matching_files, open_stack
 
 
 def placed_lenses(lens: Lenses, config: ExperimentFile, mesh: Mesh, stack: Stack, reference: int, folder: Path,

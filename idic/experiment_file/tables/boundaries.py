@@ -14,12 +14,11 @@ from idic.experiment_file.tables.corrections import (
     Place, corrections, counted_in_frames, free_course, of_what, times_or_frames,
 )
 from idic.experiment_file.tables.mesh_sets import with_edge_set, with_node_set
-from idic.fe.mesh.mesh import Mesh
-from idic.model.corrections import corrections_of
-from idic.model.experiment import (Channel, Column, Constant, Controlled, Drive, Load, Measured, Parametrised,
-                                   Prescribed)
-from idic.readers.logs import MatchedLog
-from idic.readers.units import column_factor, factor_between
+from idic.fe import Mesh
+from idic.model import (
+    Channel, Column, Constant, Controlled, Drive, Load, Measured, Parametrised, Prescribed, corrections_of,
+)
+from idic.readers import MatchedLog, column_factor, factor_between
 
 _CHANNEL_UNITS = {"reaction": "N", "displacement": "", "pressure": "MPa"}  # displacement: the unit of length
 _MAX_READING_AT_REST_STD = 4.0  # standard deviations of the noise; a larger reading at the reference is subtracted

@@ -12,11 +12,11 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema_cameras import CameraTable
-from idic.images.camera_motion import COLUMN, MAGNIFICATION, ROW, TURN, CameraMotion
-from idic.images.placed_camera import PLACEMENT_STEM, AnyCamera, PlacedCamera
-from idic.images.rigid_motion import RIGID, RIGID_UNITS, RigidMotion
-from idic.model.experiment import FurtherCamera
-from idic.model.free_course import hats, knot_frames, knot_name
+from idic.images import (
+    AnyCamera, COLUMN, CameraMotion, MAGNIFICATION, PLACEMENT_STEM, PlacedCamera, RIGID, RIGID_UNITS, ROW, RigidMotion,
+    TURN,
+)
+from idic.model import FurtherCamera, hats, knot_frames, knot_name
 from idic.parameters import Parameter
 
 DRIFT, LOAD = "magnification_drift", "magnification_load"

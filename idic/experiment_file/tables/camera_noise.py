@@ -11,13 +11,11 @@ from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_regio
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_cameras import NoiseModelTable
 from idic.experiment_file.tables.images_at_rest import check_exposures
-from idic.fe.mesh.mesh import Mesh
-from idic.images.camera import Camera
-from idic.images.quality.drift import drift_note
-from idic.images.quality.noise import NoiseModel, still_noise, still_noise_model
-from idic.images.quality.stabilise import StabilisedStack, Stabiliser
-from idic.images.stack import Stack
-from idic.model.experiment import Experiment, Noise
+from idic.fe import Mesh
+from idic.images import (
+    Camera, NoiseModel, StabilisedStack, Stabiliser, Stack, drift_note, still_noise, still_noise_model,
+)
+from idic.model import Experiment, Noise
 
 UNIFORM, BY_GREY_LEVEL = "uniform", "grey_level"
 MIN_REPORTED_NOISE_RATIO = 1.3  # noise of bright over that of dark pixels (95 % and 5 % of the grey values)

@@ -9,11 +9,11 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema_boundary import CorrectionTable
-from idic.fe.mesh.mesh import Mesh
-from idic.model.corrections import along_the_motion, end_sign, reach, slip_course
-from idic.model.experiment import Column, Constant, Correction
-from idic.model.free_course import KNOTS, hats, knot_frames
-from idic.readers.units import column_factor
+from idic.fe import Mesh
+from idic.model import (
+    Column, Constant, Correction, KNOTS, along_the_motion, end_sign, hats, knot_frames, reach, slip_course,
+)
+from idic.readers import column_factor
 
 
 @dataclass(frozen=True)

@@ -15,19 +15,15 @@ from idic.experiment_file.schema_materials import DofTable, MaterialTable, Param
 from idic.experiment_file.tables.camera_motion import motion_parameters
 from idic.experiment_file.pinhole.dofs import lens_dofs, placement_dofs
 from idic.experiment_file.tables.solver import foreign_material
-from idic.fe.external.solver import EXTERNAL
-from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
-from idic.images.placed_camera import AnyCamera, PlacedCamera
-from idic.materials import LawParameter, LawSpec
-from idic.materials.core.law import EXPANSION, law_for
-from idic.materials.core.temperature import KELVIN
-from idic.model.drives import boundary_parameters
-from idic.model.experiment import Channel, Column, FurtherCamera, Load, Material, Prescribed
-from idic.model.free_course import knot_name
-from idic.model.load_train import way_of
-from idic.model.loads import load_parameters
+from idic.fe import EXTERNAL
+from idic.images import AnyCamera, CAMERA_PARAMETERS, PlacedCamera
+from idic.laws import EXPANSION, KELVIN, LawParameter, LawSpec, law_for
+from idic.model import (
+    Channel, Column, FurtherCamera, Load, Material, Prescribed, boundary_parameters, knot_name, load_parameters,
+    way_of,
+)
 from idic.parameters import Parameter
-from idic.readers.units import factor_between, parse_unit
+from idic.readers import factor_between, parse_unit
 
 CAMERA_MAX_STEP = 3.5  # units of a camera's scales: 10 px at the corner of the image
 

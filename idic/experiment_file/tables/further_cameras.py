@@ -17,12 +17,10 @@ from idic.experiment_file.tables.images_at_rest import check_depth, check_exposu
 from idic.experiment_file.tables.lengths import Lengths, further_camera
 from idic.experiment_file.tables.mesh_sets import with_edge_set
 from idic.experiment_file.pinhole.lenses import Lenses, calibration_files, check_image
-from idic.fe.mesh.mesh import Mesh
-from idic.images.placed_camera import PlacedCamera
-from idic.images.quality.noise import still_noise
-from idic.model.experiment import FurtherCamera, Noise
-from idic.readers.images import FileStack, open_stack, read_image
-from idic.readers.paths import existing_file, matching_files
+from idic.fe import Mesh
+from idic.images import PlacedCamera, still_noise
+from idic.model import FurtherCamera, Noise
+from idic.readers import FileStack, existing_file, matching_files, open_stack, read_image
 
 
 def with_surfaces(mesh: Mesh, config: ExperimentFile, file) -> Mesh:

@@ -9,10 +9,9 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
-from idic.fe.mesh.locate import interpolation
-from idic.fe.mesh.mesh import Mesh, surface_cells
-from idic.images.camera import Camera
-from idic.model.gauges import KINDS, Gauge
+from idic.fe import Mesh, interpolation, surface_cells
+from idic.images import Camera
+from idic.model import Gauge, KINDS
 
 _ENDS = {"probe": ("at",), "extensometer": ("from", "to"), "line": ("from", "to"), "circle": ("centre",)}
 

@@ -11,9 +11,10 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
-from idic.fe.mesh.edge_morph import OUTLINE, edges_by_name, free_edges, outward_velocity
-from idic.fe.mesh.mesh import Mesh
-from idic.fe.mesh.morph import Hole, Morph, admissible, find_holes, on_circle, velocities
+from idic.fe import (
+    Hole, Mesh, Morph, OUTLINE, admissible, edges_by_name, find_holes, free_edges, on_circle, outward_velocity,
+    velocities,
+)
 from idic.parameters import Parameter
 
 _NAME = re.compile(r"geometry\.hole_(x|y|radius)(?:\[(\d+)\])?")

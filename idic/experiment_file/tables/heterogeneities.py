@@ -9,11 +9,10 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_materials import HeterogeneityTable, ParameterTable
-from idic.fe.mesh.mesh import Mesh
-from idic.model.experiment import Heterogeneity
-from idic.model.heterogeneity import nodes_of
+from idic.fe import Mesh
+from idic.model import Heterogeneity, nodes_of
 from idic.parameters import Parameter
-from idic.readers.units import factor_between
+from idic.readers import factor_between
 
 VOID_STIFFNESS_RATIO = 1e-3  # stiffness of a void: small, and still solvable
 GRADIENT_BOUNDS = (-0.95, 0.95)  # the stiffness stays positive along one axis

@@ -10,9 +10,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
-from idic.images.quality.drift import MIN_TOLD_SHIFT_PX, shifts
-from idic.images.stack import Stack
-from idic.model.experiment import Experiment
+from idic.images import MIN_TOLD_SHIFT_PX, Stack, shifts
+from idic.model import Experiment
 
 MIN_CONTRAST_SHARE = 0.1  # of the largest among them: less is a closed shutter, or a specimen out of view
 MAX_CHANGE_SHARE = 0.5  # of the contrast: a difference that large is a motion of speckles, beyond any measured shift

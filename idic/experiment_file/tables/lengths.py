@@ -9,9 +9,8 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_cameras import FurtherCameraTable
-from idic.images.camera import Camera
-from idic.images.placed_camera import AnyCamera, PlacedCamera
-from idic.readers.units import factor_between
+from idic.images import AnyCamera, Camera, PlacedCamera
+from idic.readers import factor_between
 
 
 @dataclass(frozen=True)

@@ -13,15 +13,12 @@ from idic.experiment_file.measured_fields.placement import grid_of
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_experiment import MeshTable
 from idic.experiment_file.tables.lengths import Lengths
-from idic.fe.mesh.edge_morph import OUTLINE
-from idic.fe.mesh.mesh import Mesh
-from idic.images.camera import Camera
-from idic.images.stack import Stack
-from idic.readers.fields.outline import PointOutline, outline_of, sides, sides_of_any
-from idic.readers.fields.outline_width import narrowest, width_error
-from idic.readers.fields.series import FieldStack, MeasuredPoints
-from idic.readers.outline_mesh import Drawing, from_image
-from idic.readers.roi_mesh import roi_mesh
+from idic.fe import Mesh, OUTLINE
+from idic.images import Camera, Stack
+from idic.readers import (
+    Drawing, FieldStack, MeasuredPoints, PointOutline, from_image, narrowest, outline_of, roi_mesh, sides,
+    sides_of_any, width_error,
+)
 
 KEY = "experiment.mesh"
 NEIGHBOURS_PER_ELEMENT = 3.0  # side of an element of a mesh around the points, where none is given

@@ -10,8 +10,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.schema_boundary import SetTable
-from idic.fe.mesh.mesh import Mesh, boundary_edges, boundary_faces, face_set_nodes
-from idic.readers.position_sets import where
+from idic.fe import Mesh, boundary_edges, boundary_faces, face_set_nodes
+from idic.readers import where
 
 
 def with_sets(mesh: Mesh, tables: Mapping[str, SetTable], factor: float, file) -> Mesh:

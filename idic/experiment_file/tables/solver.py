@@ -10,14 +10,12 @@ from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_materials import MaterialTable
 from idic.experiment_file.schema_options import SolverTable
-from idic.fe.external.deck import parse_deck
-from idic.fe.external.inp_writer import ABAQUS_TYPES
-from idic.fe.external.process import LOG_FILE, check_environment, find_program
-from idic.fe.external.solver import EXTERNAL, REASON_FILE, ExternalSetup
-from idic.model.experiment import Material
+from idic.fe import (
+    ABAQUS_TYPES, EXTERNAL, ExternalSetup, LOG_FILE, REASON_FILE, check_environment, find_program, parse_deck,
+)
+from idic.model import Material
 from idic.parameters import Parameter
-from idic.readers.paths import existing_file
-from idic.readers.units import factor_between, parse_unit
+from idic.readers import existing_file, factor_between, parse_unit
 
 SUFFIX = ".template"
 EXTERNAL_PERTURBATION = 1e-3  # files hold 5 to 7 digits and iterations stop early: a difference of 1e-4 is too small

@@ -16,25 +16,19 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.pixels.projection import NodalField, onto_nodes
+from idic.correlation import NodalField, onto_nodes
 from idic.errors import InputError
 from idic.experiment_file.schema import ExperimentFile
 from idic.experiment_file.schema_boundary import TemperatureTable
 from idic.experiment_file.tables.boundaries import Context, logged
 from idic.experiment_file.tables.lengths import Lengths, maps_a_plane
-from idic.fe.conduction import conducted, unreached
-from idic.fe.mesh.mesh import Mesh, surface_cells
-from idic.images.camera import Camera
-from idic.materials.core.law import EXPANSION
+from idic.fe import Mesh, conducted, surface_cells, unreached
+from idic.images import Camera
+from idic.laws import EXPANSION, KELVIN, REFERENCE
 from idic.experiment_file.tables.corrections import free_course
-from idic.materials.core.temperature import KELVIN
-from idic.model.free_course import KNOTS, TEMPERATURE, knot_name
-from idic.materials.composed.terms import REFERENCE
-from idic.model.experiment import Column, Constant, Prescribed, Temperature, TemperatureField
+from idic.model import Column, Constant, KNOTS, Prescribed, TEMPERATURE, Temperature, TemperatureField, knot_name
 from idic.parameters import Parameter
-from idic.readers.images import open_stack
-from idic.readers.paths import matching_files
-from idic.readers.units import factor_between
+from idic.readers import factor_between, matching_files, open_stack
 
 WARMTH_K = 100.0  # unit of a knot in the search, which leaves a direction that is worse determined than that
 WHOLE = "ALL"  # the whole mesh, unless it has a set of this name

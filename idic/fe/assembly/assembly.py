@@ -14,11 +14,9 @@ from idic.fe.assembly.variation import factor_of
 from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
 from idic.fe.solver.known_pattern import known_pattern
 from idic.fe.solver.linear import Pattern
-from idic.fe.mesh import element
+from idic.fe.mesh.element import quadrature_rule, shape_gradients
 from idic.fe.model import Model, Section, uses_mean_dilatation
-from idic.materials.core import points
-from idic.materials.core.crack_band import element_sizes
-from idic.materials.core.law import LawSpec
+from idic.laws import CompiledLaw, LawSpec, element_sizes
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class Group:
     """
 
     section: int
-    law: points.CompiledLaw
+    law: CompiledLaw
     cell: str
     elements: np.ndarray
     connectivity: np.ndarray
@@ -116,9 +114,9 @@ def _dofs(connectivity, d):
 
 def _group(model: Model, pattern: Pattern, index: int, section: Section, cell: str, elements, connectivity, dofs):
     connectivity = np.ascontiguousarray(connectivity, dtype=np.int64)
-    xi, w = element.quadrature(cell, model.quadrature.get(cell))
-    jac = np.einsum("eak,qai->eqki", model.mesh.nodes[connectivity], element.gradient(cell, xi))  # dX_k/dxi_i
-    grads = np.einsum("qai,eqik->eqak", element.gradient(cell, xi), np.linalg.inv(jac))
+    xi, w = quadrature_rule(cell, model.quadrature.get(cell))
+    jac = np.einsum("eak,qai->eqki", model.mesh.nodes[connectivity], shape_gradients(cell, xi))  # dX_k/dxi_i
+    grads = np.einsum("qai,eqik->eqak", shape_gradients(cell, xi), np.linalg.inv(jac))
     depth = model.thickness if model.mesh.n_dim == 2 else 1.0
     volumes = np.linalg.det(jac) * w
     weights = (volumes * depth).ravel()
@@ -143,8 +141,8 @@ def weight_factor(model: Model, section: int, cell: str, connectivity: np.ndarra
     """Factor of the model's variations on the weights of a group's points, None without any  # (n_points,)"""
     if not model.variations:
         return None
-    points = expansion.at_points(model, cell, connectivity, weights, mean_dilatation, model.mesh.nodes)
-    return factor_of(model.variations, model.sections[section].name, points)
+    places = expansion.at_points(model, cell, connectivity, weights, mean_dilatation, model.mesh.nodes)
+    return factor_of(model.variations, model.sections[section].name, places)
 
 
 # evaluation ---------------------------------------------------------------------------------------
@@ -193,7 +191,7 @@ class Evaluation:
         return self.internal - self.external
 
 
-def evaluate(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, states, dt: float, drives: Drives,
+def evaluate_system(system: System, params: Mapping[str, np.ndarray], u: np.ndarray, states, dt: float, drives: Drives,
              guesses=None, stiffness: bool = True) -> Evaluation:
     """Stress, forces and (unless `stiffness` is False) element matrices at the displacement u (n_nodes, d).
 
@@ -328,8 +326,8 @@ def stress_variations(system: System, group: Group, directions) -> np.ndarray | 
         if direction.variation is not None:
             variation, name = model.variations[direction.variation[0]], direction.variation[1]
             if variation.section == model.sections[group.section].name:
-                points = points_of(system, group, model.mesh.nodes)
-                changes[:, k] = variation.slope(points, name) / variation.factor(points)
+                places = points_of(system, group, model.mesh.nodes)
+                changes[:, k] = variation.slope(places, name) / variation.factor(places)
     return changes if changes.any() else None
 
 

@@ -12,7 +12,7 @@ dimensions. Plane stress: the law finds its own F_m33; the state keeps the body'
 Source of the split: Lubarda, Appl. Mech. Rev. 57 (2004) 95, doi:10.1115/1.1591000.
 
 Every function takes ``e`` (n,), or None for a body without temperature: then it is the function of
-`idic.materials.core.points` and nothing else.
+`idic.laws.core.points` and nothing else.
 """
 
 from __future__ import annotations
@@ -22,18 +22,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from idic.fe.assembly import in_parts
-from idic.fe.mesh import element
+from idic.fe.mesh.element import quadrature_rule, shape_functions
 from idic.fe.model import Direction, Model
-from idic.materials.core import points
-from idic.materials.core.compilation import CompiledLaw
+from idic.laws import CompiledLaw, directional_stresses, point_stresses, point_tangents
 
 
 def stress(law: CompiledLaw, mode: int, F, e, state, params, dt: float, *, guess=None):
     """As `points.stress`; F (n, d, d), e (n,), guess (n,) the body's F33  # P, state_new, ok"""
     if e is None:
-        return points.stress(law, mode, F, state, params, dt, guess=guess)
+        return point_stresses(law, mode, F, state, params, dt, guess=guess)
     law_mode, Fm, guess = _seen(law, mode, F, e, state, guess)
-    P, state_new, ok = points.stress(law, law_mode, Fm, state, params, dt, guess=guess)
+    P, state_new, ok = point_stresses(law, law_mode, Fm, state, params, dt, guess=guess)
     return *_given_back(law, mode, P, state_new, e, F.shape[1]), ok
 
 
@@ -42,7 +41,7 @@ def tangent(law: CompiledLaw, mode: int, F, e, state, params, dt: float, *, gues
     if e is None:
         return in_parts.tangent(law, mode, F, state, params, dt, guess)
     law_mode, Fm, guess = _seen(law, mode, F, e, state, guess)
-    P, state_new, A, ok = points.tangent(law, law_mode, Fm, state, params, dt, guess=guess)
+    P, state_new, A, ok = point_tangents(law, law_mode, Fm, state, params, dt, guess=guess)
     n, d = F.shape[:2]
     if mode == 1:
         A = A.reshape(n, 3, 3, 3, 3)[:, :2, :2, :2, :2].reshape(n, 4, 4)
@@ -75,7 +74,7 @@ def directional(law: CompiledLaw, mode: int, F, e, P, state, params, dt: float, 
     dFm[:, :, :d, :d] = dF / s[:, None, None, None]
     if de is not None:
         dFm -= de[:, :, None, None] * (np.eye(Fm.shape[1]) if law.small else (Fm / s[:, None, None])[:, None])
-    dP, dstate_new, ok = points.directional(law, law_mode, Fm, state, params, dt, dFm, dstate, dparams,
+    dP, dstate_new, ok = directional_stresses(law, law_mode, Fm, state, params, dt, dFm, dstate, dparams,
                                             guess=law_guess)
     dP = np.ascontiguousarray(dP[:, :, :d, :d])
     if not law.small:
@@ -122,8 +121,8 @@ def at_points(model: Model, cell: str, connectivity, weights, mean: bool, nodal:
     -------
     (n_points, ...)
     """
-    xi, _ = element.quadrature(cell, model.quadrature.get(cell))
-    values = np.einsum("qa,ea...->eq...", element.shape(cell, xi), nodal[connectivity])
+    xi, _ = quadrature_rule(cell, model.quadrature.get(cell))
+    values = np.einsum("qa,ea...->eq...", shape_functions(cell, xi), nodal[connectivity])
     if mean:
         w = weights.reshape(values.shape[:2])
         average = np.einsum("eq,eq...->e...", w / w.sum(axis=1, keepdims=True), values)

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from idic.fe.solver.threads import pool_of_threads
-from idic.materials.core import points
+from idic.laws import directional_stresses, point_tangents
 
 MIN_POINTS = 20_000  # of a group that is worth threads
 
@@ -29,7 +29,7 @@ def tangent(law, mode: int, F, state, params, dt: float, guess=None):
     P, state_new, A = np.empty_like(F), np.empty_like(state), np.empty((n, d * d, d * d))
 
     def part(_, at):
-        return points.tangent(law, mode, F[at], state[at], _of(params, at), dt, guess=_of_guess(guess, at),
+        return point_tangents(law, mode, F[at], state[at], _of(params, at), dt, guess=_of_guess(guess, at),
                               out=(P[at], state_new[at], A[at]))[-1]
 
     return P, state_new, A, all(in_parts(n, n, part))
@@ -42,7 +42,7 @@ def directional(law, mode: int, F, state, params, dt: float, dF, dstate, dparams
 
     def part(_, at):
         changes = dparams[at] if dparams is not None and dparams.ndim == 3 and len(dparams) == n else dparams
-        return points.directional(law, mode, F[at], state[at], _of(params, at), dt, dF[at],
+        return directional_stresses(law, mode, F[at], state[at], _of(params, at), dt, dF[at],
                                   None if dstate is None else dstate[at], changes, guess=_of_guess(guess, at),
                                   out=(dP[at], dstate_new[at]))[-1]
 

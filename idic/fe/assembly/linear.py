@@ -14,8 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from idic.fe.assembly import kernels, kernels_solid
-from idic.materials.core import points
-from idic.materials.core.compilation import CompiledLaw
+from idic.laws import CompiledLaw, directional_stresses
 
 STRAIN = 2.0**-10  # of the unit changes: 1 + STRAIN and its difference to 1 are exact
 
@@ -94,7 +93,7 @@ class KeptResponse:
             F += STRAIN * np.eye(d * d).reshape(-1, d, d)
             dF = np.zeros((n, len(dparams), d, d))
         state = np.tile(law.initial_state(mode), (n, 1))
-        dP, dstate, ok = points.directional(law, mode, F, state, params, 0.0, dF, None, dparams)
+        dP, dstate, ok = directional_stresses(law, mode, F, state, params, 0.0, dF, None, dparams)
         return (dP, dstate) if ok else (None, None)
 
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from idic.fe.assembly import assembly
+from idic.fe.assembly.assembly import stretch_changes
 from idic.fe.assembly.assembly import System
 from idic.fe.equilibrium import Converged
 from idic.fe.assembly.point_means import add_carried_values, quotient
@@ -41,7 +41,7 @@ def influence_on_rise(system: System, params: Mapping[str, np.ndarray], start: C
                       du: np.ndarray) -> np.ndarray:
     """What motions at the end of an increment do to the rise at fixed history  # du (n_nodes, d, m) -> (n_nodes, m)"""
     model, dt = system.model, end.time - start.time
-    changes = [assembly.stretch_changes(system, k, g, params[model.sections[system.groups[k].section].name],
+    changes = [stretch_changes(system, k, g, params[model.sections[system.groups[k].section].name],
                                         start.states, dt, du) for k, g in enumerate(end.evaluation.groups)]
     return 0.5 * model.surface_side * model.thickness * _at_nodes(system, changes)
 

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from idic.fe.mesh import element
+from idic.fe.mesh.element import cell_type, n_face_corners, shape_gradients
 from idic.fe.mesh.mesh import Block, Mesh, boundary_faces, face_set_nodes
 
 _QUAD = (((0, 1), (3, 2)), ((1, 2), (0, 3)))
@@ -116,7 +116,7 @@ def _boundary_edges(mesh: Mesh) -> np.ndarray:
 
 
 def _corners(mesh: Mesh, face: np.ndarray) -> np.ndarray:
-    n = element.face_corners(mesh.block_of(int(face[0])).cell)
+    n = n_face_corners(mesh.block_of(int(face[0])).cell)
     return mesh.face_nodes(face)[:n]
 
 
@@ -167,9 +167,9 @@ class _Body:
         """Whether no element that is left is inverted, or flat in a corner."""
         for block in self.mesh.blocks:
             own = self.alive[block.first:block.first + block.n_elements]
-            cell = element.cell(LINEAR[block.cell])
+            cell = cell_type(LINEAR[block.cell])
             x = self.mesh.nodes[self.at[block.connectivity[own][:, :cell.n_nodes]]]
-            gradients = element.gradient(cell.name, cell.reference_nodes)
+            gradients = shape_gradients(cell.name, cell.reference_nodes)
             det = np.linalg.det(np.einsum("eai,qaj->eqij", x, gradients))
             if np.any(det.min(axis=1) < MIN_CORNER_JACOBIAN * det.max(axis=1)):
                 return False
@@ -181,7 +181,7 @@ class _Body:
         cells, labels = [], []
         for block in old.blocks:
             own = self.alive[block.first:block.first + block.n_elements]
-            corners = element.cell(LINEAR[block.cell]).n_nodes
+            corners = cell_type(LINEAR[block.cell]).n_nodes
             cells.append((LINEAR[block.cell], self.at[block.connectivity[own][:, :corners]]))
         nodes = np.unique(np.concatenate([connectivity.ravel() for _, connectivity in cells]))
         new, first, blocks = np.full(old.n_nodes, -1), 0, []

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from idic.fe.mesh import element
+from idic.fe.mesh.element import cell_type
 from idic.fe.mesh.mesh import Mesh, PerMesh, boundary_edges, make_mesh
 from idic.fe.mesh.morph import fit_circle, nearest_on_circle, ratios_of_block, walls_about_a_centre
 
@@ -40,7 +40,7 @@ def curved(mesh: Mesh) -> Mesh:
 
 
 def _curved(mesh: Mesh) -> Mesh | None:
-    if any(len(element.cell(block.cell).reference_nodes) == element.cell(block.cell).n_corners
+    if any(len(cell_type(block.cell).reference_nodes) == cell_type(block.cell).n_corners
            for block in mesh.blocks):
         raise ValueError("linear elements have no middle nodes")
     arcs = _arcs_in_plane(mesh) if mesh.n_dim == 2 else list(_round_walls(mesh))
@@ -132,7 +132,7 @@ def _round_walls(mesh: Mesh) -> Iterator[_Arc]:
     """Holes and outsides along z whose corners lie on a circle."""
     is_open = np.ones(mesh.n_nodes, dtype=bool)  # a middle node that no wall has taken
     for block in mesh.blocks:
-        is_open[block.connectivity[:, :element.cell(block.cell).n_corners]] = False
+        is_open[block.connectivity[:, :cell_type(block.cell).n_corners]] = False
     for part in _parts(mesh):
         for wall in walls_about_a_centre(part):
             height = wall.hole.radius * float(1.0 - np.cos(0.5 * np.median(wall.turns)))
@@ -150,7 +150,7 @@ def _round_walls(mesh: Mesh) -> Iterator[_Arc]:
 def _flattened(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
     """Nodes of elements that keep too little of their Jacobian with other nodes."""
     flat = [block.connectivity[ratios_of_block(block, mesh.nodes, nodes, len(
-        element.cell(block.cell).reference_nodes)).min(axis=1) < MIN_JACOBIAN].ravel() for block in mesh.blocks]
+        cell_type(block.cell).reference_nodes)).min(axis=1) < MIN_JACOBIAN].ravel() for block in mesh.blocks]
     return np.unique(np.concatenate(flat))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from idic.fe.mesh import element
+from idic.fe.mesh.element import cell_type
 from idic.fe.mesh.mesh import Mesh, boundary_faces
 from idic.fe.mesh.morph import laplacian
 
@@ -66,7 +66,7 @@ def _with_straight_edges(mesh: Mesh, velocity: np.ndarray, walls: set[int]) -> n
     """Nodes in the middle of edges inside the body move with its ends: quadratic elements keep straight edges."""
     made = velocity.copy()
     for block in mesh.blocks:
-        for a, b, *middle in element.cell(block.cell).faces:
+        for a, b, *middle in cell_type(block.cell).faces:
             for at in middle:
                 nodes = block.connectivity[~np.isin(block.connectivity[:, at], list(walls))]
                 made[nodes[:, at]] = 0.5 * (velocity[nodes[:, a]] + velocity[nodes[:, b]])

@@ -56,7 +56,7 @@ _HEX20_FACES = tuple((*face, *(8 + [set(edge) for edge in HEX_EDGES].index({a, b
                                for a, b in zip(face, (*face[1:], face[0]), strict=True))) for face in _HEX_FACES)
 _TET_FACES = ((0, 2, 1, 6, 5, 4), (0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (2, 0, 3, 6, 7, 9))  # Abaqus S1..S4
 
-CELLS = {
+CELL_TYPES = {
     c.name: c
     for c in (
         Cell("line2", 1, 2, 2, _LINE[:2], ((0,), (1,)), "", 2),
@@ -73,16 +73,16 @@ CELLS = {
 }
 
 
-def cell(name: str) -> Cell:
+def cell_type(name: str) -> Cell:
     """The cell called `name`; InputError naming the cells there are if it is unknown."""
     try:
-        return CELLS[name]
+        return CELL_TYPES[name]
     except KeyError:
-        raise InputError(f"element type {name!r} is not supported", expected=", ".join(CELLS), found=name,
+        raise InputError(f"element type {name!r} is not supported", expected=", ".join(CELL_TYPES), found=name,
                          remedy="mesh the specimen with one of these") from None
 
 
-def shape(name: str, points: np.ndarray) -> np.ndarray:
+def shape_functions(name: str, points: np.ndarray) -> np.ndarray:
     """Shape functions of a cell at reference points.
 
     Parameters
@@ -96,30 +96,30 @@ def shape(name: str, points: np.ndarray) -> np.ndarray:
     return _tables(name, np.atleast_2d(np.asarray(points, dtype=float)))[0]
 
 
-def gradient(name: str, points: np.ndarray) -> np.ndarray:
+def shape_gradients(name: str, points: np.ndarray) -> np.ndarray:
     """Derivatives of the shape functions with respect to the reference coordinates  # (n, n_nodes, dim)"""
     return _tables(name, np.atleast_2d(np.asarray(points, dtype=float)))[1]
 
 
-def edges(name: str) -> tuple[tuple[int, int], ...]:
+def cell_edges(name: str) -> tuple[tuple[int, int], ...]:
     """Corner pairs of the edges of a cell, in the order of the mid-side nodes of its quadratic kind."""
     if name.startswith("tet"):
         return TET_EDGES
     if name.startswith("hex"):
         return HEX_EDGES
-    n = cell(name).n_corners
+    n = cell_type(name).n_corners
     return tuple((k, (k + 1) % n) for k in range(n))
 
 
-def face_corners(name: str) -> int:
+def n_face_corners(name: str) -> int:
     """Corners of each face (edge) of a cell."""
-    return cell(cell(name).face_cell).n_corners
+    return cell_type(cell_type(name).face_cell).n_corners
 
 
 @cache
-def quadrature(name: str, order: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+def quadrature_rule(name: str, order: int | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Gauss points (n, dim) and weights (n,) of a cell; `order` as in :class:`Cell` (None: the cell's default)."""
-    c = cell(name)
+    c = cell_type(name)
     order = c.order if order is None else order
     if name.startswith("tri"):
         return _triangle_rule(order)
@@ -159,7 +159,7 @@ def _tetrahedron_rule(order: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _tables(name: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    cell(name)
+    cell_type(name)
     if name == "line2" or name == "line3":
         return _line(xi[:, 0], name == "line3")
     if name == "tri3" or name == "tri6":
@@ -170,7 +170,7 @@ def _tables(name: str, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return _serendipity(xi)
     if name == "hex20":
         return _serendipity_brick(xi)
-    nodes = CELLS[name].reference_nodes  # quad4, hex8: products of (1 + xi xi_a) / 2
+    nodes = CELL_TYPES[name].reference_nodes  # quad4, hex8: products of (1 + xi xi_a) / 2
     factor = (1 + xi[:, None, :] * nodes[None]) / 2  # (n, n_nodes, dim)
     values = factor.prod(axis=2)
     grads = np.empty(factor.shape)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
-from idic.fe.mesh import element
+from idic.fe.mesh.element import cell_type, shape_functions, shape_gradients
 from idic.fe.mesh.mesh import Block
 
 _NEWTON_STEPS = 12
@@ -65,22 +65,22 @@ def _in_block(nodes: np.ndarray, block: Block, points: np.ndarray,
     if not found:
         n = block.connectivity.shape[1]
         return np.zeros(0, dtype=int), np.zeros((0, n), dtype=int), np.zeros((0, n))
-    return np.array(found), block.connectivity[elements], element.shape(block.cell, np.array(places))
+    return np.array(found), block.connectivity[elements], shape_functions(block.cell, np.array(places))
 
 
 def _local(cell: str, corners: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Local coordinates of one point in each of some elements, by Newton's method  # (n, nn, 2) -> (n, 2)"""
-    n_corners = element.cell(cell).n_corners
-    xi = np.tile(element.cell(cell).reference_nodes[:n_corners].mean(axis=0), (len(corners), 1))
+    n_corners = cell_type(cell).n_corners
+    xi = np.tile(cell_type(cell).reference_nodes[:n_corners].mean(axis=0), (len(corners), 1))
     for _ in range(_NEWTON_STEPS):
-        shapes, slopes = element.shape(cell, xi), element.gradient(cell, xi)
+        shapes, slopes = shape_functions(cell, xi), shape_gradients(cell, xi)
         left = x - np.einsum("ea,eak->ek", shapes, corners)
         jacobian = np.einsum("eak,eai->eki", corners, slopes)
         step = np.linalg.solve(jacobian, left[:, :, None])[:, :, 0]
         xi = np.clip(xi + step, -3.0, 3.0)  # far outside an element its map folds back
         if np.abs(step).max() < 1e-12:
             break
-    shapes = element.shape(cell, xi)
+    shapes = shape_functions(cell, xi)
     left = np.linalg.norm(x - np.einsum("ea,eak->ek", shapes, corners), axis=1)
     size = np.ptp(corners, axis=1).max(axis=1)
     return np.where((left < 1e-6 * size)[:, None], xi, np.inf)

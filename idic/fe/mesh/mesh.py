@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh import element
+from idic.fe.mesh.element import cell_type, n_face_corners, quadrature_rule, shape_gradients
 
 Found = TypeVar("Found")
 
@@ -96,7 +96,7 @@ class Mesh:
     def face_nodes(self, face: tuple[int, int]) -> np.ndarray:
         """Node indices of one [element, local face], corners first, outward orientation."""
         block = self.block_of(int(face[0]))
-        local = element.cell(block.cell).faces[int(face[1])]
+        local = cell_type(block.cell).faces[int(face[1])]
         return block.connectivity[int(face[0]) - block.first, list(local)]
 
 
@@ -117,11 +117,11 @@ def check_elements(mesh: Mesh) -> None:
             raise InputError(f"a {block.cell} element refers to a node that does not exist",
                              expected=f"node indices 0 to {mesh.n_nodes - 1}", found=f"{block.connectivity.max()}",
                              remedy="check the element table of the mesh file")
-        cell = element.cell(block.cell)
+        cell = cell_type(block.cell)
         if cell.dim != mesh.n_dim:
             continue
-        points = np.concatenate([element.quadrature(block.cell)[0], cell.reference_nodes[:cell.n_corners]])
-        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], element.gradient(block.cell, points))
+        points = np.concatenate([quadrature_rule(block.cell)[0], cell.reference_nodes[:cell.n_corners]])
+        jac = np.einsum("eai,qaj->eqij", mesh.nodes[block.connectivity], shape_gradients(block.cell, points))
         with np.errstate(over="ignore", invalid="ignore"):  # coordinates of 1e300 have no area that could be written
             det = np.linalg.det(jac)
         size = np.abs(det).max(axis=1)
@@ -139,10 +139,10 @@ def boundary_faces(mesh: Mesh, blocks: tuple[Block, ...] | None = None) -> np.nd
     """Faces (edges in 2D) that belong to one element only  # (n, 2) [global element index, local face]"""
     owners = defaultdict(list)
     for block in mesh.blocks if blocks is None else blocks:
-        cell = element.cell(block.cell)
+        cell = cell_type(block.cell)
         if cell.dim != mesh.n_dim:
             continue
-        n_corner = element.face_corners(block.cell)
+        n_corner = n_face_corners(block.cell)
         for k, local in enumerate(cell.faces):
             keys = np.sort(block.connectivity[:, list(local[:n_corner])], axis=1)
             for e, key in enumerate(map(tuple, keys)):
@@ -209,7 +209,7 @@ def surface_cells(mesh: Mesh, surface_set: str | None = None) -> list[Block]:
         If a solid's face set is missing or unknown.
     """
     if mesh.n_dim == 2:
-        return [block for block in mesh.blocks if element.cell(block.cell).dim == 2]
+        return [block for block in mesh.blocks if cell_type(block.cell).dim == 2]
     if surface_set is None or surface_set not in mesh.edge_sets:
         raise InputError("a solid needs the face set that the camera sees", key="experiment.surface",
                          expected="one of: " + (", ".join(mesh.edge_sets) or "(the mesh has no face sets)"),
@@ -223,7 +223,7 @@ def surface_cells(mesh: Mesh, surface_set: str | None = None) -> list[Block]:
 
 def face_cells(mesh: Mesh, faces: np.ndarray) -> list[Block]:
     """Faces (n, 2) of a solid as plane cells into its nodes, numbered kind by kind."""
-    kinds = np.array([element.cell(mesh.block_of(int(e)).cell).face_cell for e in faces[:, 0]])
+    kinds = np.array([cell_type(mesh.block_of(int(e)).cell).face_cell for e in faces[:, 0]])
     blocks, first = [], 0
     for kind in dict.fromkeys(kinds.tolist()):
         blocks.append(Block(kind, np.array([mesh.face_nodes(f) for f in faces[kinds == kind]], dtype=np.int64), first))

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from idic.errors import NotConverged
-from idic.fe.mesh import element
+from idic.fe.mesh.element import cell_type, n_face_corners, quadrature_rule, shape_gradients
 from idic.fe.mesh.mesh import Block, Mesh, boundary_faces, face_set_nodes
 
 MAX_OFF_CIRCLE = 0.05  # of the radius: how far corner nodes of a rim may lie off its circle (meshes made on an image)
@@ -98,7 +98,7 @@ def fit_circle(points: np.ndarray) -> tuple[np.ndarray, float]:
 def on_circle(mesh: Mesh, holes: Iterable[Hole]) -> Mesh:
     """The mesh with the mid-side nodes of these rims on their circles: straight edges make a hole look smaller."""
     nodes = mesh.nodes.copy()
-    corners = np.unique(np.concatenate([block.connectivity[:, :element.cell(block.cell).n_corners].ravel()
+    corners = np.unique(np.concatenate([block.connectivity[:, :cell_type(block.cell).n_corners].ravel()
                                         for block in mesh.blocks]))
     for hole in holes:
         middle = np.setdiff1d(hole.rim, corners)
@@ -170,21 +170,21 @@ def morphed(mesh: Mesh, morphs: Iterable[Morph], values: Mapping[str, float]) ->
 
 def jacobian_ratios(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
     """det dX/dxi with other nodes over that of the mesh, at integration points and corners of all elements  # (n,)"""
-    return np.concatenate([ratios_of_block(block, mesh.nodes, nodes, element.cell(block.cell).n_corners).ravel()
+    return np.concatenate([ratios_of_block(block, mesh.nodes, nodes, cell_type(block.cell).n_corners).ravel()
                            for block in mesh.blocks])
 
 
 def ratios_of_block(block: Block, before: np.ndarray, after: np.ndarray, n_nodes: int) -> np.ndarray:
     """The same of one block, at integration points and its first `n_nodes` nodes  # (n_elements, n_points)"""
-    points = np.concatenate([element.quadrature(block.cell)[0], element.cell(block.cell).reference_nodes[:n_nodes]])
-    slopes = element.gradient(block.cell, points)
+    points = np.concatenate([quadrature_rule(block.cell)[0], cell_type(block.cell).reference_nodes[:n_nodes]])
+    slopes = shape_gradients(block.cell, points)
     new, old = (np.linalg.det(np.einsum("eai,qaj->eqij", x[block.connectivity], slopes)) for x in (after, before))
     return new / old
 
 
 def _n_corners(mesh: Mesh) -> int:
     """Corners of a face (edge); one kind of face for all, as meshes of solids without pyramids have it."""
-    return element.face_corners(mesh.blocks[0].cell)
+    return n_face_corners(mesh.blocks[0].cell)
 
 
 def _walls(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
@@ -212,8 +212,8 @@ def laplacian(mesh: Mesh) -> tuple[sparse.csr_array, np.ndarray]:
     """Integral of grad N_a · grad N_b  # (n_nodes, n_nodes), and the nodes that belong to elements"""
     rows, columns, values = [], [], []
     for block in mesh.blocks:
-        xi, w = element.quadrature(block.cell)
-        slopes = element.gradient(block.cell, xi)
+        xi, w = quadrature_rule(block.cell)
+        slopes = shape_gradients(block.cell, xi)
         jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], slopes)
         grads = np.einsum("qai,eqik->eqak", slopes, np.linalg.inv(jac))
         values.append(np.einsum("eqak,eqbk,eq->eab", grads, grads, np.linalg.det(jac) * w).ravel())

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh import element
+from idic.fe.mesh.element import cell_type
 from idic.fe.mesh.mesh import Mesh, boundary_faces, face_set_nodes, make_mesh
 from idic.fe.mesh.outline import Boundary, Segments, cut, segments_of
 from idic.fe.mesh.recombine import recombined, smoothed
@@ -103,7 +103,7 @@ def smallest_angle(mesh: Mesh) -> float:
     """The smallest corner angle of all elements, in degrees."""
     found = []
     for block in mesh.blocks:
-        corners = mesh.nodes[block.connectivity[:, : element.cell(block.cell).n_corners]]
+        corners = mesh.nodes[block.connectivity[:, : cell_type(block.cell).n_corners]]
         ahead, back = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
         cosine = (ahead * back).sum(axis=-1) / (np.linalg.norm(ahead, axis=-1) * np.linalg.norm(back, axis=-1))
         found.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).min())

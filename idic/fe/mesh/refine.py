@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.fe.mesh import element
+from idic.fe.mesh.element import cell_edges, cell_type
 from idic.fe.mesh.mesh import Block, Mesh, PerMesh, boundary_faces
 
 _RAISED = PerMesh()  # a diagnosis loads an experiment for every variant, on one mesh
@@ -41,12 +41,12 @@ def raise_order(mesh: Mesh) -> Mesh:
 
 def _raised(mesh: Mesh) -> Mesh:
     corners = np.concatenate([block.connectivity[:, list(pair)] for block in mesh.blocks
-                              for pair in element.edges(block.cell)])
+                              for pair in cell_edges(block.cell)])
     edges, inverse = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
     inverse = inverse.ravel()
     blocks, start = [], 0
     for block in mesh.blocks:
-        n_elements, n = block.n_elements, len(element.edges(block.cell))
+        n_elements, n = block.n_elements, len(cell_edges(block.cell))
         middle = inverse[start:start + n_elements * n].reshape(n, n_elements).T + mesh.n_nodes
         blocks.append(Block(QUADRATIC[block.cell], np.hstack([block.connectivity, middle]), block.first))
         start += n_elements * n
@@ -73,7 +73,7 @@ def _with_middles(members: np.ndarray, edges: np.ndarray, outer: np.ndarray, blo
     both = inside[edges].all(axis=1)
     whole = np.zeros(len(edges), dtype=bool)
     for block in blocks:
-        corners = element.cell(block.cell).n_corners
+        corners = cell_type(block.cell).n_corners
         full = inside[block.connectivity[:, :corners]].all(axis=1)
         whole[block.connectivity[full, corners:].ravel() - mesh.n_nodes] = True
     return np.concatenate([members, np.flatnonzero(both & (outer | whole)) + mesh.n_nodes])

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from idic.errors import InputError
-from idic.images.pinhole import rotation_of
+from idic.images import rotation_of
 from idic.readers.calibration.rig import CameraRig, Conventions, camera_of
 
 _MATRIX = ("cameramatrix", "intrinsicmatrix", "intrinsics", "intrinsic", "mtx", "k", "m")

@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from idic.errors import InputError
-from idic.fe.mesh.mesh import Block
+from idic.fe import Block
 
 N_TURNS = 24  # starts all round
 MAX_OUTLINE_POINTS = 150  # of the outline, in the starts; all of them in the end

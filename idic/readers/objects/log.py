@@ -13,7 +13,7 @@ from idic.errors import InputError
 from idic.readers.delimited.log_table import Table
 from idic.readers.logs import Decimal, Log, read_log
 
-KEY, NAME = "loads", Path("loads")  # in messages
+KEY, LOG_IN_MEMORY = "loads", Path("loads")  # in messages
 
 
 def log_of(loads: Any, units: Mapping[str, str] | None = None, decimal: Decimal | None = None) -> Log:
@@ -55,7 +55,7 @@ def log_of(loads: Any, units: Mapping[str, str] | None = None, decimal: Decimal 
     rows = tuple(zip(*cells, strict=True))
     table = Table(",", 0, tuple(columns), tuple((units or {}).get(name, "") for name in columns), rows,
                   tuple(range(len(rows))), ())
-    return Log(NAME, table, ".")
+    return Log(LOG_IN_MEMORY, table, ".")
 
 
 def _cell(value: object) -> str:

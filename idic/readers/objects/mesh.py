@@ -10,13 +10,12 @@ import meshio
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.mesh import element
-from idic.fe.mesh.mesh import Mesh
+from idic.fe import Mesh, cell_type, n_face_corners
 from idic.readers.foreign_mesh import check_indices
 from idic.readers.meshes import raw_mesh_of, read_mesh_file
 from idic.readers.raw_mesh import RawMesh
 
-KEY, NAME = "mesh", Path("mesh")  # in messages
+KEY, MESH_IN_MEMORY = "mesh", Path("mesh")  # in messages
 
 
 def mesh_of(mesh: Any) -> RawMesh:
@@ -45,7 +44,7 @@ def mesh_of(mesh: Any) -> RawMesh:
         except ValueError as problem:
             raise InputError("the mesh cannot be used", key=KEY, expected="nodes, and elements that refer to them",
                              found=str(problem), remedy="generate the mesh again") from None
-        return raw_mesh_of(mesh, NAME)
+        return raw_mesh_of(mesh, MESH_IN_MEMORY)
     raise InputError("not a mesh", key=KEY,
                      expected='a meshio.Mesh, a path, or {"roi_px": [x0, y0, x1, y1], "element_px": 20}',
                      found=type(mesh).__name__, remedy="convert the mesh, e.g. with meshio.Mesh(points, cells)")
@@ -57,11 +56,11 @@ def _of_own(mesh: Mesh) -> RawMesh:
     cells = [(block.cell, block.connectivity, mesh.element_labels[block.first:block.first + block.n_elements])
              for block in mesh.blocks]
     faces = {name: [_corners(mesh, int(e), int(k)) for e, k in entries] for name, entries in mesh.edge_sets.items()}
-    return RawMesh(NAME, nodes, mesh.node_labels, cells, dict(mesh.node_sets), dict(mesh.element_sets), faces)
+    return RawMesh(MESH_IN_MEMORY, nodes, mesh.node_labels, cells, dict(mesh.node_sets), dict(mesh.element_sets), faces)
 
 
 def _corners(mesh: Mesh, e: int, k: int) -> tuple[int, ...]:
     """Corner nodes of edge (face) `k` of element `e`."""
     block = mesh.block_of(e)
-    local = element.cell(block.cell).faces[k][:element.face_corners(block.cell)]
+    local = cell_type(block.cell).faces[k][:n_face_corners(block.cell)]
     return tuple(int(node) for node in block.connectivity[e - block.first, list(local)])

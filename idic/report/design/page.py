@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 
-from idic.report import words
+from idic.report.words import number_text, short_names, two_digits
 from idic.report.design import figures as design_figures
 from idic.report.design import words as say
 from idic.report.design.figures import PlanPictures
@@ -90,12 +90,12 @@ def _has_test(plan: Mapping) -> bool:
 def parameter_rows(plan: Mapping) -> list[dict]:
     """The table of one plan as text: – where something is not determined, no row for the modes of boundaries."""
     parameters = say.named(plan["parameters"])
-    shown, rows, scale = words.short_names(parameters), [], say.motion_unit(plan)[0]
+    shown, rows, scale = short_names(parameters), [], say.motion_unit(plan)[0]
     for name, entry in parameters.items():
         std = entry["std"]
         rows.append({
             "full": name, "name": shown[name], "unit": entry["unit"] or "–",
-            "value": words.number(entry["value"]), "std": short(std),
+            "value": number_text(entry["value"]), "std": short(std),
             "relative": "–" if entry["relative_std"] is None else say.percent(entry["relative_std"]),
             "image": short(entry["std_images_only"]), "known": short(entry["std_test_known"]),
             "motion": "" if entry["motion_px"] is None else _px(entry["motion_px"], scale),
@@ -110,7 +110,7 @@ def _px(motion: float, scale: float) -> str:
 
 def short(std: float | None) -> str:
     """A standard deviation to two digits; – for None."""
-    return "–" if std is None else words.two_digits(std)
+    return "–" if std is None else two_digits(std)
 
 
 def _direction_rows(plan: Mapping) -> list[dict]:
@@ -122,7 +122,7 @@ def _direction_rows(plan: Mapping) -> list[dict]:
 
 
 def _comparison_rows(comparison: Mapping) -> dict:
-    shown = words.short_names(comparison["parameters"])
+    shown = short_names(comparison["parameters"])
     rows = [{"name": shown[name], "full": name, "unit": entry["unit"] or "–",
              "cells": [{"text": short(entry["std"][plan]) if plan in entry["std"] else "",
                         "best": plan == entry["best"]} for plan in comparison["plans"]],

@@ -8,10 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from idic.identify.design import Design, Joint
-from idic.identify.plan.planned_test import image_unit
-from idic.identify.result import Analysis
-from idic.readers.units import factor_to
+from idic.identification import Analysis, Design, JointDesign, image_unit
+from idic.readers import factor_to
 from idic.report.design.words import direction, fixed_product, grade
 
 MIN_CONFUSABLE_CORRELATION = 0.95  # |correlation| above which a test does not separate two parameters
@@ -102,7 +100,7 @@ def _one_set(names: Sequence[str]) -> bool:
     return len({name.rpartition(".")[0] for name in names}) == 1
 
 
-def joint_summary(joint: Joint, confusable: float) -> dict:
+def joint_summary(joint: JointDesign, confusable: float) -> dict:
     """All plans identified together."""
     return {"parameters": parameters_of(joint.full), **_spectrum(joint.full, confusable), "notes": list(joint.notes)}
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from idic.report.fit_words import in_words_of
-from idic.report.words import number, short_names, two_digits
+from idic.report.words import number_text, short_names, two_digits
 
 MODE = re.compile(r"(boundary\..+)\.s\d+t\d+")  # amplitude of a mode of a virtual boundary: there may be hundreds
 MAX_TERMS = 6  # of a direction that are written out
@@ -168,7 +168,7 @@ def weakest(plan: Mapping) -> str:
     entry = plan["directions"][-1]
     std = "not determined"
     if entry["std"] is not None:
-        std = f"standard deviation {number(entry['std'], entry['std'])}"
+        std = f"standard deviation {number_text(entry['std'], entry['std'])}"
     fixed = f"; the test determines {entry['fixed']}" if entry["fixed"] and not entry["determined"] else ""
     return f"Weakest combination: {entry['text']} ({std}){fixed}."
 

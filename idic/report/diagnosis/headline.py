@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from idic.diagnose.selection.rival import NO_CAUSE
+from idic.diagnose import NO_CAUSE
 from idic.report.diagnosis.words import (MIN_GOOD_PROBABILITY, below_margin, new_values, selected_titles,
                                          side_in_words, size_of_grey, unconfirmed, when_and_where, with_size)
 from idic.report.words import short_names, two_digits, with_std
@@ -18,7 +18,7 @@ MAX_SHAPES = 2  # of a free end, that are told
 MIN_TEXT_Z = 5.0  # standard deviations: a smaller residual excess is not reported
 
 
-def headline(content: Mapping, titles: Mapping[str, str]) -> str:
+def diagnosis_headline(content: Mapping, titles: Mapping[str, str]) -> str:
     """One sentence in standard words.
 
     titles : candidate -> its name in standard words

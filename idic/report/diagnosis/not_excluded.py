@@ -11,14 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from idic.diagnose.chain import Diagnosis
-from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
-from idic.diagnose.screen.candidate import MESH_TOO_COARSE, Variant
-from idic.diagnose.screen.misregistration import HIDDEN_BY_MOTION
-from idic.diagnose.screen.select import Ranked
-from idic.diagnose.selection.block_step import holds
-from idic.diagnose.selection.rival import Round
-from idic.diagnose.verdict import Verdict
+from idic.diagnose import (
+    Diagnosis, HIDDEN_BY_MOTION, MESH_TOO_COARSE, MIN_EXCESS_Z, Ranked, Round, Variant, Verdict, holds,
+)
 from idic.report.words import short_names, two_digits
 
 MIN_HIDDEN_SHIFT_STD = 2.0  # standard deviations of a parameter that an invisible effect would move it by

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from idic.diagnose.notes import Notes
-from idic.identify.judgement.significance import p_text, z_text
+from idic.diagnose import Notes
+from idic.identification import p_text, z_text
 from idic.report.diagnosis import figures
 from idic.report.diagnosis.free_form import free_curve
 from idic.report.diagnosis.law import law_curves, window_courses
@@ -15,7 +15,7 @@ from idic.report.diagnosis.words import (MIN_EVEN_PROBABILITY, MIN_GOOD_PROBABIL
                                          standing_of)
 from idic.report.html import filled_in
 from idic.report.page import Section
-from idic.report.words import number, short_names, two_digits
+from idic.report.words import number_text, short_names, two_digits
 
 STANDINGS = {"significant": "significant", "small": "significant, below the practical margin",
              "inadmissible": "significant with an inadmissible sign", "excluded": "excluded with a bound",
@@ -26,7 +26,7 @@ VERDICTS = {"none": "no candidate is significant and large enough", "single": "o
             "outside_library": "unexplained by the library", "blind": "this test cannot decide"}
 
 
-def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
+def draw_diagnosis_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
     """Every figure in the order of a reader's questions; empty sections, and figures that fail, are left out."""
     def drawn(figure: Callable, *arguments) -> Any:
         return notes.attempt(f"the figure {figure.__name__.replace('_', ' ')}", figure, *arguments)
@@ -50,7 +50,7 @@ def draw_sections(record: DiagnosisRecord, notes: Notes) -> tuple[Section, ...]:
     return tuple(s for s in sections if s.pictures)
 
 
-def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = None) -> str:
+def render_diagnosis_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = None) -> str:
     """The HTML text; `sections` from `draw_sections`, drawn here if not given."""
     content = record.content
     rest = content["sentence"].partition(" Next: ")[2]
@@ -61,8 +61,8 @@ def render_page(record: DiagnosisRecord, sections: tuple[Section, ...] | None = 
         not_excluded=content.get("not_excluded", ()),
         facts=_facts(content), sure=is_sure(content),
         cautions=content.get("cautions", ()),
-        sections=draw_sections(record, Notes()) if sections is None else sections, parameters=_parameters(content),
-        candidates=[_candidate(record, entry) for entry in content["candidates"]],
+        sections=draw_diagnosis_sections(record, Notes()) if sections is None else sections,
+        parameters=_parameters(content), candidates=[_candidate(record, entry) for entry in content["candidates"]],
         excluded=[f"{_title(record, entry['name'])}: {entry['bound']}" for entry in content["excluded"]],
         cannot_tell=[_title(record, name) + (" (other forms)" if name in bounded else "")
                      for name in content["cannot_tell"]], costs=_costs(content["cost"]))
@@ -75,7 +75,7 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
     facts: list[tuple[str, str, bool | None]] = [("verdict", VERDICTS[content["verdict"]], _news(content)),
              ("probability under noise alone", p_text(mismatch["p_value"]), None),
              ("residual motion before", f"{mismatch['effect_px_rms']:.2g} px rms{_within_margin(mismatch)}", None),
-             ("held-out excess before", number(fit["heldout_excess_before"], std), None)]
+             ("held-out excess before", number_text(fit["heldout_excess_before"], std), None)]
     if content.get("probability") is not None:
         facts.insert(1, ("probability that this is the cause" if content["named"] else "probability of no cause",
                          f"{two_digits(100.0 * content['probability'])} %", _good_or_bad(content["probability"])))
@@ -85,7 +85,7 @@ def _facts(content: Mapping) -> list[tuple[str, str, bool | None]]:
     facts.append(("practical margin", f"{margin['px']:.2g} px, {source}", None))
     if content["named"]:
         shown = fit["heldout_excess_before"] > 5.0 * std  # of noise nothing is gained
-        facts.append(("held-out excess after", number(after, std),
+        facts.append(("held-out excess after", number_text(after, std),
                       after < 0.1 * fit["heldout_excess_before"] + 5.0 * std if shown else None))
         if fit["explainable_share_recovered"] is not None:
             share = fit["explainable_share_recovered"]
@@ -128,7 +128,7 @@ def _value(entry: Mapping | None) -> str:
     if entry is None:
         return "–"
     std = entry["std"]
-    return number(entry["value"], std) + (f" ± {number(std, std)}" if std else "")
+    return number_text(entry["value"], std) + (f" ± {number_text(std, std)}" if std else "")
 
 
 def _candidate(record: DiagnosisRecord, entry: Mapping) -> dict:

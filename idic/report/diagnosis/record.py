@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.diagnose.model_change import LawPair, WindowCurve
+from idic.diagnose import LawPair, WindowCurve
 from idic.report.figures.style import Picture
 
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.patches import Circle
 
-from idic.diagnose.residual.spots import Spot
-from idic.model.experiment import Experiment
+from idic.diagnose import Spot
+from idic.model import Experiment
 from idic.report.diagnosis.spots import WORDS
 from idic.report.figures.style import RED, Picture, look, new_figure, to_picture
 

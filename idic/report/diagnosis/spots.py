@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 
-from idic.diagnose.locate.place import in_words
-from idic.diagnose.residual.spots import DUST, MARGIN_PX, PAINT, LeftOut, Spot
+from idic.diagnose import DUST, LeftOut, MARGIN_PX, PAINT, Spot, in_words
 from idic.report.diagnosis.headline import moves
 
 MAX_TOLD = 3  # spots that are told one by one; of more, how many there are and which is the largest

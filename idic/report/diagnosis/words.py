@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from idic.diagnose.courses import SUPPOSED_EXPANSION_PER_K
-from idic.diagnose.locate.mismatch_words import MOTION
-from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY
-from idic.model.free_course import TEMPERATURE
-from idic.report.words import number, short_names, with_std
+from idic.diagnose import MAX_HIDDEN_VISIBILITY, MOTION, SUPPOSED_EXPANSION_PER_K
+from idic.model import TEMPERATURE
+from idic.report.words import number_text, short_names, with_std
 
 MIN_GOOD_PROBABILITY = 0.9  # that the selected set holds the truth: good news
 MIN_EVEN_PROBABILITY = 0.5  # below, the truth is more probably elsewhere: bad news
@@ -59,7 +57,7 @@ def is_sure(content: Mapping) -> bool:
 def strongest(content: Mapping, number: int) -> list[Mapping]:
     """The first candidates, the selected ones, and those that are indistinguishable from them."""
     kept = set(content["named"]).union(*content["indistinguishable"])
-    return [c for k, c in enumerate(content["candidates"]) if k < number or c["name"] in kept]
+    return [c for k, c in enumerate(content["candidates"]) if k < number_text or c["name"] in kept]
 
 
 def name_of_best(content: Mapping) -> str:
@@ -168,7 +166,7 @@ def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> st
     """Values of the parameters of a candidate; names : None counts all new parameters to the first candidate."""
     before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
     if names is None:
-        names = () if number else [n for n in after if n not in before]
+        names = () if number_text else [n for n in after if n not in before]
     added = {n: after[n] for n in names if n in after}
     shown = {n: _of_cause(said) for n, said in short_names(after).items()}
     stems = dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
@@ -225,7 +223,8 @@ def _course(stem: str, entries: Mapping[str, Mapping]) -> str:
         return (f"{what} {with_std(known[largest]['value'], known[largest]['std'], unit)} at most, in frame "
                 f"{frame_of(largest)}{supposed}")
     rms = math.sqrt(sum(p["value"] ** 2 for p in known.values()) / len(known))
-    return (f"{what} {number(rms, std)} {unit} rms, {number(known[largest]['value'], std)} {unit} at most in frame "
+    most = number_text(known[largest]["value"], std)
+    return (f"{what} {number_text(rms, std)} {unit} rms, {most} {unit} at most in frame "
             f"{frame_of(largest)}")
 
 

@@ -10,14 +10,11 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import binary_erosion
 
-from idic.identify.noise.channel_noise import repeated_readings
-from idic.identify.step.increments import planned_increments
-from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
-from idic.experiment_file.tables.camera_noise import recorded
-from idic.images.quality.saturation import largest_value, saturated_share
-from idic.model.experiment import Experiment, Measured, Noise
-from idic.model.mode_names import in_words
-from idic.readers.fields.sound_stages import check_stages
+from idic.identification import planned_increments, repeated_readings
+from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
+from idic.images import largest_value, saturated_share
+from idic.model import Experiment, Measured, Noise, in_words
+from idic.readers import check_stages
 from idic.report.evidence.cost import Cost, expected_cost
 from idic.report.evidence.placement import ends_that_move_otherwise, mirrored_axes, misplaced_still_frames
 from idic.report.evidence.plausible import (

@@ -17,14 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.fe.solver.factorisation_cost import Fill, dissected
-from idic.fe.solver.linear import MAX_HALF_BANDWIDTH_OF_BAND_LU, MIN_OPERATIONS_PER_ENTRY
-from idic.correlation.shared_noise import MAX_DENSE_UNKNOWNS
-from idic.fe.mesh import element
-from idic.fe.mesh.mesh import Mesh
-from idic.identify.step.increments import rate_dependent_laws
-from idic.materials import get_law
-from idic.model.experiment import Column, Experiment, Measured
+from idic.fe import Fill, MAX_HALF_BANDWIDTH_OF_BAND_LU, MIN_OPERATIONS_PER_ENTRY, Mesh, dissected, quadrature_rule
+from idic.correlation import MAX_DENSE_UNKNOWNS
+from idic.identification import rate_dependent_laws
+from idic.laws import get_law
+from idic.model import Column, Experiment, Measured
 
 # memory, bytes
 _PROCESS = 0.35e9  # libraries and compiled kernels
@@ -138,7 +135,7 @@ def simulation_cost(mesh: Mesh, frames: int, increments: float, n_free: int) -> 
 
     increments : of all frames together; 0: one factorisation serves all frames
     """
-    points = sum(block.n_elements * len(element.quadrature(block.cell)[1]) for block in mesh.blocks)
+    points = sum(block.n_elements * len(quadrature_rule(block.cell)[1]) for block in mesh.blocks)
     entries = sum(block.n_elements * (mesh.n_dim * block.connectivity.shape[1]) ** 2 for block in mesh.blocks)
     held = _PER_ELEMENT_ENTRY * entries + 8.0 * points * _POINT_VALUES * (1 + 0.1 * n_free)
     evaluation = _PER_POINT_S[mesh.n_dim] * points

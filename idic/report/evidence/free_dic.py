@@ -7,13 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.field.reference import FieldReference
-from idic.correlation.frame import residual_map
-from idic.correlation.grey import frame_spline
-from idic.dic import dic_frame
-from idic.dic.field import field_frame, field_variance
-from idic.dic.noise import fitted_dof, residual_noise
-from idic.fields.free import Seen, still_frame
+from idic.correlation import FieldReference, frame_spline, residual_map
+from idic.measure import Seen, dic_frame, field_frame, field_variance, fitted_dof, residual_noise, still_frame
 from idic.report.record import FreeFields, NoiseFloor, Sensitivities
 
 SEED = 20  # of the noise of the still image

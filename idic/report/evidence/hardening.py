@@ -8,10 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from idic.fields.series import FieldSeries
-from idic.materials.composed.free_curve import basis, between_knots, classical_fits, knots, knots_of, level_names
-from idic.materials.composed.smoothness import Smoothness
-from idic.model.experiment import Experiment
+from idic.measure import FieldSeries
+from idic.laws import Smoothness, basis, between_knots, classical_fits, knots, knots_of, level_names
+from idic.model import Experiment
 from idic.parameters import ParameterSet
 from idic.report.record import HardeningCurve
 

@@ -7,11 +7,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from idic.errors import NotConverged
-from idic.fe.external.solver import EXTERNAL
-from idic.fe.fields import green_strain, nodal_deformation
-from idic.materials import compile, get_law
-from idic.materials.core.point import uniaxial
-from idic.model.experiment import Experiment, Material
+from idic.fe import EXTERNAL, green_strain, nodal_deformation
+from idic.laws import compile, get_law, uniaxial
+from idic.model import Experiment, Material
 from idic.parameters import ParameterSet
 from idic.report.record import LawCurve
 

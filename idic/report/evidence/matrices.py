@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.model.mode_names import is_mode
+from idic.model import is_mode
 from idic.parameters import Parameter
 
 _SHOWN_CHANGE = 0.01  # relative change of a parameter that a sensitivity map shows

@@ -8,12 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.view import is_section
-from idic.dic.start import coarse_motion
-from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
-from idic.images.camera import Camera
-from idic.images.camera_motion import CameraMotion
-from idic.model.experiment import Column, Constant, Experiment
+from idic.correlation import is_section
+from idic.measure import coarse_motion
+from idic.experiment_file import corners_px, seen_nodes, seen_region, visible_cells
+from idic.images import Camera, CameraMotion
+from idic.model import Column, Constant, Experiment
 from idic.report.evidence.plausible import MAX_PLAIN_SHARE, MIN_VISIBLE, without_pattern
 
 MAX_CHANGE_SHARE = 0.5  # of the contrast: a difference that large is a motion of speckles, or another specimen

@@ -8,13 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.ndimage import find_objects, label, maximum_filter, uniform_filter
 
-from idic.fe.mesh.mesh import Mesh
-from idic.fe.solver.rigid_motion import bodies
-from idic.identify.noise.channel_noise import MIN_STEP_SHARE
-from idic.images.quality.compression import BLOCK_PX, compressed_at
-from idic.images.quality.speckle import edge_blur, speckle_size
-from idic.materials import law_for
-from idic.model.experiment import Column, Experiment
+from idic.fe import Mesh, bodies
+from idic.identification import MIN_STEP_SHARE
+from idic.images import BLOCK_PX, compressed_at, edge_blur, speckle_size
+from idic.laws import law_for
+from idic.model import Column, Experiment
 
 MAX_FROM_TYPICAL = 200.0    # ratio of a stress-like value to the typical one of its law; GPa read as MPa is 1000
 MIN_VISIBLE = 0.5           # of the elements: with fewer, scale or origin is suspect

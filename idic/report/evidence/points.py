@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from idic.correlation.field.reference import FieldReference
-from idic.images.camera import Camera, normal_sign
-from idic.model.experiment import Experiment
+from idic.correlation import FieldReference
+from idic.images import Camera, normal_sign
+from idic.model import Experiment
 from idic.report.record import PointMaps
 
 

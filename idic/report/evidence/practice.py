@@ -7,13 +7,10 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from idic.correlation.pixels.cells import CELLS
-from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
-from idic.experiment_file.tables.camera_noise import recorded
-from idic.images.quality.compression import compressed_at
-from idic.images.quality.saturation import saturated_share
-from idic.images.quality.speckle import speckle_size
-from idic.model.experiment import Experiment
+from idic.correlation import CELLS
+from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
+from idic.images import compressed_at, saturated_share, speckle_size
+from idic.model import Experiment
 from idic.report.record import FrameView, NoiseFloor, Practice
 
 MAX_FRAME_VIEWS = 10  # frames to look at one by one: a report must stay small enough to be sent by mail

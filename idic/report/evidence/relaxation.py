@@ -6,10 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from idic.materials.composed.free_curve import classical_fits
-from idic.materials.rate.free_relaxation import grid, relaxing, times_of, weight_names
-from idic.materials.rate.relaxation_forms import FORMS, grid_covariance
-from idic.model.experiment import Experiment
+from idic.laws import FORMS, classical_fits, grid, grid_covariance, relaxing, times_of, weight_names
+from idic.model import Experiment
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of, smoothness_of
 from idic.report.record import RelaxationCurve

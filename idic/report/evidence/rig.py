@@ -8,13 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.pinhole.texture import determined_by_texture
+from idic.correlation import determined_by_texture
 from idic.errors import InputError, NotConverged
-from idic.fe.mesh.surface_edges import followed, normal_axis, seen_first
-from idic.identify.design import design_test
-from idic.images.placed_camera import PLACEMENT_STEM, PlacedCamera
-from idic.model.drives import set_nodes
-from idic.model.experiment import Experiment, Measured, Noise
+from idic.fe import followed, normal_axis, seen_first
+from idic.identification import design_test
+from idic.images import PLACEMENT_STEM, PlacedCamera
+from idic.model import Experiment, Measured, Noise, set_nodes
 
 N_FRAMES = 6  # that are compared; all are simulated
 LONGEST_S = 1200.0  # of an identification, of which the simulation here is a tenth
@@ -25,8 +24,8 @@ MIN_CORRELATION = 0.99  # of two degrees of freedom that are determined, but har
 def rig_warnings(experiment: Experiment, time_s: float) -> Iterator[str]:
     """Warnings; time_s : expected of the identification.
 
-    The spectrum is that of `idic.identify.design` at the start values, in one simulation: the same directions that the
-    identification would leave out in the end.
+    The spectrum is that of `idic.identification.design` at the start values, in one simulation: the same directions
+    that the identification would leave out in the end.
     """
     yield from _held_thickness(experiment)
     compared = [other for other in experiment.cameras if other.texture is not None]

@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from idic.fe.fields import nodal_deformation
-from idic.materials.composed.free_curve import basis, classical_fits, knots
-from idic.materials.composed.free_rubber import INVARIANTS, knots_of_rubber, level_names
-from idic.materials.composed.rubber_forms import MODES, classical_forms, invariants, stress_matrix
-from idic.model.experiment import Experiment, Material
+from idic.fe import nodal_deformation
+from idic.laws import (
+    INVARIANTS, RUBBER_TESTS, basis, classical_fits, classical_forms, invariants, knots, knots_of_rubber,
+    rubber_level_names, stress_matrix,
+)
+from idic.model import Experiment, Material
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of, smoothness_of
 from idic.report.evidence.law import nodes_of
@@ -45,7 +46,7 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
             continue
         own = INVARIANTS[:len(counts)]
         names = [f"{material.element_set}.{name}" for invariant, n in zip(own, counts, strict=True)
-                 for name in level_names(invariant, n)]
+                 for name in rubber_level_names(invariant, n)]
         known = [i for i, name in enumerate(names)
                  if (result["parameters"].get(name) or {}).get("std") and name in result["correlation"]["names"]]
         if not known:
@@ -56,7 +57,7 @@ def _curves(experiment: Experiment, parameters: ParameterSet, result: Mapping,
         covariance[np.ix_(known, known)] = covariance_of(result, parameters, [names[i] for i in known])
         reached = _reached(experiment, material, motions)
         modes, rows, where = [], [], []
-        for mode in MODES:
+        for mode in RUBBER_TESTS:
             end = _largest_stretch(mode, reached[:len(counts)])
             stretch = np.linspace(SMALLEST_STRETCH, end, POINTS)
             J = stress_matrix(mode, stretch, last, counts)

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.height.cross_section import SectionReference, section_motion
-from idic.dic.section import section_field, smoothing_length
-from idic.model.experiment import Experiment
+from idic.correlation import SectionReference, section_motion
+from idic.measure import section_field, smoothing_length
+from idic.model import Experiment
 from idic.report.record import FrameView, FreeFields, NoiseFloor, SectionProfile
 
 SEED = 20  # of the noise of the still image

@@ -6,12 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from idic.materials.composed.terms import TIMES
-from idic.materials.composed.written_terms import terms_of
-from idic.materials.core.law import get_law
-from idic.materials.core.temperature import STEP, factor
-from idic.model.experiment import Experiment
-from idic.model.temperature import nodal_temperature
+from idic.laws import PRODUCT_SIGN, STEP, factor, get_law, terms_of
+from idic.model import Experiment, nodal_temperature
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of
 from idic.report.record import TemperatureFactor
@@ -50,6 +46,6 @@ def _factors(experiment: Experiment, parameters: ParameterSet, result: Mapping,
             if known:
                 covariance = covariance_of(result, parameters, [full[i] for i in known])
                 variance = np.einsum("it,ij,jt->t", slopes, covariance, slopes)
-            kind, *targets = term.kind.split(TIMES)
+            kind, *targets = term.kind.split(PRODUCT_SIGN)
             yield TemperatureFactor(material.element_set, kind, tuple(targets), dict(term.values), reference, T,
                                     factor(one.kind, own, reference, T), np.sqrt(np.maximum(variance, 0.0)))

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from idic.experiment_file.laws.free_curves import NEIGHBOURS
-from idic.fields.series import FieldSeries
-from idic.materials.composed.free_curve import ClassicalFit, classical_fits
-from idic.materials.composed.terms import ring_knots_of, surface_weights
-from idic.materials.plasticity.surface_forms import FAMILY_ERROR, classical_surfaces, equivalent
-from idic.model.experiment import Experiment
+from idic.experiment_file import NEIGHBOURS
+from idic.measure import FieldSeries
+from idic.laws import (
+    ClassicalFit, FAMILY_ERROR, classical_fits, classical_surfaces, equivalent, ring_knots_of, surface_weights,
+)
+from idic.model import Experiment
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of, smoothness_of
 from idic.report.record import YieldSurface

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.fields.readings import Reading, readings
-from idic.model.gauges import Gauge
-from idic.report import words
+from idic.measure import Reading, readings
+from idic.model import Gauge
+from idic.report.words import number_text
 from idic.report.record import RunRecord
-from idic.store.path_names import path_name
+from idic.path_names import path_name
 
 SHOWN = {"extensometer": ("strain", "elongation"), "probe": ("u_x", "u_y", "strain_xx", "strain_yy", "strain_xy"),
          "circle": ("u_x", "u_y", "strain_xx", "strain_yy", "strain_xy")}
@@ -48,9 +48,9 @@ def _row(gauge: Gauge, own: Reading) -> dict:
     simulated = float(own.simulated[-1]) if np.isfinite(own.simulated[-1]) else None
     both = None if measured is None or simulated is None else measured - simulated
     return {"name": gauge.name, "kind": gauge.kind, "quantity": own.quantity.replace("_", " "),
-            "unit": "" if own.unit == "-" else own.unit, "measured": words.number(measured, std),
-            "std": words.number(std, std),
-            "simulated": words.number(simulated, std), "difference": words.number(both, std)}
+            "unit": "" if own.unit == "-" else own.unit, "measured": number_text(measured, std),
+            "std": number_text(std, std),
+            "simulated": number_text(simulated, std), "difference": number_text(both, std)}
 
 
 def _over_frames(record: RunRecord, found: list[Reading]) -> tuple[list[str], list[list]]:

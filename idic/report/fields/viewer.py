@@ -17,9 +17,8 @@ import numpy as np
 from matplotlib.colors import to_hex
 from matplotlib.image import imsave
 
-from idic.fields.readings import readings
-from idic.fields.series import FieldSeries
-from idic.fe.mesh import element
+from idic.measure import FieldSeries, readings
+from idic.fe import cell_type
 from idic.report.fit_words import against_free, in_words_of
 from idic.report.figures.style import DIVERGING, JPEG_QUALITY, SEQUENTIAL
 from idic.report.record import RunRecord
@@ -116,7 +115,7 @@ def _triangles(series: FieldSeries, corners: np.ndarray) -> np.ndarray:
     parts = []
     for block in series.surface.plane.blocks:
         conn = place[block.connectivity]
-        parts += [conn[:, [0, 1, 2]]] + ([conn[:, [0, 2, 3]]] if element.cell(block.cell).n_corners == 4 else [])
+        parts += [conn[:, [0, 1, 2]]] + ([conn[:, [0, 2, 3]]] if cell_type(block.cell).n_corners == 4 else [])
     return np.concatenate(parts)
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from idic.calibrate.judge import coverage, tilts_deg
-from idic.calibrate.records import Calibration
+from idic.calibrate import Calibration, coverage, tilts_deg
 from idic.report.figures.style import CYCLE, FAINT, GREY, Picture, look, new_figure, to_picture
 
 ARROW_SHARE = 0.08  # of the image width: the length of an arrow of three standard deviations

@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage, imsave
 
-from idic.report import words
+from idic.report.words import number_text
 from idic.report.figures.maps import RESIDUAL_RANGE, residual_window
 from idic.report.figures.profiles import height_profile, is_profile
 from idic.report.figures.style import DIVERGING, ORANGE, JPEG_QUALITY, Picture, look, new_figure, webp
@@ -70,7 +70,7 @@ def _words(record: RunRecord, frame: int) -> str:
     if entry.get("rms_gv") is not None and not entry.get("reference"):
         parts.append(f"rms residual {entry['rms_gv']:.3g} {record.value_unit}")
     if entry.get("chi2_dof") is not None:
-        parts.append(f"χ² {words.number(entry['chi2_dof'], 0.01)}")
+        parts.append(f"χ² {number_text(entry['chi2_dof'], 0.01)}")
     if entry.get("status") not in (None, "ok"):
         parts.append(entry["status"])
     return " · ".join(parts)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.experiment_file.laws.free_surface import SPREAD
-from idic.materials.composed.free_curve import ClassicalFit
-from idic.materials.composed.smoothness import ROOT
-from idic.materials.plasticity.surface_forms import FAMILY_ERROR
+from idic.experiment_file import SPREAD
+from idic.laws import ClassicalFit, FAMILY_ERROR, ROOT
 from idic.report.figures.style import BLUE, CYCLE, GREY, Picture, look, new_figure, to_picture
 from idic.report.record import HardeningCurve, RunRecord, YieldSurface
 from idic.report.stress_scale import stress_unit

@@ -8,8 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from idic.errors import InputError
-from idic.materials import compile, get_law
-from idic.materials.core.point import uniaxial
+from idic.laws import compile, get_law, uniaxial
 from idic.report.figures.style import BLACK, CYCLE, FAINT, look, new_figure
 
 _CURVE_STEPS = 400

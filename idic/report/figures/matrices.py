@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from idic.model.mode_names import is_mode
+from idic.model import is_mode
 from idic.report.figures.style import BLUE, DIVERGING, GREY, RED, SEQUENTIAL, Picture, look, new_figure, to_picture
 from idic.report.record import RunRecord
 from idic.report.words import short_names

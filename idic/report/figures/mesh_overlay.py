@@ -10,9 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 
-from idic.images.camera import PARAMETERS as CAMERA_PARAMETERS
-from idic.images.pinhole import PARAMETERS as LENS_PARAMETERS
-from idic.images.placed_camera import TURN
+from idic.images import CAMERA_PARAMETERS, PINHOLE_PARAMETERS as LENS_PARAMETERS, PLACED_TURNS
 from idic.report.figures.style import CYCLE, FAINT, Picture, look, new_figure, to_picture
 from idic.report.record import RunRecord
 
@@ -107,7 +105,7 @@ def mesh_on_points(points: np.ndarray, cells: Sequence[np.ndarray], sets: Mappin
 def identified_mesh(record: RunRecord) -> Picture | None:
     """The mesh where the identified geometry and camera put it on the reference image; None where neither was free."""
     free = [name for name, entry in record.result["parameters"].items() if entry["free"]]
-    of_camera = {*CAMERA_PARAMETERS, *LENS_PARAMETERS, *TURN}
+    of_camera = {*CAMERA_PARAMETERS, *LENS_PARAMETERS, *PLACED_TURNS}
     if not any(name.startswith("geometry.hole_") or name.rpartition(".")[2] in of_camera for name in free):
         return None
     corners = [record.nodes_px[cell[:3 if kind.startswith("tri") else 4]]

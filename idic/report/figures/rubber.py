@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from idic.materials.composed.free_curve import ClassicalFit
+from idic.laws import ClassicalFit
 from idic.report.figures.hardening import WIDTH_95
 from idic.report.figures.style import CYCLE, GREY, Picture, look, new_figure, to_picture
 from idic.report.record import RubberCurve, RunRecord

@@ -15,7 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from PIL import Image
 
 from idic.report.figures.layout import MeasuredOnce
-from idic.store.path_names import path_name
+from idic.path_names import path_name
 
 # Okabe & Ito, https://jfly.uni-koeln.de/color/
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, BLACK = (

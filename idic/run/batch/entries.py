@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from idic.errors import InputError
-from idic.experiment_file.toml_file import NAME, locate, read_toml
+from idic.experiment_file import EXPERIMENT_FILE, locate, read_toml
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,99}")
 _FIXED = ("experiment", "name")
@@ -161,7 +161,7 @@ def _with_own_names(runs: Sequence[BatchRun]) -> tuple[BatchRun, ...]:
 
 def _free_name(experiment: str, taken: set[str]) -> str:
     path = Path(experiment)
-    own = path.parent.name if path.name == NAME else path.stem
+    own = path.parent.name if path.name == EXPERIMENT_FILE else path.stem
     plain = re.sub(r"[^A-Za-z0-9._+-]+", "_", own).lstrip("._+-") or "run"
     name, number = plain[:90], 2
     while name.lower() in taken:

@@ -12,8 +12,8 @@ from typing import Any
 from idic.errors import InputError, NotConverged
 from idic.run.plain import identify_on
 from idic.run.reporting.write import write_report
-from idic.store.run_lock import RunBusy
-from idic.workers.runner import SerialRunner, TaskRunner
+from idic.run.store.run_lock import RunBusy
+from idic.run.workers.runner import SerialRunner, TaskRunner
 
 LOG_FILE = "log.txt"
 BAD_INPUT, BUSY, ERROR = "bad_input", "busy", "error"
@@ -42,7 +42,7 @@ class BatchOutcome:
 
     @property
     def failed(self) -> str:
-        """Why there is no result (`idic.workers.runner.problem_of`); what did not converge has one."""
+        """Why there is no result (`idic.run.workers.runner.problem_of`); what did not converge has one."""
         return "" if self.result is not None else self.reason or self.status
 
 

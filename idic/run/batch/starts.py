@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.load import load_experiment
-from idic.experiment_file.toml_file import read_toml, with_overrides
+from idic.experiment_file import load_experiment, read_toml, with_overrides
 from idic.parameters import ParameterSet, drawn_start
 from idic.run.batch.entries import BatchRun
 

@@ -16,13 +16,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from idic.errors import InputError
-from idic.report.batch_page import draw_batch, render_batch
-from idic.report.batch_table import batch_table, scatter
+from idic.report import batch_table, draw_batch, render_batch, scatter
 from idic.run.batch.entries import BatchRun
 from idic.run.batch.runs import BatchJob, BatchOutcome
-from idic.store.replace import replace_file
-from idic.store.result_file import RESULT_FILE
-from idic.store.run_lock import run_lock
+from idic.run.store.replace import replace_file
+from idic.run.store.result_file import RESULT_FILE
+from idic.run.store.run_lock import run_lock
 
 SCHEMA = "idic.batch/1"
 JSON_FILE, CSV_FILE, PAGE_FILE = "batch.json", "batch.csv", "batch.html"

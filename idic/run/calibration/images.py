@@ -6,8 +6,7 @@ import re
 from pathlib import Path
 
 from idic.errors import InputError
-from idic.readers.images import PNG_SUFFIXES, TIFF_SUFFIXES, FileStack, open_stack
-from idic.readers.paths import natural_key
+from idic.readers import FileStack, PNG_SUFFIXES, TIFF_SUFFIXES, natural_key, open_stack
 
 SUFFIXES = {*TIFF_SUFFIXES, *PNG_SUFFIXES}
 _ENDINGS = (("_0", "_1"), ("_left", "_right"), ("_l", "_r"))

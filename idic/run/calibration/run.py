@@ -6,12 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from idic.calibrate.calibrate import MIN_VIEWS, calibrate
-from idic.calibrate.records import Calibration, Lens
+from idic.calibrate import Calibration, Lens, MIN_VIEWS, calibrate
 from idic.errors import InputError
-from idic.readers.calibration.write import write_rig
-from idic.readers.targets.find import KINDS, find_target, kind_of
-from idic.report.figures.calibration import calibration_picture
+from idic.readers import KINDS, find_target, kind_of, write_rig
+from idic.report import calibration_picture
 from idic.run.calibration.images import camera_stacks
 
 PROBES = 3  # images that tell the kind of the target

@@ -8,12 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from idic.diagnose.chain import SEED, Diagnosis
-from idic.diagnose.chain import diagnose as diagnose_identification
-from idic.diagnose.notes import Notes
-from idic.diagnose.residual.margin import Margin
-from idic.diagnose.screen.candidate import Candidate
-from idic.diagnose.selection.rounds import Stage, silent
+from idic.diagnose import Candidate, Diagnosis, Margin, Notes, SEED, Stage, diagnose as diagnose_identification, silent
 from idic.read_once import files_read_once
 from idic.run.diagnosis.far import judged_by_images, on_measured_motion
 from idic.run.diagnosis.enriched import write_enriched
@@ -24,9 +19,9 @@ from idic.run.diagnosis.source import open_source
 from idic.run.diagnosis.spotless import without_spots
 from idic.run.diagnosis.where import where_pictures
 from idic.run.judgement.floor import PointJob, measured_floor
-from idic.store.run_lock import run_lock
-from idic.workers.dask_executor import open_cluster
-from idic.workers.runner import TaskRunner
+from idic.run.store.run_lock import run_lock
+from idic.run.workers.dask_executor import open_cluster
+from idic.run.workers.runner import TaskRunner
 
 
 def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: int = SEED,

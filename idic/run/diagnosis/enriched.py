@@ -10,9 +10,8 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
-from idic.experiment_file.toml_file import NAME, to_toml, validated, with_overrides
-from idic.model.experiment import Experiment
-from idic.model.free_course import without_knot
+from idic.experiment_file import EXPERIMENT_FILE, to_toml, validated, with_overrides
+from idic.model import Experiment, without_knot
 from idic.run.diagnosis.source import Source
 
 FOLDER = "enriched"
@@ -43,7 +42,7 @@ def write_enriched(source: Source, experiment: Experiment, values: Mapping[str, 
     _start_heterogeneities(document, free)
     _start_corrections(document, free)
     document["experiment"]["title"] = f"{experiment.title}, with {' and '.join(n.replace('_', ' ') for n in named)}"
-    file = folder / NAME
+    file = folder / EXPERIMENT_FILE
     validated(document, file)
     file.write_text(to_toml(document), encoding="utf-8")
     _link_files(Path(experiment.folder), folder, Path(source.run))
@@ -92,7 +91,7 @@ def _link_files(original: Path, folder: Path, run: Path) -> None:
     """Every other file of the folder of experiment.toml, by relative links (copies where links are not possible)."""
     for entry in sorted(original.iterdir()):
         around_run = (run.resolve(), *run.resolve().parents)
-        if entry.name == NAME or entry.name.startswith(".") or entry.resolve() in around_run:
+        if entry.name == EXPERIMENT_FILE or entry.name.startswith(".") or entry.resolve() in around_run:
             continue
         target = folder / entry.name
         try:

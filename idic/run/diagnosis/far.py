@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from idic.diagnose.chain import Diagnosis
-from idic.diagnose.measured_motion import (OutOfRegister, by_motion, image_chi2, may_be_out_of_register,
-                                           out_of_register, with_edge_modes)
-from idic.dic.boundary import boundary_start, with_boundary_start
-from idic.identify.in_memory import Identification, identify
-from idic.model.experiment import Experiment
+from idic.diagnose import (
+    Diagnosis, OutOfRegister, by_motion, image_chi2, may_be_out_of_register, out_of_register, with_edge_modes,
+)
+from idic.measure import boundary_start, with_boundary_start
+from idic.identification import Identification, identify
+from idic.model import Experiment
 from idic.run.diagnosis.source import Source
 from idic.run.prepare import read_free_dic, read_free_motion, run_free_dic
-from idic.store.run_store import RunStore
-from idic.workers.runner import TaskRunner
+from idic.run.store.run_store import RunStore
+from idic.run.workers.runner import TaskRunner
 
 GROUP = "dic"
 MAX_IMAGE_EVALUATIONS = 6  # of the enriched model on the images: enough to see whether it comes into register

@@ -9,23 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.diagnose.cautions import cautions
-from idic.diagnose.chain import Diagnosis
-from idic.diagnose.courses import content as courses_content
-from idic.diagnose.findings import mismatch_content, refitted_form, unexplained
-from idic.diagnose.locate.left_place import left_place
-from idic.diagnose.locate.place import in_words
-from idic.diagnose.refit import Refit
-from idic.diagnose.residual.heldout import Fit, better_blocks, ratio
-from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX, Margin
-from idic.diagnose.screen.select import Ranked
-from idic.diagnose.selection.rival import Rival, Round
+from idic.diagnose import (
+    Diagnosis, Fit, Margin, PRACTICAL_MARGIN_PX, Ranked, Refit, Rival, Round, better_blocks, cautions,
+    content as courses_content, in_words, left_place, mismatch_content, ratio, refitted_form, unexplained,
+)
 from idic.parameters import ParameterSet
-from idic.report.diagnosis.headline import headline, left_over
-from idic.report.diagnosis.not_excluded import not_excluded
-from idic.report.diagnosis.spots import with_spots
-from idic.report.diagnosis.words import sentence
-from idic.store.result_file import RESULT_FILE, finite, read_result, write_json
+from idic.report import diagnosis_headline, left_over, not_excluded, sentence, with_spots
+from idic.run.store.result_file import RESULT_FILE, finite, read_result, write_json
 
 DIAGNOSIS_FILE = "diagnosis.json"
 SCHEMA = "idic.diagnosis/1"
@@ -87,7 +77,7 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
     titles = titles_of(diagnosis)
     content["cautions"] = cautions(diagnosis)
     content["sentence"] = sentence(content, titles)
-    content["headline"] = headline(content, titles)
+    content["headline"] = diagnosis_headline(content, titles)
     content["left_over"] = left_over(content, titles)
     content["not_excluded"] = [entry | {"title": titles.get(entry["name"], entry["name"])}
                                for entry in left_open]

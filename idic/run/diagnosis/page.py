@@ -8,19 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.channels import channel_values
-from idic.diagnose.chain import SEED, Diagnosis
-from idic.diagnose.model_change import WindowCurve, law_pairs, window_curves
-from idic.diagnose.notes import Notes
-from idic.diagnose.refit import identification_at
-from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.residual.residual_maps import map_of_noise, maps_of_evidence, maps_of_identification
-from idic.diagnose.residual.thinning import JUDGEMENT, thinned
-from idic.report.diagnosis.page import draw_sections, render_page
-from idic.report.diagnosis.record import KNOWN_ERROR_COUNTED, Curve, DiagnosisRecord
-from idic.report.figures.style import Picture
-from idic.report.words import short_names
-from idic.report.words import time_label
+from idic.correlation import channel_values
+from idic.diagnose import (
+    Diagnosis, JUDGEMENT, Notes, ResidualEvidence, SEED, WindowCurve, identification_at, law_pairs, map_of_noise,
+    maps_of_evidence, maps_of_identification, thinned, window_curves,
+)
+from idic.report import (
+    Curve, DiagnosisRecord, KNOWN_ERROR_COUNTED, Picture, draw_diagnosis_sections, render_diagnosis_page, short_names,
+    time_label,
+)
 
 PAGE_FILE = "diagnosis.html"
 
@@ -30,7 +26,7 @@ def write_page(run: Path | str, diagnosis: Diagnosis, content: Mapping, titles: 
     """Write the page and its figures; returns the page's path. Figures that fail are left out and noted."""
     run = Path(run)
     record = record_of(diagnosis, content, titles, notes, further)
-    sections = draw_sections(record, notes)
+    sections = draw_diagnosis_sections(record, notes)
     new = [note for note in notes.told if note not in content["cautions"]]
     record = replace(record, content={**content, "cautions": [*content["cautions"], *new]})
     (run / "figures").mkdir(exist_ok=True)
@@ -38,7 +34,7 @@ def write_page(run: Path | str, diagnosis: Diagnosis, content: Mapping, titles: 
         for picture in section.pictures:
             (run / "figures" / f"{picture.name}.png").write_bytes(picture.png)
     path = run / PAGE_FILE
-    path.write_text(render_page(record, sections), encoding="utf-8")
+    path.write_text(render_diagnosis_page(record, sections), encoding="utf-8")
     return path
 
 

@@ -11,8 +11,8 @@ from threadpoolctl import threadpool_limits
 from idic.run.context import experiments_of
 from idic.run.diagnosis.diagnose import diagnose, write_all
 from idic.run.diagnosis.source import open_source
-from idic.store.run_lock import run_lock
-from idic.workers.workplace import Workplace
+from idic.run.store.run_lock import run_lock
+from idic.run.workers.workplace import Workplace
 
 
 def diagnose_plainly(run: str | Path, workers: int | None = None, scheduler: str | None = None,

@@ -17,11 +17,9 @@ from pathlib import Path
 import numpy as np
 
 import idic
-from idic.diagnose.refit import Refit
-from idic.diagnose.refit_job import RefitJob, run_refit
-from idic.diagnose.residual.heldout import Fit
-from idic.workers.runner import TaskRunner
-from idic.store.replace import replace_file
+from idic.diagnose import Fit, Refit, RefitJob, run_refit
+from idic.run.workers.runner import TaskRunner
+from idic.run.store.replace import replace_file
 
 FOLDER = "diagnosis"
 FITS = ("choice", "judgement")

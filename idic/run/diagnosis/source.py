@@ -13,27 +13,23 @@ from typing import Any
 
 import numpy as np
 
-from idic.dic.boundary import BoundaryStart, with_boundary_start
+from idic.measure import BoundaryStart, with_boundary_start
 from idic.errors import InputError
-from idic.experiment_file.load import ExperimentFolder
-from idic.experiment_file.recording import Frames
-from idic.experiment_file.tables.lengths import Lengths
-from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
-from idic.fe.mesh.mesh import Mesh
-from idic.identify.in_memory import Identification
-from idic.model.experiment import Experiment, Parametrised, Prescribed
-from idic.model.motion_error import MotionError
-from idic.readers.logs import MatchedLog
+from idic.experiment_file import ExperimentFolder, Frames, Lengths, locate, read_toml, validated, with_overrides
+from idic.fe import Mesh
+from idic.identification import Identification
+from idic.model import Experiment, MotionError, Parametrised, Prescribed
+from idic.readers import MatchedLog
 from idic.run.session import open_session
 from idic.run.context import RunContext, open_run, stored_start
-from idic.store.layout import BASE, DESCRIPTION, group_name
+from idic.run.store.layout import BASE, DESCRIPTION, group_name
 from idic.run.warm_start import first_order_prediction
-from idic.store.arrays import Damaged, read_array
-from idic.store.camera_groups import with_stored_noise
-from idic.store.result_file import RESULT_FILE, read_result
-from idic.store.state_file import load_state
-from idic.store.system_store import load_evaluation
-from idic.workers.runner import SerialRunner
+from idic.run.store.arrays import Damaged, read_array
+from idic.run.store.camera_groups import with_stored_noise
+from idic.run.store.result_file import RESULT_FILE, read_result
+from idic.run.store.state_file import load_state
+from idic.run.store.system_store import load_evaluation
+from idic.run.workers.runner import SerialRunner
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
-from idic.correlation.experiment_reference import camera_at
-from idic.diagnose.refit_job import ExperimentSource
-from idic.diagnose.residual.spots import LEFT_OUT, LeftOut, find_spots
-from idic.identify.in_memory import Identification, identify
+from idic.correlation import camera_at
+from idic.diagnose import ExperimentSource, LEFT_OUT, LeftOut, find_spots
+from idic.identification import Identification, identify
 
 
 def without_spots(source: ExperimentSource, found: Identification,

@@ -6,19 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.view import SECTION
-from idic.diagnose.chain import Diagnosis
-from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect
-from idic.diagnose.locate.mismatch_words import place_words
-from idic.diagnose.locate.place import element_centres
-from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.measured_motion import holds_motion
-from idic.fe.mesh.element import cell
-from idic.model.experiment import Experiment
-from idic.report.diagnosis.spot_figure import spot_picture
-from idic.report.diagnosis.where import WhereRecord, pictures
-from idic.report.figures.style import Picture
-from idic.report.words import time_label
+from idic.correlation import SECTION
+from idic.diagnose import (
+    Diagnosis, Mismatch, ResidualEvidence, SelectedEffect, element_centres, holds_motion, place_words,
+)
+from idic.fe import cell_type
+from idic.model import Experiment
+from idic.report import Picture, WhereRecord, pictures, spot_picture, time_label
 
 
 def where_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
@@ -78,7 +72,7 @@ def _when(begin: int | None, interval: tuple[int, int] | None, visible: int | No
 def _outlines(experiment: Experiment, residual: ResidualEvidence) -> list[np.ndarray]:
     nodes = experiment.mesh.nodes
     at = nodes if residual.view.kind == SECTION else residual.context.camera.project(residual.view.points(nodes))
-    return [at[nodes[:min(cell(block.cell).n_corners, 4)]]  # of a solid's cell one face
+    return [at[nodes[:min(cell_type(block.cell).n_corners, 4)]]  # of a solid's cell one face
             for block in experiment.mesh.blocks for nodes in block.connectivity]
 
 

@@ -13,21 +13,19 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from idic.errors import InputError
-from idic.experiment_file.laws.free_curves import BY_EVIDENCE, SPECTRUM, SURFACE, StatedCurve, by_evidence
-from idic.experiment_file.laws.free_surface import KIND as FREE_SURFACE
-from idic.experiment_file.laws.free_surface import SPREAD
-from idic.experiment_file.toml_file import locate, read_toml, with_overrides
-from idic.identify.covariance import scaled_system
-from idic.identify.driver import log_progress
-from idic.identify.free_form.evidence import ChosenKnots, choose_knots
-from idic.identify.free_form.forms import FreeCurve, FreeForm, FreeSpectrum, FreeSurface
-from idic.identify.in_memory import Identification, identify
-from idic.materials.composed.free_curve import TERM
-from idic.materials.plasticity.free_locus import RINGS
-from idic.model.experiment import Experiment
+from idic.experiment_file import (
+    BY_EVIDENCE, KIND as FREE_SURFACE, SPECTRUM, SPREAD, SURFACE, StatedCurve, by_evidence, locate, read_toml,
+    with_overrides,
+)
+from idic.identification import (
+    ChosenKnots, FreeCurve, FreeForm, FreeSpectrum, FreeSurface, Identification, choose_knots, identify, log_progress,
+    scaled_system,
+)
+from idic.laws import RINGS, TERM
+from idic.model import Experiment
 from idic.parameters import ParameterSet, SmoothnessPrior
 from idic.run.context import experiments_of
-from idic.run.in_memory.preparation import prepare
+from idic.run.in_memory.preparation import prepare_in_memory
 from idic.run.runs import SingleRun
 
 Say = Callable[[str], None]
@@ -73,7 +71,7 @@ def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda tex
                              remedy="identify it, or give a number of knots")
     most = ", ".join(f"{len(curve.names)} values of {curve.key}" for curve in stated)
     say(f"number of knots by evidence: a first identification with the most, {most}")
-    prepared = prepare(experiment, say)
+    prepared = prepare_in_memory(experiment, say)
     found = identify(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
                      searched=prepared.begin is not None)
     if found.point is None or found.point.system is None:

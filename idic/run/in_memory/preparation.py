@@ -10,16 +10,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from idic.dic import DicStack, boundary_start, dic_stack, with_boundary_start
-from idic.identify.coarse import coarse_fit
-from idic.identify.input_noise import measured_noise
-from idic.identify.measured_start import (measured_start, motion_in_space, needs_free_dic, needs_motion_in_space,
-                                           without_edges)
-from idic.identify.search import search
-from idic.identify.step.schedule import wants_search
-from idic.identify.two_step import is_two_step, regularisation_of
-from idic.model.drives import build_drives
-from idic.model.experiment import Experiment, Noise
+from idic.measure import DicStack, boundary_start, dic_stack, with_boundary_start
+from idic.identification import (
+    coarse_fit, is_two_step, measured_noise, measured_start, motion_in_space, needs_free_dic, needs_motion_in_space,
+    regularisation_of, search, wants_search, without_edges,
+)
+from idic.model import Experiment, Noise, build_drives
 from idic.run.prepare import check_before_writing
 
 
@@ -50,7 +46,7 @@ class Prepared:
         return {name: free.u_px for name, free in self.free.items()} if is_two_step(self.experiment) else None
 
 
-def prepare(experiment: Experiment, say: Callable[[str], None] = lambda text: None) -> Prepared:
+def prepare_in_memory(experiment: Experiment, say: Callable[[str], None] = lambda text: None) -> Prepared:
     """Check the experiment and measure what it leaves open, as a run does before its first simulation.
 
     say : called with a line per trial of a search

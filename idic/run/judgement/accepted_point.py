@@ -6,12 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idic.correlation.channels import channel_values, measured_values
+from idic.correlation import channel_values, measured_values
 from idic.errors import InputError
 from idic.run.context import RunContext
 from idic.run.recovery.recover import START
-from idic.store.arrays import FrameArrays, read_array
-from idic.store.layout import BASE, group_name
+from idic.run.store.arrays import FrameArrays, read_array
+from idic.run.store.layout import BASE, group_name
 
 MAX_MOTION_ERROR = 0.01  # of the largest prescribed motion: output files hold five to seven digits
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from idic.correlation.shared_noise import generalised_weights
-from idic.identify.discrepancy.normal_equations import DiscrepancySystem, reason_against
-from idic.identify.sensitivity import perturbations
-from idic.identify.step.state import Evaluation, LoopState
-from idic.model.experiment import Stage
+from idic.correlation import generalised_weights
+from idic.identification import DiscrepancySystem, Evaluation, LoopState, perturbations, reason_against
+from idic.model import Stage
 from idic.run.session import Session
 from idic.run.tasks import CorrelationJob
-from idic.store.discrepancy_store import LABEL, load_discrepancy
-from idic.store.layout import group_name
+from idic.run.store.discrepancy_store import LABEL, load_discrepancy
+from idic.run.store.layout import group_name
 
 
 def discrepancy_job(session: Session, state: LoopState, point: Evaluation | None,

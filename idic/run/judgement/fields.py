@@ -12,21 +12,19 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.frame_equations import correlated_frames
-from idic.correlation.view import is_section
+from idic.correlation import correlated_frames, is_section
 from idic.errors import NotConverged
-from idic.fields.free import free_motion, in_mm, noise_samples, seen_by, smoothed_length
-from idic.fields.series import FieldSeries, simulated_states
-from idic.fields.surface import surface_of
-from idic.images.camera import Camera
-from idic.model.experiment import Experiment
-from idic.model.forward import ForwardModel
+from idic.measure import (
+    FieldSeries, free_motion, in_mm, noise_samples, seen_by, simulated_states, smoothed_length, surface_of,
+)
+from idic.images import Camera
+from idic.model import Experiment, ForwardModel
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, simulated_motion
 from idic.run.tasks import read_motion
-from idic.store.arrays import FrameArrays, read_array, rounded, write_array
-from idic.store.layout import BASE, FIELDS, group_name
-from idic.workers.runner import TaskRunner
+from idic.run.store.arrays import FrameArrays, read_array, rounded, write_array
+from idic.run.store.layout import BASE, FIELDS, group_name
+from idic.run.workers.runner import TaskRunner
 
 MAX_FIELD_FRAMES = 60  # of a long test, evenly spread: each costs a free FE-DIC
 FRAMES_PER_TASK = 6

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.field.reference import FieldReference
-from idic.correlation.view import GREY, SPACE, view_of
-from idic.dic.camera_floor import CameraFloor, camera_floor
-from idic.dic.still import find_still_frames
+from idic.correlation import FieldReference, GREY, SPACE, view_of
+from idic.measure import CameraFloor, camera_floor, find_still_frames
 from idic.parameters import ParameterSet
 from idic.run.context import RunContext, correlation_context, open_run
-from idic.store.arrays import FrameArrays, read_array, write_array
-from idic.store.layout import BASE, FLOOR, group_name
-from idic.store.run_store import RunStore
-from idic.workers.runner import TaskRunner
+from idic.run.store.arrays import FrameArrays, read_array, write_array
+from idic.run.store.layout import BASE, FLOOR, group_name
+from idic.run.store.run_store import RunStore
+from idic.run.workers.runner import TaskRunner
 
 MAX_FINDER_NODES = 400  # whose motion in all frames tells which frames are at rest
 

@@ -7,16 +7,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idic.fields.free import seen_by
+from idic.measure import seen_by
 from idic.parameters import ParameterSet
-from idic.report.evidence.free_dic import FreeMotions, free_motions
+from idic.report import FreeMotions, free_motions
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, simulated_motion
 from idic.run.judgement.shown_frames import shown_frames
-from idic.store.arrays import read_array, rounded, write_array
-from idic.store.layout import FREE
-from idic.store.run_store import RunStore
-from idic.workers.runner import TaskRunner
+from idic.run.store.arrays import read_array, rounded, write_array
+from idic.run.store.layout import FREE
+from idic.run.store.run_store import RunStore
+from idic.run.workers.runner import TaskRunner
 
 DIGITS = 17  # binary ones of a measured motion: 1e-4 px of ten; its noise is 1e-3 px and more
 

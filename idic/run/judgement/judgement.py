@@ -10,20 +10,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from idic.correlation.view import GREY, view_of
-from idic.dic.camera_floor import CameraFloor
-from idic.identify.frame_fit import FrameFit, mean_chi2, used_fits
-from idic.identify.judgement.local_residual import ElementSums, LocalResidual, local_residual
-from idic.identify.judgement.remedies import Remedy, try_remedies
-from idic.report.fit_words import NOISE_CHI2
+from idic.correlation import GREY, view_of
+from idic.measure import CameraFloor
+from idic.identification import (
+    ElementSums, FrameFit, LocalResidual, Remedy, local_residual, mean_chi2, try_remedies, used_fits,
+)
+from idic.report import NOISE_CHI2
 from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, floor_content, measure_floor, measured_floor, simulated_motion
 from idic.run.judgement.free import free_summary, measure_free, measured_free
 from idic.run.judgement.shown_frames import shown_frames
 from idic.run.tasks import CorrelationJob, sum_discrepancy
-from idic.store.discrepancy_store import LABEL as DISCREPANCY
-from idic.store.layout import FLOOR, FREE
-from idic.workers.runner import TaskRunner
+from idic.run.store.discrepancy_store import LABEL as DISCREPANCY
+from idic.run.store.layout import FLOOR, FREE
+from idic.run.workers.runner import TaskRunner
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,12 @@ from functools import cached_property
 
 import numpy as np
 
-from idic.correlation.comparison import Reference
-from idic.correlation.frame import ResidualMap
-from idic.correlation.view import view_of
-from idic.model.experiment import Experiment
+from idic.correlation import Reference, ResidualMap, view_of
+from idic.model import Experiment
 from idic.run.context import RunContext, correlation_context
-from idic.store.arrays import FrameArrays
-from idic.store.layout import BASE, group_name
-from idic.store.system_store import load_evaluation
+from idic.run.store.arrays import FrameArrays
+from idic.run.store.layout import BASE, group_name
+from idic.run.store.system_store import load_evaluation
 
 
 class PointResiduals:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.frame_equations import correlated_frames
-from idic.model.experiment import Experiment
+from idic.correlation import correlated_frames
+from idic.model import Experiment
 
 N_SHOWN_FRAMES = 4
 

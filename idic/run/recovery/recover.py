@@ -9,18 +9,17 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from idic.errors import InputError
-from idic.fe.external.solver import sweep
-from idic.identify.loop import trial_states
-from idic.identify.step.state import LoopState
+from idic.fe import sweep
+from idic.identification import LoopState, trial_states
 from idic.run.prepare import write_description
 from idic.run.recovery.scan import damaged_groups
-from idic.store.checkpoint import load_checkpoint, remove_checkpoint, restore_checkpoint
-from idic.store.layout import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, FIELDS, FLOOR, FREE, SCRATCH, group_name
-from idic.store.result_file import read_result
-from idic.store.run_store import RunStore
-from idic.store.stack import GROUP as IMAGES
-from idic.store.state_file import STATE_FILE, load_state
-from idic.workers.runner import SerialRunner, TaskRunner
+from idic.run.store.checkpoint import load_checkpoint, remove_checkpoint, restore_checkpoint
+from idic.run.store.layout import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, FIELDS, FLOOR, FREE, SCRATCH, group_name
+from idic.run.store.result_file import read_result
+from idic.run.store.run_store import RunStore
+from idic.run.store.stack import GROUP as IMAGES
+from idic.run.store.state_file import STATE_FILE, load_state
+from idic.run.workers.runner import SerialRunner, TaskRunner
 
 EVALUATIONS = "evaluations"
 START, SYSTEM = "start", "system"

@@ -6,10 +6,10 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from idic.store.arrays import Damaged, FrameArrays, read_array
-from idic.store.run_store import RunStore
-from idic.store.stack import ZarrStack
-from idic.workers.runner import TaskRunner
+from idic.run.store.arrays import Damaged, FrameArrays, read_array
+from idic.run.store.run_store import RunStore
+from idic.run.store.stack import ZarrStack
+from idic.run.workers.runner import TaskRunner
 
 BYTES_OF_A_JOB = 64_000_000
 BYTES_FOR_WORKERS = 500_000_000  # a second or two of one process; less is not worth the wait for the workers

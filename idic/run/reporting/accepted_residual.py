@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.view import view_of
-from idic.identify.step.state import AcceptedPoint
-from idic.report.residual_png import residual_png
+from idic.correlation import view_of
+from idic.identification import AcceptedPoint
+from idic.report import residual_png
 from idic.run.context import RunContext, correlation_context, open_run
-from idic.store.arrays import FrameArrays
-from idic.store.layout import BASE, group_name
-from idic.store.state_file import load_state
-from idic.store.system_store import load_evaluation
+from idic.run.store.arrays import FrameArrays
+from idic.run.store.layout import BASE, group_name
+from idic.run.store.state_file import load_state
+from idic.run.store.system_store import load_evaluation
 
 
 @dataclass(frozen=True)

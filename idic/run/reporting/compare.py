@@ -15,12 +15,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from idic.errors import InputError
-from idic.model.mode_names import is_mode
-from idic.report.tables_page import comparison_picture, comparison_tables, of_fields, render_tables
+from idic.model import is_mode
+from idic.report import comparison_picture, comparison_tables, of_fields, render_tables
 from idic.run.joint_run import folders_of, is_joint
-from idic.readers.units import factor_to
+from idic.readers import factor_to
 from idic.run.context import open_run
-from idic.store.result_file import read_result, write_json
+from idic.run.store.result_file import read_result, write_json
 
 SCHEMA = "idic.compare/1"
 IN_UNIT = ("value", "std", "systematic_std", "start")  # of a parameter

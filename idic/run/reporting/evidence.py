@@ -6,25 +6,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idic.correlation.field.reference import FieldReference
-from idic.correlation.frame_equations import correlated_frames
-from idic.correlation.view import view_of
-from idic.fields.free import seen_by
+from idic.correlation import FieldReference, correlated_frames, view_of
+from idic.measure import seen_by
 from idic.parameters import ParameterSet
-from idic.report.evidence.free_dic import free_motions, noise_floor, with_residuals
-from idic.report.evidence.law import law_curves
-from idic.report.evidence.points import point_maps_of
-from idic.report.evidence.practice import frame_views, practice_of
-from idic.report.evidence.relaxation import relaxation_curves
-from idic.report.evidence.rubber import rubber_curves
-from idic.report.evidence.section import section_fields, with_profiles, with_section_floor
-from idic.report.record import Sensitivities
+from idic.report import (
+    Sensitivities, frame_views, free_motions, law_curves, noise_floor, point_maps_of, practice_of, relaxation_curves,
+    rubber_curves, section_fields, with_profiles, with_residuals, with_section_floor,
+)
 from idic.run.context import RunContext, correlation_context
 from idic.run.judgement.free import read_free
 from idic.run.judgement.shown_frames import shown_frames
 from idic.run.judgement.residual_maps import residuals_of
-from idic.store.arrays import FrameArrays
-from idic.store.layout import BASE, group_name
+from idic.run.store.arrays import FrameArrays
+from idic.run.store.layout import BASE, group_name
 
 
 def evidence(context: RunContext, result: Mapping, point: int, parameters: ParameterSet,

@@ -11,15 +11,13 @@ import meshio
 import numpy as np
 
 from idic.errors import InputError
-from idic.fields.columns import field_columns
-from idic.fields.series import FieldSeries
-from idic.fields.strain import MEASURES
+from idic.measure import FieldSeries, MEASURES, field_columns
 from idic.run.context import open_run
 from idic.run.reporting.paraview import VTK_NAMES, three_columns, write_collection
 from idic.run.reporting.series import series_of
 from idic.run.reporting.write import accepted_parameters
-from idic.store.arrays import create_array
-from idic.store.result_file import read_result
+from idic.run.store.arrays import create_array
+from idic.run.store.result_file import read_result
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +44,7 @@ def export_fields(run: Path | str, folder: Path | str, file_format: str = "csv",
     folder : path
         Made where it is missing.
     file_format : "csv" | "vtu" | "xdmf" | "zarr"
-    measure, angle_deg : see `idic.fields.columns.field_columns`
+    measure, angle_deg : see `idic.measure.fields.columns.field_columns`
 
     Returns
     -------

@@ -10,21 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.laws.free_curves import StatedCurve
-from idic.experiment_file.toml_file import to_toml
-from idic.materials.composed.material_card import PROGRAMS, material_card
-from idic.fe.external.solver import EXTERNAL
-from idic.materials.composed.elastoplastic import NAME
-from idic.materials.composed.terms import LISTS, LOCUS_NAME, TIMES
-from idic.materials.composed.written_terms import WrittenTerm, terms_of
-from idic.materials.core.law import EXPANSION, get_law
-from idic.materials.plasticity.free_locus import RINGS
-from idic.model.experiment import Experiment
-from idic.model.temperature import nodal_temperature
-from idic.readers.units import factor_between
+from idic.experiment_file import StatedCurve, to_toml
+from idic.laws import (
+    ELASTOPLASTIC, EXPANSION, LISTS, LOCUS_NAME, PRODUCT_SIGN, PROGRAMS, RINGS, WrittenTerm, get_law, material_card,
+    terms_of,
+)
+from idic.fe import EXTERNAL
+from idic.model import Experiment, nodal_temperature
+from idic.readers import factor_between
 from idic.run.context import open_run
 from idic.run.reporting.write import accepted_parameters
-from idic.store.result_file import read_result
+from idic.run.store.result_file import read_result
 
 CARD_TEMPERATURES = 9
 
@@ -90,10 +86,10 @@ def law_table(element_set: str, law: str, kinematics: str, values: Mapping[str, 
     """
     units = {p.name: p.unit for p in (*get_law(law).parameters, EXPANSION)}
     entries = result["parameters"]
-    composed = law.partition("(")[0] == NAME
+    composed = law.partition("(")[0] == ELASTOPLASTIC
     terms = (terms_of(law, values) or ()) if composed else ()
     in_terms = {name for written in terms for name in written.names.values()}
-    table: dict = {"law": NAME if composed else law}
+    table: dict = {"law": ELASTOPLASTIC if composed else law}
     if len(get_law(law).kinematics) > 1:
         table["kinematics"] = kinematics
     table |= {name: _value(value, units[name]) for name, value in values.items() if name not in in_terms}
@@ -136,7 +132,7 @@ def _term_table(written: WrittenTerm, units: Mapping[str, str]) -> dict:
         made["knots"], kind = sum(name.startswith("u") for name in written.values) // RINGS, "free_surface"
     elif kind.startswith("free"):
         made["knots"], kind = sum(name.startswith("s") for name in written.values) + 1, "free"
-    kind, *of = kind.split(TIMES)
+    kind, *of = kind.split(PRODUCT_SIGN)
     multiplied = {"of": of} if of else {}
     return {"kind": kind, **made, **multiplied,
             **{own: _value(value, units[written.names[own]]) for own, value in written.values.items()}}

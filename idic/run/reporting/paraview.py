@@ -9,13 +9,13 @@ from xml.sax.saxutils import quoteattr
 import meshio
 import numpy as np
 
-from idic.fe.mesh.mesh import Mesh
-from idic.fields.columns import field_columns
-from idic.model.experiment import Experiment
-from idic.report.record import RunRecord
+from idic.fe import Mesh
+from idic.measure import field_columns
+from idic.model import Experiment
+from idic.report import RunRecord
 from idic.run.context import RunContext
-from idic.store.arrays import FrameArrays
-from idic.store.layout import BASE, group_name
+from idic.run.store.arrays import FrameArrays
+from idic.run.store.layout import BASE, group_name
 
 VTK_NAMES = {"tri3": "triangle", "tri6": "triangle6", "quad4": "quad", "quad8": "quad8", "tet4": "tetra",
              "tet10": "tetra10", "hex8": "hexahedron", "hex20": "hexahedron20"}

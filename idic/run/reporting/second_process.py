@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from idic.workers.working_folder import empty_folder
+from idic.run.workers.working_folder import empty_folder
 
 LONGEST_WAIT_S = 120.0  # for the last figure of the second process; then it is drawn here
 HANDS_OUT = "figures for the second process"  # name of a thread
@@ -117,7 +117,7 @@ def _draw_as_told() -> None:
                 asked.put(pickle.load(sys.stdin.buffer))
         os._exit(0)  # the other process is gone, or wants no more
 
-    from idic.report.page import parts, plan_sections
+    from idic.report import parts, plan_sections
 
     threading.Thread(target=listen, daemon=True).start()
     drawers: list[Callable[[], Any]] = []

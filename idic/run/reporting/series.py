@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from idic.experiment_file.tables.gauges import gauges
-from idic.experiment_file.toml_file import locate, read_toml, validated, with_overrides
-from idic.fields.series import FieldSeries
-from idic.model.experiment import Experiment
-from idic.model.gauges import Gauge
-from idic.report.stress_scale import stress_unit
+from idic.experiment_file import gauges, locate, read_toml, validated, with_overrides
+from idic.measure import FieldSeries
+from idic.model import Experiment, Gauge
+from idic.report import stress_unit
 from idic.run.context import RunContext
 from idic.run.judgement.fields import read_fields, write_fields
 from idic.run.judgement.floor import PointJob
-from idic.workers.runner import SerialRunner
+from idic.run.workers.runner import SerialRunner
 
 
 def series_of(run: Path, context: RunContext, result: Mapping, there: Experiment) -> FieldSeries | None:

@@ -10,26 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation.experiment_reference import camera_at
-from idic.correlation.frame_equations import at_fixed_pixels
-from idic.correlation.view import SPACE, is_section, view_of
+from idic.correlation import SPACE, at_fixed_pixels, camera_at, is_section, view_of
 from idic.errors import InputError
-from idic.fe.mesh.mesh import surface_cells
-from idic.identify.systematic.spread import ratios_of
-from idic.model.experiment import Experiment
-from idic.model.mode_names import is_mode
-from idic.model.temperature import nodal_temperature
+from idic.fe import surface_cells
+from idic.identification import ratios_of
+from idic.model import Experiment, is_mode, nodal_temperature
 from idic.parameters import ParameterSet
-from idic.report.evidence.matrices import shown_step, without_modes
-from idic.report.figures.profiles import EDGE
-from idic.report.page import all_pictures, draw_sections, in_turn, render_page
-from idic.report.evidence.hardening import hardening_curves
-from idic.report.evidence.yield_surface import yield_surfaces
-from idic.report.evidence.temperature import temperature_factors
-from idic.report.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
-from idic.report.tables import all_tables
-from idic.report.tables_page import joint_page
-from idic.report.words import time_label
+from idic.report import (
+    ChannelRecord, EDGE, FieldFrames, ResidualMaps, RunRecord, Sensitivities, all_pictures, all_tables, draw_sections,
+    hardening_curves, in_turn, joint_page, render_page, shown_step, temperature_factors, time_label, without_modes,
+    yield_surfaces,
+)
 from idic.run.context import RunContext, open_run
 from idic.run.joint_run import folders_of, is_joint
 from idic.run.judgement.accepted_point import channel_table, channels_of, refuse_passed_point
@@ -40,10 +31,10 @@ from idic.run.judgement.residual_maps import residuals_of
 from idic.run.reporting.paraview import write_paraview
 from idic.run.reporting.second_process import SecondProcess
 from idic.run.reporting.series import gauges_of, series_of
-from idic.store.arrays import FrameArrays
-from idic.store.layout import BASE, group_name
-from idic.store.result_file import RESULT_FILE, read_result
-from idic.store.system_store import load_evaluation
+from idic.run.store.arrays import FrameArrays
+from idic.run.store.layout import BASE, group_name
+from idic.run.store.result_file import RESULT_FILE, read_result
+from idic.run.store.system_store import load_evaluation
 
 REPORT_FILE = "report.html"
 CHANNEL_NOISE = {"given": "as given in the experiment file"}

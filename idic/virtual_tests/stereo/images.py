@@ -6,10 +6,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from idic.experiment_file.schema_options import DesignTable
-from idic.fe.mesh.mesh import Mesh, boundary_faces, face_cells, surface_cells
-from idic.identify.plan.planned_test import DOT_SIGMA_PER_SPECKLE
-from idic.images.placed_camera import AnyCamera, PlacedCamera
+from idic.experiment_file import DesignTable
+from idic.fe import Mesh, boundary_faces, face_cells, surface_cells
+from idic.identification import DOT_SIGMA_PER_SPECKLE
+from idic.images import AnyCamera, PlacedCamera
 from idic.virtual_tests.render import Sensor, record
 from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
 from idic.virtual_tests.stereo.solid_speckle import PERIOD_CELLS, SolidSpeckle, solid_speckle

@@ -8,11 +8,9 @@ from string import Template
 
 import numpy as np
 
-from idic.fe.march import march
-from idic.fe.mesh.mesh import Mesh, boundary_faces, face_cells, make_mesh
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.images.pinhole import PinholeCamera
-from idic.materials.core.compilation import compile as compile_law
+from idic.fe import Constraints, Mesh, Model, Reaction, Section, boundary_faces, face_cells, make_mesh, march
+from idic.images import PinholeCamera
+from idic.laws import compile as compile_law
 from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads, write_truth
 from idic.virtual_tests.meshes import strip_with_hole, write_inp
 from idic.virtual_tests.render import Sensor, noisy_channel, record

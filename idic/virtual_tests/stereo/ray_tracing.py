@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from idic.fe.mesh.mesh import Block
-from idic.images.inverse_mapping import CODES, EDGE_TOLERANCE, MAX_NODES, carry, shape_functions
-from idic.images.pinhole import PinholeCamera
+from idic.fe import Block
+from idic.images import CODES, EDGE_TOLERANCE, MAX_NODES, PinholeCamera, carry, shape_functions
 from idic.virtual_tests.render import Sensor, sample_grid
 
 STRIP_SAMPLES = 600_000  # samples held at a time

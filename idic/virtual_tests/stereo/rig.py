@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.images.pinhole import PinholeCamera, rotation_of
+from idic.images import PinholeCamera, rotation_of
 
 FROM_ABOVE = np.diag([1.0, -1.0, -1.0])  # a camera on +z: x to the right, y up
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from idic.images.pattern import DOT_RADIUS
+from idic.images import DOT_RADIUS
 
 PERIOD_CELLS = 64  # the pattern repeats after so many cells along each axis
 DENSITY = 1.0 / 1.5**2  # balls per sigma³

@@ -14,11 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from idic import load_experiment
-from idic.dic import dic_stack
-from idic.identify.in_memory import evaluate_at, identify
-from idic.identify.step.state import Evaluation
-from idic.model.experiment import Experiment, Noise
-from idic.identify.measured_start import measured_start
+from idic.measure import dic_stack
+from idic.identification import Evaluation, evaluate_at, identify, measured_start
+from idic.model import Experiment, Noise
 
 
 def residuals(point: Evaluation, n_frames: int) -> np.ndarray:

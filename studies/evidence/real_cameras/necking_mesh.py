@@ -10,8 +10,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from idic.fe.mesh.mesh import make_mesh
-from idic.virtual_tests.meshes import Patch, mesh_patches, write_inp
+from idic.fe import make_mesh
+from idic.virtual_tests import Patch, mesh_patches, write_inp
 
 TOP, BOTTOM = 260.0, 1600.0  # rows, between the fillets
 

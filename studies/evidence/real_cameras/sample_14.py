@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from idic import load_experiment
-from idic.dic import Regularisation, dic_stack
+from idic.measure import Regularisation, dic_stack
 
 TOML = """
 [experiment]

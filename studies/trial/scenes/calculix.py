@@ -17,9 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError, NotConverged
-from idic.fe.external.inp_writer import inp_text
-from idic.fe.external.solver_output import Wanted, gathered
-from idic.fe.mesh.mesh import Mesh
+from idic.fe import Mesh, Wanted, gathered, inp_text
 from idic_studies.trial.scenes.scene import Scene
 from idic_studies.trial.scenes.solve import Motion, element_factors, end_dofs, has_memory, true_mesh
 from idic_studies.trial.scenes.specimens import bricks, partners_of

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.images.camera import Camera
+from idic.images import Camera
 from idic_studies.trial.scenes.scene import IMAGE_SHAPE_PX, Scene, View, elapsed, loading
 
 Change = Callable[[Scene, float, np.random.Generator], Scene]

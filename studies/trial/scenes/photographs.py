@@ -17,7 +17,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
 from idic.errors import InputError
-from idic.readers.images import read_image
+from idic.readers import read_image
 
 DEGREE = 5  # of the spline of a photograph
 TILE_PX = 32  # of the fit of light and shift between repeated photographs

@@ -13,17 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.fe.mesh.mesh import Mesh
-from idic.images.camera import Camera
-from idic.images.pattern import dense_speckle
-from idic.images.stack import ArrayStack
+from idic.fe import Mesh
+from idic.images import ArrayStack, Camera, dense_speckle
 from idic_studies.trial.scenes.photographs import Photograph
 from idic_studies.trial.scenes.scene import FORCE_NOISE, GRIP_NOISE, NULLS, Geometry, Scene, View
 from idic_studies.trial.scenes.solve import Motion
-from idic.virtual_tests.experiment_files import write_loads
+from idic.virtual_tests import Sensor, Texture, clean_image, painted, record, write_inp, write_loads
 from idic_studies.trial.scenes.specimens import is_fine, specimen_mesh
-from idic.virtual_tests.meshes import write_inp
-from idic.virtual_tests.render import Sensor, Texture, clean_image, painted, record
 
 BACKGROUND_GREY = 30.0
 IMAGES = "images.npy"

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from idic.images.camera import Camera
-from idic.materials import get_law
+from idic.images import Camera
+from idic.laws import get_law
 
 THICKNESS_MM = 1.5  # mm
 PIXEL_MM = 0.084  # mm

@@ -12,11 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.fe.march import march
-from idic.fe.mesh.mesh import Mesh
-from idic.fe.model import Constraints, Model, Reaction, Section
-from idic.materials import get_law
-from idic.materials.core.compilation import compile as compile_law
+from idic.fe import Constraints, Mesh, Model, Reaction, Section, march
+from idic.laws import compile as compile_law, get_law
 from idic_studies.trial.scenes.scene import Geometry, Scene
 from idic_studies.trial.scenes.specimens import is_fine, specimen_mesh
 

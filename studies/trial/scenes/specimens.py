@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.fe.mesh.mesh import Mesh, make_mesh
-from idic.virtual_tests.meshes import MERGE_DISTANCE, Patch, mesh_patches, strip_with_hole
+from idic.fe import Mesh, make_mesh
+from idic.virtual_tests import MERGE_DISTANCE, Patch, mesh_patches, strip_with_hole
 
 Edge = Callable[[np.ndarray], np.ndarray]
 

@@ -1,0 +1,118 @@
+"""The calibration of one camera or of a pair, with its covariance and notes on values that it does not determine."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.calibrate.bundle import Adjusted, adjust, without_outliers
+from idic.calibrate.judge import notes_on
+from idic.calibrate.records import Calibration, Lens, Pose, State, Views
+from idic.calibrate.start import numbered, one_camera, second_camera
+from idic.errors import InputError
+from idic.images import POSE_PARAMETERS
+from idic.readers import CameraRig
+
+PRIOR_PASSES = 2            # the weight of the prior of target points depends on the noise: settled after the first
+MIN_VIEWS = 3               # of a flat target: below, focal length and centre are not determined
+
+
+def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_mm: float, lens: Lens | None = None,
+              target_std_mm: float = 0.0) -> Calibration:
+    """Cameras whose projections of a flat target lie closest to the seen points.
+
+    Parameters
+    ----------
+    views : tuple over images of tuple over cameras (one or two) of TargetView or None
+    image_size_px : per camera (width, height)
+    spacing_mm : float
+        Distance of neighbouring points of the target.
+    lens : Lens, optional
+        Which intrinsic values are free.
+    target_std_mm : float
+        Standard deviation of a point of the target from its nominal place; 0: exact. Above 0 the points are identified,
+        too.
+
+    Returns
+    -------
+    Calibration
+        With the covariance of all free values of the cameras; the standard deviation of a seen coordinate comes from
+        the residuals and their degrees of freedom.
+
+    Raises
+    ------
+    InputError
+        Fewer than three views of a camera, or pairs that do not fit together.
+    NotConverged
+        The adjustment does not converge.
+    """
+    lens, n_cameras = lens or Lens(), len(image_size_px)
+    for number in range(n_cameras):
+        seen = sum(row[number] is not None for row in views)
+        if seen < MIN_VIEWS:
+            raise InputError("too few images show the target", key=f"camera {number}", found=f"{seen}",
+                             expected=f"at least {MIN_VIEWS}, better 15, at different tilts and places",
+                             remedy="record more images of the target; check --target and --grid")
+    used, points = numbered(views, spacing_mm)
+    alone = [one_camera(used, number, points, image_size_px[number], lens) for number in range(n_cameras)]
+    cameras = [next(iter(alone[0].values()))[0]]
+    if n_cameras == 2:
+        camera, used = second_camera(alone[0], alone[1], used, points)
+        cameras.append(camera)
+    own = {v: pose for v, (_, pose) in alone[0].items()}
+    others = {v: _back(cameras[1], pose) for v, (_, pose) in alone[1].items()} if n_cameras == 2 else {}
+    poses = [own.get(v, others.get(v)) for v in range(len(used))]
+    seen_views = [v for v, pose in enumerate(poses) if pose is not None]
+    used = tuple(used[v] for v in seen_views)
+    state = State(tuple(cameras), tuple(poses[v] for v in seen_views), points)  # type: ignore[misc]
+    first = adjust(state, used, lens)
+    used, n_left_out = without_outliers(first, used)
+    best = adjust(first.state, used, lens)
+    for _ in range(PRIOR_PASSES if target_std_mm > 0.0 else 0):
+        best = adjust(replace(best.state, points_mm=points), used, lens, target_std_mm, best.noise_px)
+    noise = best.noise_px
+    rig = _rig(best, lens, noise, image_size_px)
+    residuals, views_out = _in_place(best.residuals_px, used, seen_views, len(views), n_cameras)
+    poses_out = dict(zip(seen_views, best.state.poses, strict=True))
+    result = Calibration(rig, tuple(poses_out.get(v) for v in range(len(views))), residuals,
+                         views_out,  # type: ignore[arg-type]
+                         best.state.points_mm, best.rms_px, noise, n_left_out)
+    return replace(result, notes=notes_on(result, target_std_mm))
+
+
+def _rig(found: Adjusted, lens: Lens, noise: float, sizes) -> CameraRig:
+    covariance = found.cofactor * noise**2
+    names, rows = [], []
+    at = 0
+    for number in range(len(sizes)):
+        for name in lens.free:
+            names.append(f"{number}.{name}")
+            rows.append((at, 1.0))
+            if name == "fx" and lens.square:
+                names.append(f"{number}.fy")
+                rows.append((at, 1.0))
+            at += 1
+        if number:
+            names += [f"{number}.{name}" for name in POSE_PARAMETERS]
+            rows += [(at + k, np.degrees(1.0) if k < 3 else 1.0) for k in range(6)]
+            at += 6
+    order = np.array([row for row, _ in rows])
+    factor = np.array([f for _, f in rows])
+    return CameraRig(found.state.cameras, tuple(sizes), tuple(names),
+                     covariance[np.ix_(order, order)] * factor[:, None] * factor)
+
+
+def _back(camera, pose):
+    """The pose of a target in the frame of camera 0, of its pose in that of another camera."""
+    return Pose(camera.rotation.T @ pose.rotation, camera.rotation.T @ (pose.translation_mm - camera.translation_mm))
+
+
+def _in_place(residuals, used, seen_views, n_views, n_cameras):
+    """Residuals and views by the numbers of the images."""
+    empty = (None,) * n_cameras
+    by_view = dict(zip(seen_views, zip(residuals, used, strict=True), strict=True))
+    return (tuple(by_view[v][0] if v in by_view else empty for v in range(n_views)),
+            tuple(by_view[v][1] if v in by_view else empty for v in range(n_views)))
+
+

@@ -1,0 +1,335 @@
+"""Cautions of a diagnosis: where the selected candidate may be wrong, or its error bars too small.
+
+Differences between wrong models are significant on every real camera. The cautions say what the significance does not
+cover: a search that had not converged, a formal fit, refits that were cut short, a rival that comes near, few elements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from idic.diagnose.chain import Diagnosis
+from idic.diagnose.channel_left import ChannelLeft
+from idic.diagnose.discretisation.bricks import reason_against_bricks
+from idic.diagnose.discretisation.combinations import BRICKS, FINITE_STRAINS
+from idic.diagnose.next_test import reason_against_continuation
+from idic.diagnose.refit import MAX_EVALUATIONS, MAX_FAILED_SIMULATIONS
+from idic.diagnose.residual.excess_left import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft
+from idic.diagnose.residual.heldout import Fit
+from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
+from idic.diagnose.screen.candidate import MESH_TOO_COARSE
+from idic.diagnose.screen.edits import open_share
+from idic.diagnose.selection.rival import NO_CAUSE, Round
+from idic.identification import Identification, gripped_ends, z_text
+from idic.laws import get_law
+from idic.model import pixel_size
+from idic.parameters import Parameter
+
+MIN_CARRYING_ELEMENTS = 60  # elements that carry the active law: fewer do not resolve its course in space
+MIN_RIVAL_SHARE = 0.3  # of the winner's drop of chi-square: a rival that may still overtake it
+MIN_LEFT_OF_DIFFERENCE = 0.1  # excess left over the difference of two rivals: it may decide the sign of the difference
+MAX_EXCESS_GROWTH = 0.05  # of the excess before
+MAX_EXCESS_GROWTH_STD = 5.0  # standard deviations of the excess; the larger of the two counts
+MIN_MOVE_BY_MESH_STD = 2.0  # of a parameter: what a mesh moves by less is no news
+STATUS_WORDS = {"stalled": "no step lowered the residual", "max_iterations": "it reached its limit of evaluations",
+                "at_bound": "a parameter is at its bound", "forward_failed": "the simulation failed",
+                "interrupted": "it was interrupted"}
+
+
+def cautions(diagnosis: Diagnosis) -> list[str]:
+    """Everything that the error bars do not say, in sentences."""
+    before, after = diagnosis.verdict.before, diagnosis.verdict.after
+    search = search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
+    camera = [diagnosis.margin.words] if diagnosis.margin.px > PRACTICAL_MARGIN_PX else []
+    outline = outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word)
+    register = [] if diagnosis.register is None else [diagnosis.register.words]
+    return [*register, *_quick(diagnosis), *too_coarse(diagnosis.rounds), *outline, *thickness_caution(diagnosis),
+            *finite_caution(diagnosis), *mesh_caution(diagnosis), *neglected_cautions(diagnosis),
+            *([] if diagnosis.quick else untested_thickness(diagnosis.found)),
+            *other_axis_caution(diagnosis), *search, *camera, *formal_fit(diagnosis.excess_left),
+            *channel_cautions(diagnosis.channels, diagnosis.verdict.in_channels), *_few_elements(diagnosis),
+            *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_given_up(diagnosis.rounds),
+            *refits_cut_short(diagnosis.rounds),
+            *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
+
+
+def too_coarse(rounds: Sequence[Round]) -> list[str]:
+    """A candidate that asks for a finer mesh and shows beside the selected ones, or before an imitation of it was
+    selected: around a hole a plate that yields has a period, too, until plasticity is in the model."""
+    shown = {candidate.title: why for one in rounds for candidate, why in one.screening.untestable
+             if why.startswith(MESH_TOO_COARSE)
+             and (one is rounds[-1] or (one.winner and one.winner.ranked.candidate.name in candidate.rivals))}
+    return [f"{title.capitalize()}: {why}. Until then a gradient or an inclusion may stand for them."
+            for title, why in shown.items()]
+
+
+def _quick(diagnosis: Diagnosis) -> list[str]:
+    """What a quick diagnosis leaves out, where it selects a candidate."""
+    if not (diagnosis.quick and diagnosis.verdict.selected):
+        return []
+    return ["This was a quick diagnosis: one candidate was refitted, to one copy of the recording with twice the noise "
+            "variance. Its rivals were not refitted; run  idic diagnose  without --quick for the comparison."]
+
+
+def outline_caution(share: float | None, word: str) -> list[str]:
+    """Where the mesh is the outline of measured points, and something was found.
+
+    share : by how much its narrowest width may be off, of that width
+    """
+    if share is None or word in ("none", "blind"):
+        return []
+    return [f"The mesh is the outline of the points, whose narrowest width may be off by {100.0 * share:.1f} %. A "
+            "wrong outline looks like a wrong thickness, force scale or stiffness, and like another stiffness at "
+            "notches and holes: it may explain the whole finding. Draw the outline (outline_mm in mesh) and diagnose "
+            "again."]
+
+
+def thickness_caution(diagnosis: Diagnosis) -> list[str]:
+    """Where the recording fits bricks of the specimen's thickness and not plane stress."""
+    error, experiment = diagnosis.source.motion_error, diagnosis.found.experiment
+    if error is None or error.thickness is None:
+        return []
+    moved = float(np.sqrt((error.thickness.u**2).sum(axis=2).mean(axis=1)).max()) / pixel_size(experiment)
+    shares = [f", {100.0 * np.abs(change).max() / channel.largest:.2g} % of {channel.column}"
+              for channel, change in zip(experiment.channels, error.thickness.channels.T, strict=True)]
+    identified, first = diagnosis.found.parameters, diagnosis.rounds[0]
+    known = None if first.source is None else first.source.motion_error
+    bricks = first.null if diagnosis.corrected is None else diagnosis.corrected
+    values = "; ".join(f"{name} {identified[name].shown:.4g}, about "
+                       f"{bricks.values[name] / identified[name].factor:.4g} {_unit(identified[name])}with bricks"
+                       for name in identified.free
+                       if abs(bricks.values[name] - identified[name].value) > (bricks.stds.get(name) or 0.0))
+    is_first = known is not None and known.thickness is not None  # counted before any cause
+    told = f" ({values})" if is_first and values else ""
+    further = "" if diagnosis.final is None else ", nor does the enriched experiment"
+    return [f"The specimen is not in plane stress: the motion of bricks of its thickness ({experiment.thickness:.3g} "
+            f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
+            f"shows it. The diagnosis counts the difference; the identified parameters do not{told}{further}. "
+            "Identify again with a mesh of bricks (kind = \"solid\")."]
+
+
+def _unit(parameter: Parameter) -> str:
+    return f"{parameter.unit} " if parameter.unit not in ("", "-") else ""
+
+
+def untested_thickness(found: Identification) -> list[str]:
+    """Where bricks of the specimen's thickness were not compared with plane stress."""
+    why = reason_against_bricks(found)
+    if why is None:
+        return []
+    return [f"Plane stress was not tested: {why}. Bricks of the specimen's thickness ({found.experiment.thickness:.3g} "
+            "mm) may move otherwise, most at grips, notches and in bending; no error bar counts it. Diagnose with "
+            "quadrilaterals or triangles of second order alone, and not too many, or identify with a mesh of bricks "
+            "(kind = \"solid\")."]
+
+
+def finite_caution(diagnosis: Diagnosis) -> list[str]:
+    """Where finite strains were counted beside a cause, and are none by name; a law that has no other form is not
+    counted."""
+    after = diagnosis.residual_after
+    if after is None or NO_CAUSE in diagnosis.verdict.selected:
+        return []
+    small = {one.element_set for one in diagnosis.found.experiment.materials if one.kinematics == "small"}
+    if not any(one.element_set in small and one.kinematics == "finite"
+               and "small" in get_law(one.law).kinematics for one in after.context.experiment.materials):
+        return []
+    return ["The recording shows finite strains and rotations, which the identified model neglects. The diagnosis and "
+            "the enriched experiment count them; the identified parameters do not. Identify again with finite strains "
+            "(kinematics = \"finite\")."]
+
+
+def mesh_caution(diagnosis: Diagnosis) -> list[str]:
+    """Where the error of the mesh has moved an identified parameter by `MIN_MOVE_BY_MESH_STD`, and no cause was named
+    that would be fitted with it."""
+    error, better = diagnosis.source.motion_error, diagnosis.corrected
+    if better is None or error is None or error.thickness is not None:
+        return []
+    known = diagnosis.found.parameters
+    moves = {name: abs(better.values[name] - known[name].value) for name in known.free}
+    if all(move <= MIN_MOVE_BY_MESH_STD * (better.stds.get(name) or np.inf) for name, move in moves.items()):
+        return []
+    values = "; ".join(f"{name} {known[name].shown:.5g}, about {better.values[name] / known[name].factor:.5g} on a "
+                       f"finer mesh" for name in known.free)
+    return [f"The mesh is coarse for the body ({values}). The diagnosis counts its error; the identified parameters do "
+            "not. Identify again on a finer mesh."]
+
+
+def neglected_cautions(diagnosis: Diagnosis) -> list[str]:
+    """Where the model neglects bricks of the thickness or finite strains, and the parameters depend on it."""
+    absent, experiment = diagnosis.neglected, diagnosis.found.experiment
+    if absent is None:
+        return []
+    parameters = experiment.parameters if diagnosis.residual_after is None else (
+        diagnosis.residual_after.context.experiment.parameters)
+    ends = " with ends that keep theirs" if gripped_ends(experiment) else ""
+    said = {BRICKS: (f"Plane stress is an assumption: bricks of the specimen's thickness ({experiment.thickness:.3g} "
+                     f"mm){ends}", 'a mesh of bricks (kind = "solid")'),
+            FINITE_STRAINS: ("Small strains are an assumption: the same law with finite strains and rotations",
+                             'finite strains (kinematics = "finite")')}
+    found = []
+    for effect, moves in absent.full.items():
+        values = {name: move for name, move in moves.items() if name in parameters}
+        told = [f"{name} by {move / parameters[name].factor:+.2g} {parameters[name].unit}".rstrip()
+                for name, move in values.items() if "[" not in name]  # no knots of a course
+        if len(told) < len(values):
+            told.append("the course of " + ", ".join(dict.fromkeys(name.split("[")[0].removesuffix("_knot")
+                                                                    for name in values if "[" in name)))
+        what, remedy = said[effect]
+        found.append(f"{what} would move {', '.join(told)}. By the recording it is so with a probability "
+                     f"{_probability(absent.probability[effect])}; no error bar counts it "
+                     f"(model.parameters_of_real_body does). Identify again with {remedy}.")
+    return found
+
+
+def _probability(p: float) -> str:
+    return "below 1 %" if p < 0.01 else "above 99 %" if p > 0.99 else f"of {100.0 * p:.0f} %"
+
+
+def other_axis_caution(diagnosis: Diagnosis) -> list[str]:
+    """Where the recording fits another axis as well, with other values."""
+    other, after = diagnosis.other_axis, diagnosis.residual_after
+    if other is None or after is None:
+        return []
+    parameters = after.context.experiment.parameters
+    values = [f"{name} {other.values[name] / parameters[name].factor:.4g} {parameters[name].unit}".rstrip()
+              for name in other.stds]
+    return ["Another axis of the law explains the recording as well, with other values: " + ", ".join(values) + ". No "
+            "error bar counts that. Turn a second specimen by 45 degrees, or lock what is known."]
+
+
+def channel_cautions(channels: Sequence[ChannelLeft], unexplained: Sequence[str] = ()) -> list[str]:
+    """Channels of which too much is left for the verdict of one or several causes; unexplained : columns that the
+    verdict names."""
+    return [f"{one.column} is not explained: {100.0 * one.reading_share:.2g} % of its largest reading is left "
+            f"({z_text(one.z)} standard deviations, {100.0 * min(one.share, 1.0):.0f} % of the excess before)."
+            for one in channels if one.matters or one.column in unexplained]
+
+
+def formal_fit(excesses: Sequence[ExcessLeft]) -> list[str]:
+    """The clearest excess that the selected candidate leaves, where it is too large for the cause.
+
+    excesses : local residual tests and time-course test
+    """
+    left = max((one for one in excesses if one.matters), key=lambda one: one.after.excess_z, default=None)
+    if left is None:
+        return []
+    if left.after.excess > left.before.excess > 0.0:
+        return ["The selected candidate does not fit: motion with its time course, or at its place, is explained worse "
+                f"with it than without it ({left.motion_px:.2g} px rms are left)."]
+    inclusion = left.max_share != MAX_EXCESS_LEFT
+    what = "It is no inclusion of another stiffness" if inclusion else "The selected candidate does not fit"
+    where = ("at the place of the fitted inclusion"
+             if left.max_share == MAX_LOCAL_EXCESS_LEFT else "with its time course")
+    look = (" Look at the specimen there: a cut, a crack or a part of another shape moves like that."
+            if inclusion else "")
+    before = left.before
+    part = (f", {100.0 * (left.after.excess / before.excess):.1f} % of the excess before"
+            if before.excess > before.excess_std else "")
+    return [f"{what}: {left.motion_px:.2g} px rms of motion {where} are left "
+            f"({z_text(left.after.excess_z)} standard deviations{part}).{look}"]
+
+
+def search_cautions(status: str, before: float, after: float, std: float) -> list[str]:
+    """Where the identification had not converged, and where the enriched model explains motions worse.
+
+    status : of the identification; before, after : held-out excess of the motions; std : its standard deviation
+    """
+    found = []
+    if status != "converged":
+        found.append(f"The identification had not converged ({STATUS_WORDS.get(status, status)}). A part of its "
+                     f"residual "
+                     "may come from the search and not from physics; the selected candidate is then only the nearest "
+                     "description of that part. Let the identification converge and diagnose again.")
+    if after - before > max(MAX_EXCESS_GROWTH * abs(before), MAX_EXCESS_GROWTH_STD * std):
+        found.append("The enriched model explains the motions worse than the identified one (held-out excess "
+                     f"{before:.3g} before, {after:.3g} after): the candidate has fitted grey values or readings.")
+    return found
+
+
+def refits_given_up(rounds: Sequence[Round]) -> list[str]:
+    """Rivals whose simulations found no equilibrium, and whose score promised to come near the selected candidate."""
+    return [f"{rival.ranked.called} was not compared with {one.winner.ranked.called}: its refit was given up, as "
+            f"{MAX_FAILED_SIMULATIONS} of its simulations found no equilibrium. By its score it explains "
+            f"{100.0 * min(rival.predicted / one.winner.achieved, 1.0):.0f} % of the same drop in chi-square. The "
+            "recording neither confirms nor excludes it."
+            for one in rounds if one.winner is not None for rival in one.rivals
+            if rival.refitted.given_up and rival.predicted > MIN_RIVAL_SHARE * one.winner.achieved]
+
+
+def refits_cut_short(rounds: Sequence[Round]) -> list[str]:
+    """Where the order of a winner and its nearest rivals was decided before their refits had converged."""
+    found = []
+    for one in (r for r in rounds if r.winner is not None):
+        near = [rival for rival in one.rivals
+                if rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * one.winner.achieved]
+        names = [rival.ranked.called for rival in near if rival.refitted.status == "max_iterations"]
+        if len(near) > 1 and names:
+            found.append(f"{one.winner.ranked.called} was selected after at most {MAX_EVALUATIONS} evaluations of "
+                         f"every refit. Not converged by then: {', '.join(names)}. Their order may change.")
+    return found
+
+
+def rivals_not_ruled_out(rounds: Sequence[Round], after: Fit) -> list[str]:
+    """Known rivals of a selected candidate that come near it, where a significant excess is left in the end.
+
+    after : of the last model, held out
+    """
+    if not after.excess_z > MIN_EXCESS_Z:
+        return []
+    left, found = float(after.gain.sum() - after.rank.sum()), []
+    for one in (r for r in rounds if r.winner is not None):
+        winner, selected = one.winner, one.winner.ranked
+        for rival in one.rivals:
+            other = rival.ranked
+            why = (selected.candidate.rivals.get(other.candidate.name)
+                   or other.candidate.rivals.get(selected.candidate.name))
+            near = rival.refitted.usable and rival.achieved > MIN_RIVAL_SHARE * winner.achieved
+            if (why and near and rival is not winner and rival.name not in one.equals
+                    and left > MIN_LEFT_OF_DIFFERENCE * (winner.achieved - rival.achieved)):
+                share = rival.achieved / winner.achieved
+                found.append(f"{other.called} is not ruled out: its refit reaches {100.0 * share:.1f} % of the drop in "
+                             f"chi-square of "
+                             f"{selected.called}, and the excess left at the end is a good part of the difference "
+                             f"({why}).")
+    return found
+
+
+def softening_caution(rounds: Sequence[Round]) -> list[str]:
+    """What a selected law of damage owes to the mesh."""
+    selected = [one.winner.ranked.candidate for one in rounds if one.winner is not None]
+    if all(candidate.family != "damage" for candidate in selected):
+        return []
+    return ["Damage localises in one row of elements: beyond the highest load force, motion and damage parameters "
+            "depend on this mesh. A length in the law (material.SET.length, crack band) makes the dissipated work "
+            "independent of it."]
+
+
+def _not_simulated(diagnosis: Diagnosis) -> list[str]:
+    """Why the next experiment is the library's general one, where candidates are indistinguishable."""
+    reason = reason_against_continuation(diagnosis.found.experiment) if diagnosis.verdict.indistinguishable else None
+    if reason is None:
+        return []
+    return ["The next experiment is the library's general advice for these candidates; none was simulated with the "
+            f"fitted models: {reason}."]
+
+
+def _few_elements(diagnosis: Diagnosis) -> list[str]:
+    """Where the active law is carried by too few elements to resolve its course in space."""
+    active = diagnosis.active
+    if active is None:
+        return []
+    carrying = float(active.amount.sum() ** 2 / max((active.amount**2).sum(), 1e-300))
+    if carrying > MIN_CARRYING_ELEMENTS:
+        return []
+    new = [name for one in diagnosis.rounds if one.winner is not None and one.winner.ranked.candidate.side == "bulk"
+           for name in one.winner.refitted.stds if name not in one.null.stds]
+    if not new:
+        return []
+    one_set = len({name.partition(".")[0] for name in new}) == 1
+    names = ", ".join((name.partition(".")[2] if one_set else name).replace("_", " ") for name in new)
+    return [f"The selected law acts in {int((active.since >= 0).sum())} of {len(active.since)} elements and mostly in "
+            f"about {max(carrying, 1.0):.0f} of them. The error bars of its parameters ({names}) count noise only, not "
+            f"the "
+            "coarseness of the mesh there. Run  idic systematic  on the enriched model, or refine the mesh."]

@@ -1,0 +1,64 @@
+from .assembly.assembly import (
+    Evaluation, System, discretise, evaluate_system, stiffness_times, transposed_stiffness_times,
+)
+from .assembly.variation import Variation
+from .boundary import constrain, dead_pressure, dofs_of, drives_at, face_area, traction
+from .conduction import conductance, conducted, unreached, volume
+from .equilibrium import Control, factorise_tangent
+from .external.deck import parse_deck
+from .external.inp_writer import ABAQUS_TYPES, inp_text
+from .external.process import LOG_FILE, PERMISSION, check_environment, find_program, require_permission
+from .external.solver import EXTERNAL, ExternalSetup, ExternalSolver, REASON_FILE, sweep
+from .external.solver_output import Solution, Wanted, gathered
+from .extrapolation import increments_to_try, is_extrapolated, march_extrapolated
+from .fields import green_strain, nodal_deformation, nodal_field, nodal_state
+from .half_rate import Motion, at_frames, every_second, without_time_error
+from .mesh.coarsen import Coarse, coarsen
+from .mesh.curved_edges import curved
+from .mesh.edge_morph import EDGE_STD_SHARE, OUTLINE, edges_by_name, free_edges, outward_velocity
+from .mesh.element import (
+    CELL_TYPES, TET_EDGES, cell_edges, cell_type, n_face_corners, quadrature_rule, shape_functions, shape_gradients,
+)
+from .mesh.halve import can_halve, halve
+from .mesh.locate import interpolation
+from .mesh.mesh import (
+    Block, Mesh, PerMesh, boundary_edges, boundary_faces, check_elements, face_cells, face_set_nodes, make_mesh,
+    surface_cells,
+)
+from .mesh.morph import Hole, Morph, admissible, find_holes, morphed, on_circle, velocities
+from .mesh.outline import Boundary, Segments, is_circle, segments_of
+from .mesh.polygon import Filling, fill, follow_arcs, mesh_polygon, smallest_angle
+from .mesh.refine import can_raise_order, is_raised_by_default, raise_order
+from .mesh.surface_edges import (
+    CORNER_COSINE, followed, normal_axis, rim_second_differences, second_difference, seen_first,
+)
+from .model import Constraints, Direction, Loads, Model, PathControl, Reaction, Section, validate
+from .response import Alternative, Responses, first_responses
+from .solver.factorisation_cost import Fill, dissected
+from .solver.linear import Factor, MAX_HALF_BANDWIDTH_OF_BAND_LU, MIN_OPERATIONS_PER_ENTRY
+from .solver.rigid_motion import FreePart, bodies, free_parts
+from .solver.threads import solver_threads
+from .stress_error import stress_error_responses
+from .superposition import is_linear, superposed
+from .time_march import FrameState, PointValues, StepList, march
+
+__all__ = [
+    "ABAQUS_TYPES", "CELL_TYPES", "CORNER_COSINE", "EDGE_STD_SHARE", "EXTERNAL", "LOG_FILE",
+    "MAX_HALF_BANDWIDTH_OF_BAND_LU", "MIN_OPERATIONS_PER_ENTRY", "OUTLINE", "PERMISSION", "REASON_FILE", "TET_EDGES",
+    "Alternative", "Block", "Boundary", "Coarse", "Constraints", "Control", "Direction", "Evaluation", "ExternalSetup",
+    "ExternalSolver", "Factor", "Fill", "Filling", "FrameState", "FreePart", "Hole", "Loads", "Mesh", "Model", "Morph",
+    "Motion", "PathControl", "PerMesh", "PointValues", "Reaction", "Responses", "Section", "Segments", "Solution",
+    "StepList", "System", "Variation", "Wanted", "admissible", "at_frames", "bodies", "boundary_edges",
+    "boundary_faces", "can_halve", "can_raise_order", "cell_edges", "cell_type", "check_elements", "check_environment",
+    "coarsen", "conductance", "conducted", "constrain", "curved", "dead_pressure", "discretise", "dissected",
+    "dofs_of", "drives_at", "edges_by_name", "evaluate_system", "every_second", "face_area", "face_cells",
+    "face_set_nodes", "factorise_tangent", "fill", "find_holes", "find_program", "first_responses", "follow_arcs",
+    "followed", "free_edges", "free_parts", "gathered", "green_strain", "halve", "increments_to_try", "inp_text",
+    "interpolation", "is_circle", "is_extrapolated", "is_linear", "is_raised_by_default", "make_mesh", "march",
+    "march_extrapolated", "mesh_polygon", "morphed", "n_face_corners", "nodal_deformation", "nodal_field",
+    "nodal_state", "normal_axis", "on_circle", "outward_velocity", "parse_deck", "quadrature_rule", "raise_order",
+    "require_permission", "rim_second_differences", "second_difference", "seen_first", "segments_of",
+    "shape_functions", "shape_gradients", "smallest_angle", "solver_threads", "stiffness_times",
+    "stress_error_responses", "superposed", "surface_cells", "sweep", "traction", "transposed_stiffness_times",
+    "unreached", "validate", "velocities", "volume", "without_time_error",
+]

@@ -1,0 +1,309 @@
+"""The identification as one call without files: an experiment record in, parameters and their evidence out.
+
+The same records, functions and numbers as with a RUN folder (`idic.run.points`). Frames are simulated and correlated
+one after the other; of the fields only those of the accepted point are kept, where they are small enough
+(`idic.identification.kept_simulation`). For notebooks, studies of small runs (each a task on a worker) and the
+refits of a diagnosis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from idic.correlation import (
+    CorrelationContext, FrameResponse, Reference, Weights, build_experiment_reference, camera_at, closed_system,
+    correlated_frames, frame_system, generalised_weights, reduce_systems, with_all_cameras,
+)
+from idic.errors import GaveUp, InputError, NotConverged
+from idic.fe import Control, FrameState
+from idic.identification.discrepancy.normal_equations import DiscrepancySystem, discrepancy_system, reason_against
+from idic.identification.driver import MemoryPoints, next_local, run_loop
+from idic.identification.kept_simulation import Path, PathKeeper, response_of
+from idic.identification.loop import experiment_of, parameters_at, start
+from idic.identification.noise.end_noise import with_end_noise
+from idic.identification.result import build_result
+from idic.identification.systematic.discretisation import is_coarse, with_mesh_error
+from idic.identification.step.state import (
+    GENERALISED,
+    HALF_RATE,
+    ORDINARY,
+    EstimatorChoice,
+    Evaluation,
+    IncrementChoice,
+    LoopState,
+    Trial,
+)
+from idic.identification.two_step import check_method, is_two_step, measure, measured_reference
+from idic.identification.weights import noise_weights
+from idic.images import Camera
+from idic.model import Experiment, ForwardModel, build_forward, tried_increments
+from idic.parameters import ParameterSet
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The end of an identification.
+
+    point : the accepted evaluation, None where no simulation converged; local : (n_frames, m) mm, frame-local
+    unknowns of that point; steps : its increments (s); weights : with the noise figures behind them; path : its
+    simulation, None where it was not kept; stored : displacements of every simulated frame ((n_nodes, dim) mm, the
+    reference first), read anew at every call, where they were written to a RUN.
+    """
+
+    experiment: Experiment
+    forward: ForwardModel
+    state: LoopState
+    point: Evaluation | None
+    local: np.ndarray
+    steps: np.ndarray | None
+    weights: Weights
+    path: Path | None = None
+    stored: Callable[[], Iterator[np.ndarray]] | None = None
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """All parameters at the accepted point."""
+        return parameters_at(self.experiment, self.state)
+
+    def march(self, names: Sequence[str] = (), influence: bool = False) -> Iterator[FrameState]:
+        """Simulate the accepted point once more, beginning at its solution where that is at hand.
+
+        With its increments: halved where a fresh start needs it, as the search had a neighbour's solution to begin
+        with.
+
+        Parameters
+        ----------
+        names, influence : as for `ForwardModel.march`
+
+        Raises
+        ------
+        NotConverged
+            If equilibrium is not found however small the increments.
+        """
+        ways = {}
+        if isinstance(self.forward, ForwardModel):
+            known = (at.u for at in self.path.frames) if self.path is not None else self.stored and self.stored()
+            ways = {"warm_start": known, "may_cut": True}
+        return self.forward.march(self.parameters, names, self.local, self.steps, influence, **ways)
+
+    @property
+    def result(self) -> dict:
+        """Parameters with standard deviations, correlations and parameters that are not identifiable: the keys of
+        result.json."""
+        return build_result(self.experiment, self.state, self.point, self.weights.image_noise, {}, [],
+                            {"forward_runs": self.state.evaluations}, self.discrepancy)
+
+    @property
+    def discrepancy(self) -> DiscrepancySystem | str:
+        """The normal equations with what the model may leave unexplained, or why they are not made.
+
+        One more pass over the images at the accepted point, and one law evaluation per frame; of a coarse mesh one more
+        simulation on a finer one.
+        """
+        experiment = experiment_of(self.experiment, self.state)
+        reason = reason_against(experiment, self.point)
+        if reason:
+            return reason
+        moving = tuple(name for name in experiment.parameters.free if self.forward.moves(name))
+        setup = _Setup(experiment, self.forward, moving, self.weights, {}, {})
+        context = _context(setup, self.parameters, self.point.system.generalised)
+        start = experiment.reference
+
+        def frames(names: Sequence[str]) -> Iterator[FrameResponse]:
+            if self.path is not None:
+                return iter(self.path.frames[1:])
+            return (response_of(at, start) for at in self.march(names, bool(names)) if at.frame > 0)
+
+        wanted = set(correlated_frames(experiment, range(experiment.n_frames)))
+        try:
+            found = discrepancy_system(context, self.forward, self.local, (response.u for response in frames(())),
+                                       (response for response in frames(moving) if response.frame in wanted))
+        except NotConverged as problem:
+            return str(problem)
+        if not is_coarse(experiment) or self.point is None or self.state.accepted is None:
+            return found
+        return with_mesh_error(found, evaluate_at, experiment, self.state.accepted.values, self.local,
+                               self.state.generalised, self.point, self.state.increments.per_frame)
+
+
+def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.ndarray | None = None,
+             progress: Callable[[LoopState], None] = lambda state: None,
+             motion: Mapping[str, np.ndarray] | None = None, searched: bool = False,
+             estimator: str = ORDINARY, control: Control | None = None) -> Identification:
+    """Identify the free parameters of an experiment whose image noise is known, in this process.
+
+    Parameters
+    ----------
+    local : (n_frames, m) mm, optional
+        Start of the frame-local unknowns (measured edges, noise of a logged grip); zero without it.
+    steps : increments to follow (s), optional
+        Otherwise those of the first accepted simulation are kept.
+    progress : called with the first state, and with the state after every evaluation
+    motion : per camera (n_frames, n_nodes, 2) px, NaN where unknown, optional
+        The first of two steps, where it has been made; otherwise a free FE-DIC makes it.
+    searched : whether the start was found from far (`idic.identification.start_search`)
+    estimator : to begin with; "generalised" only from a start within a few standard deviations of the answer
+    control : tolerances and limits of every increment, those of `idic.fe` by default; not of an external solver
+
+    Raises
+    ------
+    InputError
+        If the noise of the images is not known, or the experiment makes no model.
+    """
+    setup = _prepare(experiment, motion)
+    if control is not None and isinstance(setup.forward, ForwardModel):
+        setup = replace(setup, forward=replace(setup.forward, control=control))
+    local = np.zeros((experiment.n_frames, setup.forward.drives.n_local)) if local is None else local
+    points = MemoryPoints(experiment, setup.weights.image_noise, start(experiment, searched, estimator),
+                          _Point(None, local, steps), partial(_next_point, setup))
+    state, end = run_loop(points, progress=progress), points.point
+    return Identification(experiment, setup.forward, state, end.evaluation, end.local, end.steps, setup.weights,
+                          end.path)
+
+
+@dataclass(frozen=True)
+class _Point:
+    """An evaluated point with its frame-local unknowns (n_frames, m) mm, increments (s) and simulation, where known."""
+
+    evaluation: Evaluation | None
+    local: np.ndarray
+    steps: np.ndarray | None
+    path: Path | None = None
+
+
+def _next_point(setup: _Setup, trial: LoopState, accepted: _Point) -> _Point:
+    local = accepted.local
+    if accepted.evaluation is not None:
+        local = next_local(trial, accepted.evaluation, local, setup.experiment.parameters.free)
+    steps = None if trial.trial.new_increments else accepted.steps
+    evaluation, steps, path = _evaluate(setup, trial, local, steps, accepted.path)
+    return _Point(evaluation, local, steps, path)
+
+
+def evaluate_at(experiment: Experiment, values: Mapping[str, float], local: np.ndarray,
+                generalised: bool = False, increments: int | None = None) -> tuple[Evaluation, Weights]:
+    """The system of one point on all images as the experiment has them, without a step from it, and the weights
+    behind it.
+
+    For the images of a stage of its schedule give the experiment as the stage sees it
+    (`idic.identification.loop.experiment_of`).
+
+    values : internal units; local : (n_frames, m) mm, frame-local unknowns; generalised : least squares; increments :
+    per frame, extrapolated in time, None: those of the options
+    """
+    experiment = replace(experiment, stages=())
+    setup = _prepare(experiment)
+    state = replace(start(experiment), trial=Trial(dict(values)),
+                    estimator=EstimatorChoice(GENERALISED if generalised else ORDINARY),
+                    increments=IncrementChoice(increments))
+    return _evaluate(setup, state, local, None)[0], setup.weights
+
+
+@dataclass(frozen=True)
+class _Setup:
+    experiment: Experiment
+    forward: ForwardModel
+    moving: tuple[str, ...]
+    weights: Weights
+    references: dict  # per camera: the attached reference image where camera and mesh were last
+    motions: Mapping[str, np.ndarray]  # per camera: (n_frames, n_nodes, 2) px, of the first of two steps
+
+
+def _prepare(experiment: Experiment, motion: Mapping[str, np.ndarray] | None = None) -> _Setup:
+    if experiment.options.weighting != "noise":
+        raise InputError("only weighting by noise is done without a RUN folder", key="[options] weighting",
+                         expected='"noise"', found=repr(experiment.options.weighting),
+                         remedy="use idic.identify_experiment")
+    forward = build_forward(experiment)
+    moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
+    check_method(experiment)
+    if is_two_step(experiment) and motion is None:
+        motion = {view.camera_name: measure(view) for view in experiment.views}
+    return _Setup(experiment, forward, moving, noise_weights(experiment), {}, motion or {})
+
+
+def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndarray | None,
+              known: Path | None = None) -> tuple[Evaluation, np.ndarray | None, Path | None]:
+    """Simulate and correlate the trial frame by frame, with the increments of the accepted point where they hold.
+
+    known : the accepted point's simulation: this one begins at it, or is it where only weights or images have changed
+    """
+    experiment, forward = experiment_of(setup.experiment, state), setup.forward
+    try:
+        parameters = experiment.parameters.with_values(state.trial.values)
+        context = _context(replace(setup, experiment=experiment), parameters, state.generalised)
+    except NotConverged as found:  # a mesh that does not follow its geometry
+        return Evaluation(state.evaluations, None, None, str(found)), None, None
+    problem: NotConverged | None = None
+    times = experiment.times[experiment.reference:]
+    for frozen in tried_increments(forward, times, state.increments.per_frame, steps):
+        try:
+            systems, keeper, taken = [], PathKeeper(1 + experiment.options.trial_steps), ()
+            for response, taken in _responses(  # noqa: B007  (the increments of the last frame count)
+                    setup, context.parameters, local, frozen, known, state.increments.per_frame):
+                keeper.add(response)
+                if correlated_frames(experiment, [response.frame]):
+                    systems.append(frame_system(context, response, local[response.frame]))
+            system, gram = closed_system(context, reduce_systems(systems))
+            system = with_end_noise(system, context, forward)
+            return (Evaluation(state.evaluations, system, gram, increments=len(taken)), np.array(taken),
+                    keeper.path(context.parameters.as_values(), local, setup.moving, taken))
+        except NotConverged as found:
+            problem = found
+            if isinstance(found, GaveUp):
+                break
+    return Evaluation(state.evaluations, None, None, str(problem)), None, None
+
+
+def _responses(setup: _Setup, parameters: ParameterSet, local: np.ndarray, steps: Sequence[float] | None,
+               known: Path | None,
+               increments: int | None) -> Iterator[tuple[FrameResponse, Sequence[float] | np.ndarray]]:
+    """Every frame of the simulation, and the increments (s) so far; of a known point without simulating it."""
+    forward, values = setup.forward, parameters.as_values()
+    if increments == HALF_RATE:
+        yield from _without_time_error(forward, parameters, local, known)
+        return
+    if known is not None and known.is_at(values, local, steps):
+        for response in known.frames:
+            yield response, known.steps  # type: ignore[misc]
+        return
+    ways: dict[str, Any] = {}
+    if isinstance(forward, ForwardModel):
+        ways = {"warm_start": None if known is None else known.predicted_at(values, local), "increments": increments}
+    for at in forward.march(parameters, setup.moving, local, steps, forward.drives.n_local > 0, **ways):
+        yield response_of(at, setup.experiment.reference), at.steps.times
+
+
+def _without_time_error(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray,
+                        known: Path | None) -> Iterator[tuple[FrameResponse, np.ndarray]]:
+    """Every frame of the known simulation of this point, extrapolated in time; its derivatives are kept."""
+    if known is None or not known.is_at(parameters.as_values(), local, known.steps):
+        raise NotConverged("the simulation of the accepted point was not kept")
+    moved = forward.without_time_error(parameters, local, lambda: ((at.u, at.channels) for at in known.frames))
+    for response, (u, channels) in zip(known.frames, moved, strict=True):
+        yield replace(response, u=u, channels=channels), known.steps
+
+
+def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> CorrelationContext:
+    experiment = setup.experiment.at_geometry(parameters)
+    shape = tuple(parameters[name].value for name in setup.forward.morphs)
+
+    def attach(view: Experiment, camera: Camera) -> Reference:
+        key = (*camera.values().values(), *shape, view.options.lowpass_px)
+        if setup.references.get(view.camera_name, (None,))[0] != key:
+            image = build_experiment_reference(view, camera)
+            motion = setup.motions.get(view.camera_name)
+            setup.references[view.camera_name] = (
+                key, image if motion is None else measured_reference(view, image, motion))
+        return setup.references[view.camera_name][1]
+
+    camera = camera_at(experiment, parameters)
+    return with_all_cameras(CorrelationContext(
+        experiment, parameters, experiment.parameters.free, setup.moving, camera, attach(experiment, camera),
+        generalised_weights(setup.weights) if generalised else setup.weights,
+        setup.forward.drives.local_precision, local_scatter=setup.forward.drives.local_scatter), attach)

@@ -1,0 +1,302 @@
+"""Several experiments at once: one set of parameters, the normal equations of all experiments added.
+
+Parameters of a material are shared by every experiment that has a material of that name (``SPECIMEN.E``), except
+directions (in degrees) that the experiments state differently, and what says ``shared = false``; these and everything
+else (camera, boundary, channels, geometry, time, heterogeneities) belong to their experiment and carry its name in
+front:
+``short.camera.rotation_deg``, ``off_axis.SPECIMEN.angle``. With P_k the columns that experiment k's parameters have
+among all,
+
+    M = sum_k P_k M_k P_k^T,   b = sum_k P_k b_k,   Cov(b) = sum_k P_k Cov(b_k) P_k^T
+
+as no two experiments share an image. Frame-local unknowns stay inside their experiment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from idic.correlation import CorrelationSystem, FrameRecord
+from idic.errors import InputError
+from idic.identification.step.estimator import check_estimator
+from idic.identification.step.increments import n_intervals
+from idic.identification.step.schedule import is_preliminary
+from idic.identification.step.stages import check_images
+from idic.identification.step.state import Evaluation, LoopState
+from idic.model import Experiment, Stage
+from idic.parameters import Parameter, ParameterSet
+from idic.readers import parse_unit
+
+LOOP_OPTIONS = ("estimator", "weighting", "interpolation", "schedule", "max_iterations", "tolerance", "step_limit",
+                "trial_steps", "substeps")
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Experiments that are identified together.
+
+    Attributes
+    ----------
+    experiments : {name: Experiment}
+    names : {name: {parameter of the experiment: parameter of the whole}}
+    whole : the experiment of the loop: the first one with the parameters, schedule, channels and loads of all
+    """
+
+    experiments: Mapping[str, Experiment]
+    names: Mapping[str, Mapping[str, str]]
+    whole: Experiment
+
+    def values_of(self, name: str, values: Mapping[str, float]) -> dict[str, float]:
+        """One experiment's parameters out of those of the whole."""
+        return {own: values[joint] for own, joint in self.names[name].items()}
+
+    def state_of(self, name: str, state: LoopState) -> LoopState:
+        """The state of the whole as one experiment sees it."""
+        own = partial(self.values_of, name)
+        parallel = tuple(replace(other, values=own(other.values)) for other in state.trial.parallel)
+        chosen = {key: value and own(value) for key in ("coarser", "change")
+                  for value in (getattr(state.increments, key),)}
+        history = tuple(entry | {"values": own(entry["values"])} for entry in state.history)
+        return replace(state, trial=replace(state.trial, values=own(state.trial.values), parallel=parallel),
+                       accepted=state.accepted and replace(state.accepted, values=own(state.accepted.values)),
+                       history=history, increments=replace(state.increments, **chosen))
+
+    def channels_of(self, name: str) -> np.ndarray:
+        """Which channels of the whole are one experiment's  # (n_channels,) bool"""
+        return np.concatenate([np.full(len(experiment.channels), other == name)
+                               for other, experiment in self.experiments.items()])
+
+    @property
+    def intervals(self) -> int:
+        """Intervals between the simulated frames of all experiments."""
+        return sum(n_intervals(experiment) for experiment in self.experiments.values())
+
+    def combine(self, evaluations: Mapping[str, Evaluation], image_noise: Mapping[str, float]) -> Evaluation:
+        """The evaluation of the whole; its image noise is that of the first experiment."""
+        number = next(iter(evaluations.values())).number
+        failed = [f"{name}: {part.message}" for name, part in evaluations.items() if part.system is None]
+        if failed:
+            return Evaluation(number, None, None, "; ".join(failed))
+        free = self.whole.parameters.free
+        first = image_noise[next(iter(self.experiments))]
+        gram, systems = np.zeros((len(free), len(free))), []
+        for name, part in evaluations.items():
+            place = [free.index(self.names[name][own]) for own in part.system.names]
+            gram[np.ix_(place, place)] += (image_noise[name] / first) ** 2 * part.reference_gram
+            systems.append(_among(part.system, free, place, self.channels_of(name)))
+        increments = sum(part.increments for part in evaluations.values())
+        return Evaluation(number, _sum(systems), gram, increments=increments, intervals=self.intervals)
+
+
+def join(experiments: Mapping[str, Experiment]) -> Joint:
+    """The experiments as one.
+
+    Raises
+    ------
+    InputError
+        If materials of one name differ in law, in what is identified, or in values that are not.
+    """
+    names = joint_names(experiments)
+    parameters: dict[str, Parameter] = {}
+    notes = []
+    for name, experiment in experiments.items():
+        for own, parameter in experiment.parameters.items():
+            joint = names[name][own]
+            if joint not in parameters:
+                parameters[joint] = replace(parameter, name=joint)
+            elif parameters[joint].value != parameter.value:
+                notes.append(f"{joint} starts from {parameters[joint].shown:g} {parameter.unit}, as in the first "
+                             f"experiment; {name} says {parameter.shown:g}")
+    joint_priors = list(dict.fromkeys(prior.renamed(names[name]) for name, experiment in experiments.items()
+                                      for prior in experiment.parameters.joint))  # that of a shared curve counts once
+    first = next(iter(experiments.values()))
+    every = list(experiments.values())
+    _check_options(experiments)
+    whole = replace(
+        first, title=" + ".join(e.title for e in every), parameters=ParameterSet(parameters.values(), joint_priors),
+        prescribed=tuple(entry for e in every for entry in e.prescribed),
+        materials=tuple({m.element_set: m for e in reversed(every) for m in e.materials}.values()),
+        loads=tuple(load for e in every for load in e.loads),
+        channels=tuple(replace(c, column=f"{name}.{c.column}", times=e.times)
+                       for name, e in experiments.items() for c in e.channels),
+        stages=_stages(experiments, names), cameras=(),
+        notes=tuple(dict.fromkeys([*(f"{name}: {note}" for name, e in experiments.items() for note in e.notes),
+                                   *notes])))
+    return Joint(experiments, names, whole)
+
+
+def joint_names(experiments: Mapping[str, Experiment], separator: str = ".",
+                any_unit: bool = False) -> dict[str, dict[str, str]]:
+    """{experiment: {its parameter: parameter of the whole}}.
+
+    separator : behind the name of an experiment
+    any_unit : experiments may state a shared parameter in several units of one dimension
+
+    Raises
+    ------
+    InputError
+        If materials of one name differ in law, in what is identified, or in values that are not.
+    """
+    own_directions = _own_directions(experiments)
+
+    def shared(parameter: Parameter, experiment: Experiment) -> bool:
+        return of_material(parameter.name, experiment) and parameter.shared and parameter.name not in own_directions
+
+    names = {name: {own: own if shared(parameter, experiment) else f"{name}{separator}{own}"
+                    for own, parameter in experiment.parameters.items()} for name, experiment in experiments.items()}
+    stated: dict[str, Parameter] = {}
+    for name, experiment in experiments.items():
+        _check_laws(experiments, name)
+        for own, parameter in experiment.parameters.items():
+            first = stated.setdefault(names[name][own], parameter)
+            if first is not parameter:
+                _check_alike(first, parameter, experiment, any_unit)
+    return names
+
+
+def of_material(name: str, experiment: Experiment) -> bool:
+    """Whether a degree of freedom belongs to a material rather than to the test."""
+    element_set, _, parameter = name.partition(".")
+    return any(element_set == material.element_set for material in experiment.materials) and "." not in parameter
+
+
+def _check_options(experiments: Mapping[str, Experiment]) -> None:
+    """Refuse experiments whose options of the common loop differ, or that do not allow the estimator."""
+    (first, given), *others = experiments.items()
+    check_estimator(given)
+    for name, experiment in others:
+        check_estimator(experiment)
+        for key in LOOP_OPTIONS:
+            wanted, found = getattr(given.options, key), getattr(experiment.options, key)
+            if wanted != found:
+                raise InputError("experiments that are identified together share one schedule",
+                                 file=experiment.folder, key=f"[options] {key}",
+                                 expected=f"{_stated(wanted)}, as in {first}", found=f"{_stated(found)} in {name}",
+                                 remedy=f"make them equal, or use --set options.{key}=...")
+
+
+def _stated(option: object) -> str:
+    return "none given" if option is None else repr(option)
+
+
+def _own_directions(experiments: Mapping[str, Experiment]) -> frozenset[str]:
+    """Directions of a material, in degrees, that the experiments state differently: specimens cut along several
+    axes."""
+    stated: dict[str, set[tuple[float, bool]]] = {}
+    for experiment in experiments.values():
+        for name, p in experiment.parameters.items():
+            if p.unit == "deg" and of_material(name, experiment):
+                stated.setdefault(name, set()).add((p.value, p.free))
+    return frozenset(name for name, ways in stated.items() if len(ways) > 1)
+
+
+def _check_laws(experiments: Mapping[str, Experiment], name: str) -> None:
+    for material in experiments[name].materials:
+        for other, record in experiments.items():
+            for rival in record.materials:
+                if rival.element_set == material.element_set and (rival.law, rival.kinematics) != (
+                        material.law, material.kinematics):
+                    raise InputError(f"the material {material.element_set} has another law in {other} than in {name}",
+                                     key=f"[material.{material.element_set}] law",
+                                     expected=f"{material.law} ({material.kinematics})",
+                                     found=f"{rival.law} ({rival.kinematics})",
+                                     remedy="give both the same law, or the sets different names")
+
+
+def _check_alike(first: Parameter, other: Parameter, experiment: Experiment, any_unit: bool) -> None:
+    """Refuse two statements of a shared parameter that differ in more than its start."""
+    one, two = ((p.free, p.transform, _dimension(p.unit) if any_unit else p.unit,
+                 *map(_without_rounding, (*p.bounds, p.prior_mean, p.prior_std, 0.0 if p.free else p.value)))
+                for p in (first, other))
+    if one != two:
+        raise InputError(f"{first.name} is shared, but stated in two ways", file=experiment.folder, key=first.name,
+                         expected=f"as in the first experiment: {_statement(first)}", found=_statement(other),
+                         remedy="make value (if it is not identified), unit, identify, bounds and prior the same, or "
+                                "give the element sets different names, or write shared = false")
+
+
+def _without_rounding(value: float | None) -> float | None:
+    """Of a conversion from another unit."""
+    return value and float(f"{value:.12g}")
+
+
+def _dimension(unit: str) -> object:
+    known = parse_unit(unit)
+    return unit if known is None else known.powers
+
+
+def _statement(p: Parameter) -> str:
+    prior = f", prior {p.prior_mean:g} ± {p.prior_std:g}" if p.prior_std else ""
+    return (f"{p.shown:g} {p.unit}, {'identified' if p.free else 'not identified'}, bounds {p.bounds[0]:g} to "
+            f"{p.bounds[1]:g}{prior}")
+
+
+def _stages(experiments: Mapping[str, Experiment], names: Mapping[str, Mapping[str, str]]) -> tuple[Stage, ...]:
+    """Stage k frees the union of the parameters of stage k of the experiments (the last one, where there are fewer).
+
+    Its images are those of the first experiment whose stage k is preliminary.
+    """
+    count = max(len(experiment.stages) for experiment in experiments.values())
+    stages = []
+    for k in range(count):
+        free: dict[str, None] = {}
+        limits, images = [], Stage("all")
+        for name, experiment in experiments.items():
+            own = experiment.stages[min(k, len(experiment.stages) - 1)] if experiment.stages else Stage("all")
+            shared = set(names[name].values()) - {f"{name}.{n}" for n in names[name]}
+            listed = experiment.parameters.free if own.free == "all" else own.free
+            # an experiment without a schedule does not free shared parameters
+            wanted = [names[name][n] for n in listed if experiment.stages or names[name][n] not in shared]
+            free |= dict.fromkeys(wanted)
+            limits += [own.max_iterations] if own.max_iterations is not None else []
+            images = own if is_preliminary(own) and not is_preliminary(images) else images
+        for experiment in experiments.values():
+            check_images(experiment, images, k)
+        stages.append(replace(images, free=tuple(free), max_iterations=max(limits) if limits else None))
+    return tuple(stages)
+
+
+def _among(system: CorrelationSystem, free: Sequence[str], place: Sequence[int],
+           channels: np.ndarray) -> CorrelationSystem:
+    """The system of one experiment in the parameters and channels of all; the channels of others are not compared."""
+    n, grid = len(free), np.ix_(place, place)
+
+    def spread(matrix: np.ndarray) -> np.ndarray:
+        whole = np.zeros((n, n))
+        whole[grid] = matrix
+        return whole
+
+    def among_channels(record: FrameRecord) -> FrameRecord:
+        residual, columns = np.full(len(channels), np.nan), np.zeros((len(channels), 0))
+        kept = np.ones(len(channels))
+        residual[channels] = record.channel_residual
+        if len(record.channel_kept):
+            kept[channels] = record.channel_kept
+        if record.channel_columns.shape[1] == len(place):
+            columns = np.zeros((len(channels), n))
+            columns[np.ix_(channels, place)] = record.channel_columns
+        return replace(record, channel_residual=residual, channel_columns=columns, channel_kept=kept)
+
+    b = np.zeros(n)
+    b[place] = system.b
+    return replace(system, names=tuple(free), M=spread(system.M), b=b, spread=spread(system.spread),
+                   shared=np.zeros((0, n)), sums=None, frames=tuple(among_channels(record) for record in system.frames),
+                   predicted=None if system.predicted is None else spread(system.predicted),
+                   end_noise=None if system.end_noise is None else spread(system.end_noise))
+
+
+def _sum(systems: Sequence[CorrelationSystem]) -> CorrelationSystem:
+    """The sum in the given order; systems without a prediction of generalised least squares add their M to it."""
+    predicted = None
+    if any(system.predicted is not None for system in systems):
+        predicted = sum(system.M if system.predicted is None else system.predicted for system in systems)
+    known = [system.end_noise for system in systems if system.end_noise is not None]
+    return replace(systems[0], M=sum(s.M for s in systems), b=sum(s.b for s in systems),
+                   phi=sum(s.phi for s in systems), phi_image=sum(s.phi_image for s in systems),
+                   spread=sum(s.spread for s in systems), frames=tuple(r for s in systems for r in s.frames),
+                   generalised=any(s.generalised for s in systems), predicted=predicted,
+                   end_noise=sum(known) if known else None)

@@ -1,0 +1,137 @@
+"""The noise of the channels of an accepted point: their correlation over frames in the covariance of the parameters.
+
+    Cov(b) += w_c^2 [S_c^T Sigma_c S_c - sigma_c^2 S_c^T S_c]   (docs/method.md, equation 11.8)
+
+per channel c, S_c its derivatives by the unknowns, w_c its weight, sigma_c the standard deviation that it is weighted
+by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from idic.correlation import CorrelationSystem
+from idic.identification.parameter_covariance import scaled_system
+from idic.identification.input_noise import logged_noise
+from idic.identification.noise.channel_correlation import ChannelNoise, channel_correlation
+from idic.identification.step.state import Evaluation
+from idic.model import Column, Experiment
+from idic.parameters import ParameterSet
+
+MIN_STEP_SHARE = 1e-3  # of the range of a motion: less from frame to frame is none
+MIN_REPEATED_SHARE = 0.4  # of the steps that move the specimen
+MIN_RUNS = 3  # of equal readings, with jumps between them; fewer are plateaus
+MIN_KEPT = 1e-3  # of a reading: the unknowns of a frame fit more of it, and it tells nothing
+
+
+def weighted_std(experiment: Experiment, number: int) -> float:
+    """Standard deviation that a channel is weighted by: the stated one, else that of its course."""
+    return logged_noise(experiment, experiment.channels[number])
+
+
+def estimated_channel_noise(experiment: Experiment, parameters: ParameterSet,
+                            point: Evaluation) -> dict[int, ChannelNoise]:
+    """The noise of channels that is estimated from the residual, by number: where it is correlated from frame to frame,
+    or where no standard deviation is stated.
+
+    Empty where weights are not those of noise.
+
+    point : the accepted one, with the system of all free parameters
+    """
+    system = point.system
+    if experiment.options.weighting != "noise" or not _knows_channels(system):
+        return {}
+    scaled = scaled_system(replace(system, end_noise=None), parameters, np.zeros_like(system.M), 0.0)
+    found = {}
+    for number, channel in enumerate(experiment.channels):
+        std = weighted_std(experiment, number)
+        compared = [record for record in system.frames if np.isfinite(record.channel_residual[number])]
+        residual = np.array([record.channel_residual[number] for record in compared])
+        rows = np.array([record.channel_columns[number] for record in compared])
+        if not rows.any():
+            continue
+        # what the unknowns of a frame have taken of a reading is given back: its residual by all others, less certain
+        kept = np.array([record.channel_kept[number] if len(record.channel_kept) else 1.0 for record in compared])
+        kept = np.maximum(kept, MIN_KEPT)
+        rows, residual, variance = (rows * scaled.slopes) / kept[:, None], residual / kept, std**2 / kept
+        weighed = (rows / variance[:, None]).T
+        noise = channel_correlation(residual, rows, [record.frame for record in compared], scaled.M - weighed @ rows,
+                                    scaled.b - weighed @ residual, std, bool(channel.noise_std), variance - std**2)
+        if noise is not None and (noise.is_correlated or not channel.noise_std):
+            found[number] = noise
+    return found
+
+
+def with_channel_noise(system: CorrelationSystem, experiment: Experiment,
+                       noises: Mapping[int, ChannelNoise]) -> CorrelationSystem:
+    """The system whose spread counts the correlation of the channels over frames."""
+    if not noises:
+        return system
+    rows = np.array([record.channel_columns for record in system.frames])
+    added = added_spread(rows, compared_readings(system), experiment, noises)
+    return replace(system, spread=system.spread + added)
+
+
+def compared_readings(system: CorrelationSystem) -> np.ndarray:
+    """Which channels are compared in which frame  # (n_frames, n_channels) bool"""
+    return np.isfinite([record.channel_residual for record in system.frames])
+
+
+def added_spread(rows: np.ndarray, compared: np.ndarray, experiment: Experiment,
+                 noises: Mapping[int, ChannelNoise]) -> np.ndarray:
+    """What correlated channels add to the covariance of b  # (n, n)
+
+    rows : (n_frames, n_channels, n) derivatives of the simulated channels; compared : (n_frames, n_channels)
+    """
+    added = np.zeros((rows.shape[2], rows.shape[2]))
+    for number, noise in noises.items():
+        std, own = weighted_std(experiment, number), rows[compared[:, number], number]
+        change = noise.covariance - std**2 * np.eye(len(own))
+        added += own.T @ change @ own / std**4
+    return added
+
+
+def channel_noise_content(experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> dict[str, dict]:
+    """The correlated channels for the result (docs/quantities.md), in the units of their columns."""
+    return {(channel := experiment.channels[number]).column: {
+        "std": noise.std / channel.shown_factor,
+        "weighted_std": weighted_std(experiment, number) / channel.shown_factor, "order": noise.order,
+        "correlation": noise.correlation, "probability_independent": noise.independent}
+        for number, noise in noises.items()}
+
+
+def channel_noise_notes(experiment: Experiment, noises: Mapping[int, ChannelNoise]) -> list[str]:
+    """Notes for the result."""
+    return [f"The noise of channel {(channel := experiment.channels[number]).column} is correlated from frame to frame "
+            f"({noise.correlation:.2f} between consecutive ones, standard deviation "
+            f"{noise.std / channel.shown_factor:.3g} {channel.shown_unit}): it averages out less over the frames. The "
+            "error bars count this."
+            for number, noise in noises.items() if noise.is_correlated]
+
+
+def repeated_readings(experiment: Experiment) -> Iterator[str]:
+    """Channels that repeat their reading while the specimen is moved: of a log slower than the images, or rounded."""
+    counted = [k for k in range(experiment.reference, experiment.n_frames) if k not in experiment.excluded]
+    drives = [one.drive for one in experiment.prescribed if isinstance(one.drive, Column)]
+    for channel in experiment.channels if len(counted) > 2 else ():
+        for drive in (drive for drive in drives if channel.kind != "pressure" and drive.column != channel.column):
+            steps, change = np.diff(drive.values[counted]), np.diff(channel.values[counted])
+            moving = np.abs(steps) > MIN_STEP_SHARE * np.ptp(drive.values[counted])
+            repeated, jumps = moving & (change == 0.0), np.abs(change[moving & (change != 0.0)])
+            runs = np.count_nonzero(np.diff(np.r_[False, repeated].astype(int)) == 1)
+            if not len(jumps) or runs < MIN_RUNS or repeated.sum() < MIN_REPEATED_SHARE * moving.sum():
+                continue
+            yield (f"{channel.column}: in {repeated.sum()} of the {moving.sum()} steps in which {drive.column} changes "
+                   f"the reading is that of the frame before, and then jumps by "
+                   f"{np.median(jumps) / channel.shown_factor:.3g} {channel.shown_unit}. Of a log slower than the "
+                   "images, the repeated readings are late and bias every stress: give it with its own times (time_s, "
+                   "and image_times or frame_interval_s under [experiment]), or list the repeated frames in "
+                   "exclude_frames. Of a coarse resolution: noise_std of at least 0.3 of it")
+            break
+
+
+def _knows_channels(system: CorrelationSystem) -> bool:
+    return bool(system.frames) and all(record.channel_columns.shape[1] == len(system.names) for record in system.frames)

@@ -1,0 +1,53 @@
+"""Which images show the noise of a camera best: those at rest, else all of the test.
+
+At rest are the images that the experiment file declares still and those that are averaged to the reference; without
+any, the frames next to the reference whose readings stay at its readings (`idic.measure.dic.still`). Frames at rest
+with a load between them are no pair: light and focus have changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+from idic.measure import declared_stack, find_still_frames
+from idic.images import Stack
+from idic.model import Experiment
+
+STILL, CONSECUTIVE, FREE_RESIDUAL = "still_frames", "consecutive_images", "free_residual"
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Images whose consecutive differences show noise.
+
+    frames : their numbers in the stack, in the order of recording; source : "still_frames" | "consecutive_images"
+    """
+
+    stack: Stack
+    frames: tuple[int, ...]
+    source: str
+
+
+def recordings(view: Experiment) -> Iterator[Recording]:
+    """The recordings of one camera, the best one first; frames that are left out do not count in the test."""
+    still = find_still_frames(view)
+    if still.separate:
+        stack = declared_stack(view)
+        yield Recording(stack, tuple(range(stack.n_frames)), STILL)
+    declared = tuple(sorted({*view.extras.get("still_frames", ()), *view.averaged}))
+    rest = declared if len(declared) > 1 else _run_around(still.frames, view.reference)
+    if len(rest) > 1:
+        yield Recording(view.stack, rest, STILL)
+    frames = tuple(k for k in range(view.reference, view.n_frames) if k not in view.excluded)
+    yield Recording(view.stack, frames, CONSECUTIVE)
+
+
+def _run_around(frames: Collection[int], reference: int) -> tuple[int, ...]:
+    """The consecutive numbers that the reference is among."""
+    first = last = reference
+    while first - 1 in frames:
+        first -= 1
+    while last + 1 in frames:
+        last += 1
+    return tuple(range(first, last + 1))

@@ -1,0 +1,89 @@
+"""How edges move in a planned test whose motion is an unknown: measured from the images, or a virtual boundary.
+
+A course ``"TOP.uy" = [[0, 0], [60, 0.4]]`` under [design.program] (mm, or px where lengths are in px) moves the whole
+edge; without it the motion of images that are there is measured by a free FE-DIC.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from idic.measure import boundary_start, dic_stack, with_boundary_start
+from idic.errors import InputError
+from idic.experiment_file import ExperimentFile
+from idic.model import COMPONENTS, Experiment, Measured, Parametrised, Prescribed, build_drives, set_nodes
+from idic.identification.free_motion_start import measured_start
+
+Courses = Mapping[str, Sequence[Sequence[float]]]
+
+
+def edge_keys(config: ExperimentFile) -> set[str]:
+    """``SET.ux`` of every component of an edge whose motion is an unknown."""
+    keys = set()
+    for table in config.boundary:
+        drives = {"x": table.ux, "y": table.uy, "z": table.uz}
+        if table.u is not None:
+            drives = dict.fromkeys("xyz", table.u)
+        keys |= {f"{table.nodes}.u{c}" for c, drive in drives.items()
+                 if drive is not None and (drive.measured or drive.virtual)}
+    return keys
+
+
+def edge_motion(experiment: Experiment, courses: Courses, recorded: bool,
+                file) -> tuple[Experiment, np.ndarray, tuple[str, ...]]:
+    """The experiment with its virtual boundaries moving, the motion of measured edges (n_frames, m) mm, and notes.
+
+    Raises
+    ------
+    InputError
+        If the motion of a measured edge is not known before the test, or the modes of a boundary are to be those of
+        images to come.
+    """
+    unknown = [p for p in experiment.prescribed if isinstance(p.drive, (Measured, Parametrised))]
+    given = [p for p in unknown if _key(p) in courses]
+    if given:
+        motion, notes = _prescribed_motion(experiment, given, courses), ()
+    elif unknown and recorded:
+        motion = dic_stack(experiment).u_px
+        notes = ("edges of unknown motion move as a free FE-DIC of the images measures",)
+    else:
+        motion, notes = None, ()
+    _check_known(experiment, unknown, given, motion is not None, recorded, file)
+    if motion is None:
+        return experiment, np.zeros((experiment.n_frames, build_drives(experiment).n_local)), ()
+    excluded = experiment.excluded
+    experiment = with_boundary_start(experiment, boundary_start(experiment, motion, excluded))
+    return experiment, measured_start(experiment, motion, excluded), notes
+
+
+def _prescribed_motion(experiment: Experiment, given: Sequence[Prescribed], courses: Courses) -> np.ndarray:
+    """What a camera would measure of the edges that move along their courses  # (n_frames, n_nodes, 2) px"""
+    u = np.zeros((experiment.n_frames, *experiment.mesh.nodes.shape))
+    for entry in given:
+        times, course = np.array(courses[_key(entry)]).T
+        history = np.interp(experiment.times, times, course)
+        history = history - history[experiment.reference]
+        u[:, set_nodes(experiment, entry.nodes), COMPONENTS.index(entry.component)] = history[:, None]
+    rest = experiment.camera.project(experiment.mesh.nodes)
+    return np.array([experiment.camera.project(experiment.mesh.nodes + frame) - rest for frame in u])
+
+
+def _check_known(experiment: Experiment, unknown, given, moves: bool, recorded: bool, file) -> None:
+    for entry in unknown:
+        key, drive = _key(entry), entry.drive
+        of_images = isinstance(drive, Parametrised) and drive.kind == "dic"
+        if of_images and not recorded:
+            raise InputError("a virtual boundary with measured shapes, but there are no images yet", file=file,
+                             key=f"boundary {key}", expected='virtual = "bspline" or "polynomial"', found='"dic"',
+                             remedy="plan with B-splines of as many modes")
+        if isinstance(drive, Measured) and entry not in given and (given or not moves):
+            raise InputError("the motion of a measured edge is not known before the test", file=file,
+                             key=f'design.program."{key}"',
+                             expected="its course in time, in mm (px without a scale)", found="none",
+                             remedy=f'add for instance  "{key}" = [[0, 0], [{experiment.times[-1]:g}, 0.4]]')
+
+
+def _key(prescribed: Prescribed) -> str:
+    return f"{prescribed.nodes}.u{prescribed.component}"

@@ -1,0 +1,57 @@
+"""How sensitivities are computed: direct differentiation of the simulation, or one perturbed simulation per
+parameter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from idic.errors import InputError
+from idic.model import Experiment
+
+DIRECT, PERTURBED, AUTO = "direct", "perturbed", "auto"
+DIRECT_SHARE = 0.12  # extra cost of one directly differentiated parameter in forward runs (studies/bench measures it)
+
+
+def choose_sensitivity(wanted: str, n_moving: int, workers: int, n_shape: int = 0) -> str:
+    """Choose "direct" or "perturbed" by their cost.
+
+    Direct differentiation takes 1 + 0.12 n forward runs one after the other; n + 1 perturbed runs fill the workers.
+
+    Parameters
+    ----------
+    wanted : "direct", "perturbed" or "auto"
+    n_moving : number of parameters that change the simulation
+    n_shape : how many of them move nodes of the mesh: they take a run each either way
+    """
+    if wanted != AUTO:
+        return wanted
+    perturbed = math.ceil((n_moving + 1) / max(workers, 1))
+    direct = 1.0 + n_shape + DIRECT_SHARE * (n_moving - n_shape)
+    return DIRECT if direct <= perturbed else PERTURBED
+
+
+def checked_sensitivity(wanted: str, experiment: Experiment) -> str:
+    """The wanted way; an external solver allows perturbed runs only.
+
+    Raises
+    ------
+    InputError
+        Direct differentiation with an external solver.
+    """
+    if experiment.solver is None:
+        return wanted
+    if wanted == DIRECT:
+        raise InputError("an external solver gives no derivatives", file=experiment.solver.experiment_file,
+                         key="--sensitivity", expected="perturbed (or auto)", found="direct",
+                         remedy="leave --sensitivity out: idic makes one perturbed run per parameter")
+    return PERTURBED
+
+
+def perturbations(experiment: Experiment, sensitivity: str, values: Mapping[str, float],
+                  moving: Iterable[str]) -> dict[str, float]:
+    """Change of each moving parameter in its perturbed run (internal units); empty with direct differentiation."""
+    if sensitivity == DIRECT:
+        return {}
+    here = experiment.parameters.with_values(values)
+    return {name: here[name].perturbation(experiment.options.perturbation) for name in moving}

@@ -1,0 +1,154 @@
+"""Other defensible treatments of boundary and camera of the same test.
+
+Each treatment is the experiment file with some of its tables replaced, as with ``--set``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any
+
+from idic.images import PLACEMENT_STEM, PlacedCamera
+from idic.model import Column, Experiment, Measured, Parametrised
+
+AS_GIVEN = "as given"
+COMPONENTS = {"ux": "x", "uy": "y", "uz": "z"}
+MORE_SMOOTHING, MORE_MODES, MORE_TIMES = 10.0, 2, 1
+# before a lens
+SPECIMEN_MOTION = tuple(f"{PLACEMENT_STEM}.{name}_drift" for name in ("t_z", "rotation_x", "rotation_y"))
+OF_FREE_DIC = {"virtual": "dic", "modes": 4, "time_modes": 3}  # courses of the measured motion, which may stop and turn
+
+
+@dataclass(frozen=True)
+class Treatment:
+    """A treatment of boundary and camera in words, and the tables of the experiment file that state it."""
+
+    boundary: str
+    camera: str
+    overrides: Mapping[str, Any]
+
+
+def treatments(experiment: Experiment, raw: Mapping) -> list[Treatment]:
+    """Every combination of boundary and camera treatments but the one of the run itself.
+
+    raw : tables of the experiment file, ``--set`` applied
+    """
+    found = []
+    for boundary, tables in _boundaries(experiment, raw):
+        for camera, added in _cameras(experiment, raw):
+            if (boundary, camera) == (AS_GIVEN, AS_GIVEN):
+                continue
+            overrides: dict[str, Any] = {}
+            if tables is not None:
+                overrides["boundary"] = tables
+            if added:
+                new = [{"name": name, "value": 0.0} for name in added]
+                overrides["dof"] = [*deepcopy(list(raw.get("dof", []))), *new]
+            found.append(Treatment(boundary, camera, overrides))
+    return found
+
+
+def _boundaries(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, list | None]]:
+    """In words, and the [[boundary]] tables (None: those of the file)."""
+    yield AS_GIVEN, None
+    drives = {type(entry.drive) for entry in experiment.prescribed}
+    if Column in drives and experiment.solver is None:
+        held = {(entry.get("nodes"), key) for entry in raw.get("boundary", []) for key in COMPONENTS
+                if key in entry or "u" in entry}
+        yield "the grip may turn and run askew", _each(raw, lambda entry: _freed(entry, held))
+    if Measured in drives:
+        yield "measured edges, ten times as smooth", _each(raw, lambda entry: _changed(entry, "measured", {
+            "measured": True, "smoothing": MORE_SMOOTHING}))
+        yield "virtual boundaries", _each(raw, lambda entry: _changed(entry, "measured", dict(OF_FREE_DIC)))
+    if Parametrised in drives:
+        yield "virtual boundaries with more modes", _each(raw, _with_more_modes)
+    stereo = experiment.n_dim == 3 and isinstance(experiment.camera, PlacedCamera)  # no edge of it is measured
+    if experiment.quantity == "grey" and experiment.solver is None and Measured not in drives and not stereo:
+        yield "measured edges", _each(raw, _measured)
+
+
+def _cameras(experiment: Experiment, raw: Mapping) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """In words, and the degrees of freedom that are added."""
+    yield AS_GIVEN, ()
+    if experiment.quantity != "grey" or experiment.solver is not None:
+        return
+    stem, taken = experiment.camera_name, set(experiment.parameters)
+    if isinstance(experiment.camera, PlacedCamera):
+        if experiment.extras.get("has_times") and not taken & set(SPECIMEN_MOTION):
+            yield "the specimen may approach and tilt", SPECIMEN_MOTION
+        return
+    drift, load, lens = ((f"{stem}.{name}",) for name in ("magnification_drift", "magnification_load", "k1"))
+    followed = _magnification_column(raw, stem)
+    if followed and not taken & set(load):
+        yield f"the magnification may follow {followed}", load
+    if experiment.extras.get("has_times") and not taken & set(drift):
+        yield "the magnification may drift", drift
+    if not experiment.extras.get("has_times") and not taken & set(lens):
+        yield "the lens may distort", lens
+    tilts = tuple(f"{stem}.{name}" for name in ("tilt_x", "tilt_y"))
+    if not taken & set(tilts):
+        yield "the camera may be tilted", tilts
+
+
+def _magnification_column(raw: Mapping, stem: str) -> str | None:
+    """The column of the log that the magnification of the main camera may follow, where one is given."""
+    tables = raw.get("camera", {})
+    main = tables if isinstance(tables, Mapping) else next((own for own in tables if own.get("name") == stem), {})
+    return main.get("magnification_column")
+
+
+def _each(raw: Mapping, change) -> list[dict]:
+    return [change(deepcopy(dict(entry))) for entry in raw.get("boundary", [])]
+
+
+def _as_table(drive: object) -> dict:
+    if isinstance(drive, Mapping):
+        return dict(drive)
+    return {drive: True} if drive == "measured" else {"value": drive}
+
+
+def _freed(entry: dict, held: set) -> dict:
+    """Rotation added to every logged component, and misalignment towards one that is held, too: a free one follows.
+
+    held : pairs of a node set and a component, "ux", that some table gives
+    """
+    given = [key for key in COMPONENTS if key in entry]
+    for key in given:
+        table = _as_table(entry[key])
+        if "column" not in table:
+            continue
+        corrections = list(table.get("corrections", []))
+        kinds = {own["kind"] for own in corrections}
+        if "rotation" not in kinds:
+            corrections.append({"kind": "rotation"})
+        across = [COMPONENTS[other] for other in ("ux", "uy") if other != key and (entry.get("nodes"), other) in held]
+        if "misalignment" not in kinds and across:
+            corrections.append({"kind": "misalignment", "towards": across[0]})
+        entry[key] = table | {"corrections": corrections}
+    return entry
+
+
+def _changed(entry: dict, kind: str, table: dict) -> dict:
+    for key in (*COMPONENTS, "u"):
+        if key in entry and kind in _as_table(entry[key]):
+            entry[key] = dict(table)
+    return entry
+
+
+def _with_more_modes(entry: dict) -> dict:
+    for key in (*COMPONENTS, "u"):
+        table = _as_table(entry[key]) if key in entry else {}
+        if "virtual" in table and table["virtual"] != "dic":
+            entry[key] = table | {"modes": table.get("modes", 6) + MORE_MODES,
+                                  "time_modes": table.get("time_modes", 6) + MORE_TIMES}
+    return entry
+
+
+def _measured(entry: dict) -> dict:
+    """Both components of a driven or held edge from the images."""
+    if not any(key in entry for key in (*COMPONENTS, "u")):
+        return entry
+    kept = {key: value for key, value in entry.items() if key not in (*COMPONENTS, "u")}
+    return kept | {key: "measured" for key in ("ux", "uy") if key in entry or "u" in entry}

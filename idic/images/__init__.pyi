@@ -1,0 +1,51 @@
+from .camera import CAMERA_PARAMETERS, Camera, fixed_pixel_sensitivity, normal_sign
+from .camera_motion import COLUMN, CameraMotion, MAGNIFICATION, ROW, TURN
+from .interpolate import DEGREES, Spline, evaluate, gradient_at_pixels, noise_gain, noise_gain_1d, prefilter
+from .inverse_mapping import CODES, EDGE_TOLERANCE, MAX_NODES, carry, locate, shape_functions
+from .matched_blur import PIXEL_BLUR_PX, derivative_maps, fineness_of, matched_gain, matching_weights, mean_shift
+from .pattern import DOT_RADIUS, Pattern, dense_speckle, sparse_speckle
+from .pinhole import (
+    INTRINSIC_PARAMETERS, PINHOLE_PARAMETERS, PINHOLE_UNITS, POSE_PARAMETERS, PinholeCamera, left_jacobian,
+    rotation_of,
+)
+from .placed_camera import AnyCamera, PLACED_TURNS, PLACEMENT_STEM, PlacedCamera
+from .quality.compression import BLOCK_PX, compressed_at
+from .quality.drift import MIN_TOLD_SHIFT_PX, drift_note, shifts
+from .quality.field_noise import FieldNoise, MIN_POINTS, MIN_STAGES, field_noise
+from .quality.gap_marks import gap_mark
+from .quality.gradient_noise import gradient_noise_share, without_noise
+from .quality.lowpass import REACH_STDS, blur_column, lowpass, lowpass_weights, mirrored_rim_px, noise_share, still_gain
+from .quality.noise import NoiseModel, image_noise, still_noise, still_noise_model
+from .quality.noise_covariance import (
+    MARGIN_PX, MIN_GOOD_TILES, NoiseCovariance, TileNoise, coloured, noise_covariance, pixel_gain, pooled, sum_gain,
+    tile_corners, tile_noise,
+)
+from .quality.round_trip import spline_error
+from .quality.saturation import largest_value, saturated_share, sensor_levels
+from .quality.speckle import edge_blur, speckle_size
+from .quality.stabilise import StabilisedStack, Stabiliser
+from .quality.subpixel_blur import subpixel_blur
+from .rigid_motion import RIGID, RIGID_UNITS, RigidMotion
+from .spline_filter import MIRROR_PAD_PX, POLES, filter_block
+from .spline_reference import inside, spline_slopes, spline_values
+from .stack import ArrayStack, Stack
+from .stack_views import LeadingFrames, LitStack, NoisyStack, RoundedStack, StackView
+from .taps import cubic_value, quintic_value, weight_polynomials
+
+__all__ = [
+    "BLOCK_PX", "CAMERA_PARAMETERS", "CODES", "COLUMN", "DEGREES", "DOT_RADIUS", "EDGE_TOLERANCE",
+    "INTRINSIC_PARAMETERS", "MAGNIFICATION", "MARGIN_PX", "MAX_NODES", "MIN_GOOD_TILES", "MIN_POINTS", "MIN_STAGES",
+    "MIN_TOLD_SHIFT_PX", "MIRROR_PAD_PX", "PINHOLE_PARAMETERS", "PINHOLE_UNITS", "PIXEL_BLUR_PX", "PLACED_TURNS",
+    "PLACEMENT_STEM", "POLES", "POSE_PARAMETERS", "REACH_STDS", "RIGID", "RIGID_UNITS", "ROW", "TURN", "AnyCamera",
+    "ArrayStack", "Camera", "CameraMotion", "FieldNoise", "LeadingFrames", "LitStack", "NoiseCovariance", "NoiseModel",
+    "NoisyStack", "Pattern", "PinholeCamera", "PlacedCamera", "RigidMotion", "RoundedStack", "Spline",
+    "StabilisedStack", "Stabiliser", "Stack", "StackView", "TileNoise", "blur_column", "carry", "coloured",
+    "compressed_at", "cubic_value", "dense_speckle", "derivative_maps", "drift_note", "edge_blur", "evaluate",
+    "field_noise", "filter_block", "fineness_of", "fixed_pixel_sensitivity", "gap_mark", "gradient_at_pixels",
+    "gradient_noise_share", "image_noise", "inside", "largest_value", "left_jacobian", "locate", "lowpass",
+    "lowpass_weights", "matched_gain", "matching_weights", "mean_shift", "mirrored_rim_px", "noise_covariance",
+    "noise_gain", "noise_gain_1d", "noise_share", "normal_sign", "pixel_gain", "pooled", "prefilter", "quintic_value",
+    "rotation_of", "saturated_share", "sensor_levels", "shape_functions", "shifts", "sparse_speckle", "speckle_size",
+    "spline_error", "spline_slopes", "spline_values", "still_gain", "still_noise", "still_noise_model",
+    "subpixel_blur", "sum_gain", "tile_corners", "tile_noise", "weight_polynomials", "without_noise",
+]

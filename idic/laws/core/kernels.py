@@ -1,0 +1,347 @@
+"""Compiled loops over points: the three modes, exact plane stress, and the complex-step derivative.
+
+Everything here is generic: a law comes in as a function pointer, so these loops are compiled once for all laws.
+Modes: 0 three-dimensional, 1 plane strain (F33 = 1), 2 plane stress (F33 such that P33 = 0; it is kept, as the start
+of the next solve, in the last column of the state).
+
+Plane stress is exact: with e = the F33 direction, P33(F33) = 0 is solved by safeguarded Newton, and every derivative
+is condensed, dF33 = -dP33/(dP33/dF33), dP += dP_e dF33, dstate += dstate_e dF33.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+from numba import types
+
+from idic.laws.core.compilation import LINEARISE, UPDATE, UPDATE_COMPLEX, c_array
+from idic.laws.core.inner import inner
+
+COMPLEX_STEP = 1e-30               # complex step: its square is lost in rounding whatever the parameter's size
+F33_TOLERANCE = 1e-11      # last correction of F33, applied to first order: its square is below rounding
+F33_LAST_STEP_TOLERANCE = 1e-7          # below this the next evaluation is expected to be the last one
+F33_ITERATIONS = 80        # Newton takes 2 to 4; bisection, where a law is not smooth, up to 50
+
+
+# makes no arrays: no atomic reference counts, a quarter of the time in plane stress
+borrowing = partial(inner, _nrt=False)
+
+
+@borrowing
+def complex_step(update, F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new, work):
+    """`linearise` for a law that has only `update`: derivative = Im(update(x + i h dx)) / h."""
+    n_state, n_params = state.shape[0], params.shape[0]
+    wF, wP = work[:9].reshape((3, 3)), work[9:18].reshape((3, 3))
+    wstate, wstate_new = work[18:18 + n_state], work[18 + n_state:18 + 2 * n_state]
+    wparams = work[18 + 2 * n_state:18 + 2 * n_state + n_params]
+    for k in range(dF.shape[0]):
+        for i in range(3):
+            for j in range(3):
+                wF[i, j] = F[i, j] + 1j * COMPLEX_STEP * dF[k, i, j]
+        for m in range(state.shape[0]):
+            wstate[m] = state[m] + 1j * COMPLEX_STEP * (dstate[k, m] if dstate.shape[0] > 0 else 0.0)
+        for m in range(params.shape[0]):
+            wparams[m] = params[m] + 1j * COMPLEX_STEP * (dparams[k, m] if dparams.shape[0] > 0 else 0.0)
+        if update(wF, wstate, wparams, dt, wP, wstate_new) != 0:
+            return 1
+        for i in range(3):
+            for j in range(3):
+                P[i, j] = wP[i, j].real
+                dP[k, i, j] = wP[i, j].imag / COMPLEX_STEP
+        for m in range(state.shape[0]):
+            state_new[m] = wstate_new[m].real
+            if k < dstate_new.shape[0]:
+                dstate_new[k, m] = wstate_new[m].imag / COMPLEX_STEP
+    return 0
+
+
+@borrowing
+def linearised(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams,
+               P, state_new, dP, dstate_new, work):
+    """One point by the hand-written derivative or by the complex step; 1 also where the law returned NaN."""
+    status = 0
+    if by_hand:
+        status = linearise(F, state, params, dt, dF, dstate, dparams, P, state_new, dP, dstate_new)
+    else:
+        status = complex_step(update_complex, F, state, params, dt, dF, dstate, dparams,
+                              P, state_new, dP, dstate_new, work)
+    finite = math.isfinite(P[0, 0] + P[0, 1] + P[1, 0] + P[1, 1] + P[2, 2])
+    return status if finite else 1
+
+
+@inner
+def next_stretch(f33, p33, slope, failed, low, high, good):
+    """The next F33 to try: Newton's, at most a factor of two away and inside the bracket [low, high] (0: open).
+
+    Returns (F33, low, high, good, status): ``good`` is the last F33 that had a stress; status 0 the correction was
+    small, 1 give up, 2 go on.
+    """
+    if failed != 0:  # no stress there: go half way back to where there was one
+        hopeless = good == 0.0 or abs(f33 - good) <= F33_TOLERANCE * good
+        return 0.5 * (f33 + good), low, high, good, 1 if hopeless else 2
+    step = -p33 / slope
+    if slope > 0.0 and abs(step) <= F33_LAST_STEP_TOLERANCE * f33:
+        return f33 + step, low, high, f33, 0
+    low, high = (low, f33) if p33 > 0.0 else (f33, high)
+    if not (slope > 0.0 and math.isfinite(step)):
+        step = -math.copysign(0.1 * f33, p33)
+    new = min(max(f33 + step, 0.5 * f33), 2.0 * f33)
+    if high > 0.0 and low > 0.0 and not (low < new < high):
+        new = 0.5 * (low + high)
+    return new, low, high, f33, 2
+
+
+@borrowing
+def search(by_hand, linearise, update_complex, F, state, params, dt, first, none, P, state_new, dP, work):
+    """Safeguarded Newton for P33(F33) = 0 from F[2, 2] on, until the correction is small: (status, F33)."""
+    low, high, good = 0.0, 0.0, 0.0
+    f33, status = F[2, 2], 1
+    for _ in range(F33_ITERATIONS):
+        F[2, 2] = f33
+        failed = linearised(by_hand, linearise, update_complex, F, state, params, dt, first, none, none,
+                            P, state_new, dP, none, work)
+        p33, slope = P[2, 2], dP[0, 2, 2]
+        f33, low, high, good, status = next_stretch(f33, p33, slope, failed, low, high, good)
+        if status < 2:
+            break
+    return min(status, 1), f33
+
+
+@borrowing
+def plane_stress(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams, first, none, close,
+                 P, state_new, dP, dstate_new, one_dP, work):
+    """Solve P33 = 0 for F[2, 2] (its value on entry is the start) and condense all derivatives: (status, F33).
+
+    Row 0 of ``dF`` is the direction of F33, ``first`` a copy of that row alone with its scratch ``one_dP``.
+    ``close``: the start is believed to be the solution, so the search may be skipped.
+    """
+    start = F[2, 2]
+    for attempt in range(3):
+        if not (close and attempt == 0):
+            F[2, 2] = start
+            status, start = search(by_hand, linearise, update_complex, F, state, params, dt, first, none,
+                                   P, state_new, one_dP, work)
+            if status != 0:
+                return 1, start
+        F[2, 2] = start
+        status = linearised(by_hand, linearise, update_complex, F, state, params, dt, dF, dstate, dparams,
+                            P, state_new, dP, dstate_new, work)
+        slope = dP[0, 2, 2]
+        step = -P[2, 2] / slope
+        if status == 0 and slope > 0.0 and abs(step) <= F33_TOLERANCE * start:
+            condense(P, state_new, dP, dstate_new, step, slope)
+            return 0, start + step
+    return 1, start
+
+
+@borrowing
+def condense(P, state_new, dP, dstate_new, step, slope):
+    """Apply the last correction ``step`` of F33 and eliminate F33 from every derivative (rows 1, 2, ... of dP)."""
+    n_state = state_new.shape[0]
+    for i in range(3):
+        for j in range(3):
+            P[i, j] += dP[0, i, j] * step
+    for m in range(n_state):
+        state_new[m] += dstate_new[0, m] * step
+    for k in range(1, dP.shape[0]):
+        dF33 = -dP[k, 2, 2] / slope
+        for i in range(3):
+            for j in range(3):
+                dP[k, i, j] += dP[0, i, j] * dF33
+        if k < dstate_new.shape[0]:
+            for m in range(n_state):
+                dstate_new[k, m] += dstate_new[0, m] * dF33
+        dP[k, 2, 2] = dF33  # of no further use as a stress (it is zero): carries the change of F33 to the caller
+
+
+@inner
+def embed(F, F33, out):
+    """A point's F (2, 2) or (3, 3) as (3, 3)."""
+    d = F.shape[0]
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = F[i, j] if i < d and j < d else 0.0
+    if d == 2:
+        out[2, 2] = F33
+
+
+@inner
+def is_body(finite, F):
+    """Whether a body can have F: det F > 0. Small strain has no such limit."""
+    return not finite or (F[0, 0] * (F[1, 1] * F[2, 2] - F[1, 2] * F[2, 1])
+                          + F[0, 1] * (F[1, 2] * F[2, 0] - F[1, 0] * F[2, 2])
+                          + F[0, 2] * (F[1, 0] * F[2, 1] - F[1, 1] * F[2, 0])) > 0.0
+
+
+@inner
+def put(matrix, out):
+    """The leading block of a (3, 3) matrix into ``out`` (2, 2) or (3, 3)."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = matrix[i, j]
+
+
+@inner
+def copy(values, out):
+    """The leading entries: as many as the shorter of the two has."""
+    for m in range(min(values.shape[0], out.shape[0])):
+        out[m] = values[m]
+
+
+@inner
+def clear(out):
+    """Zero a matrix: outputs of a point that did not converge are zero, never NaN."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = 0.0
+
+
+def stress_loop(update, by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, P33,
+                state_new):
+    """Stress and new state of every point; returns True where all converged."""
+    n = F.shape[0]
+    n_law = state.shape[1] - (1 if mode == 2 else 0)
+    per_point = 1 if params.shape[0] > 1 else 0
+    work = np.empty(18 + 2 * n_law + params.shape[1], np.complex128)
+    dF, dP, dstate, none = np.zeros((1, 3, 3)), np.empty((1, 3, 3)), np.empty((1, n_law)), np.empty((0, n_law))
+    none_params = np.empty((0, params.shape[1]))
+    dF[0, 2, 2] = 1.0
+    point, stress, old, new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
+    ok = True
+    for i in range(n):
+        embed(F[i], guess[i] if mode == 2 else 1.0, point)
+        copy(state[i], old)
+        p = params[i * per_point]
+        if not is_body(finite, point):
+            status = 1
+        elif mode == 2:
+            status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
+                                       dF, none, False, stress, new, dP, dstate, dP, work)
+            state_new[i, n_law] = f33
+        else:
+            status = update(point, old, p, dt, stress, new)
+            if not math.isfinite(stress[0, 0] + stress[0, 1] + stress[1, 0] + stress[1, 1] + stress[2, 2]):
+                status = 1
+        if status != 0:
+            ok = False
+            clear(P[i])
+            copy(state[i], state_new[i])
+            P33[i] = 0.0
+            continue
+        put(stress, P[i])
+        P33[i] = stress[2, 2]
+        copy(new, state_new[i])
+    return ok
+
+
+def tangent_loop(by_hand, linearise, update_complex, finite, mode, F, guess, state, params, dt, P, state_new, A):
+    """Stress, new state and consistent tangent of every point; returns True where all converged."""
+    n, d = F.shape[0], F.shape[1]
+    n_law = state.shape[1] - (1 if mode == 2 else 0)
+    per_point = 1 if params.shape[0] > 1 else 0
+    extra = 1 if mode == 2 else 0
+    work = np.empty(18 + 2 * n_law + params.shape[1], np.complex128)
+    dF, first = np.zeros((d * d + extra, 3, 3)), np.zeros((1, 3, 3))
+    first[0, 2, 2] = 1.0
+    if mode == 2:
+        dF[0, 2, 2] = 1.0
+    for c in range(d * d):
+        dF[extra + c, c // d, c % d] = 1.0
+    dP, dstate = np.empty((d * d + extra, 3, 3)), np.empty((extra, n_law))
+    none, none_params = np.empty((0, n_law)), np.empty((0, params.shape[1]))
+    one_dP = np.empty((1, 3, 3))
+    point, stress, old, new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
+    ok = True
+    for i in range(n):
+        embed(F[i], guess[i] if mode == 2 else 1.0, point)
+        copy(state[i], old)
+        p = params[i * per_point]
+        if not is_body(finite, point):
+            status = 1
+        elif mode == 2:
+            status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
+                                       first, none, False, stress, new, dP, dstate,
+                                       one_dP, work)
+            state_new[i, n_law] = f33
+        else:
+            status = linearised(by_hand, linearise, update_complex, point, old, p, dt, dF, none, none_params,
+                                stress, new, dP, dstate, work)
+        if status != 0:
+            ok = False
+            clear(P[i])
+            copy(state[i], state_new[i])
+            clear(A[i])
+            continue
+        put(stress, P[i])
+        copy(new, state_new[i])
+        for c in range(d * d):
+            for a in range(d):
+                for b in range(d):
+                    A[i, d * a + b, c] = dP[extra + c, a, b]
+    return ok
+
+
+def directional_loop(by_hand, linearise, update_complex, finite, mode, F, guess, close, state, params, dt, dF_in,
+                     dstate_in, dparams, dP_out, dstate_out):
+    """Derivative of stress and new state along ``nd`` directions for every point; True where all converged."""
+    n, nd = dF_in.shape[0], dF_in.shape[1]
+    extra = 1 if mode == 2 else 0
+    n_law = state.shape[1] - extra
+    per_point = 1 if params.shape[0] > 1 else 0
+    work = np.empty(18 + 2 * n_law + params.shape[1], np.complex128)
+    dF, first = np.zeros((nd + extra, 3, 3)), np.zeros((1, 3, 3))
+    first[0, 2, 2] = 1.0
+    dold = np.zeros((nd + extra if dstate_in.shape[1] > 0 else 0, n_law))
+    dp = np.zeros((nd + extra if dparams.shape[1] > 0 else 0, params.shape[1]))
+    own_changes = dparams.shape[0] > 1 and dparams.shape[1] > 0
+    if dparams.shape[1] > 0:
+        for k in range(nd):
+            copy(dparams[0, k], dp[extra + k])
+    dP, dnew = np.empty((nd + extra, 3, 3)), np.empty((nd + extra, n_law))
+    one_dP, none = np.empty((1, 3, 3)), np.empty((0, n_law))
+    point, stress, old, new = np.empty((3, 3)), np.empty((3, 3)), np.empty(n_law), np.empty(n_law)
+    if mode == 2:
+        dF[0, 2, 2] = 1.0
+    ok = True
+    for i in range(n):
+        embed(F[i], guess[i] if mode == 2 else 1.0, point)
+        copy(state[i], old)
+        for k in range(nd):
+            embed(dF_in[i, k], 0.0, dF[extra + k])
+            if dold.shape[0] > 0:
+                copy(dstate_in[i, k], dold[extra + k])
+            if own_changes:
+                copy(dparams[i, k], dp[extra + k])
+        p = params[i * per_point]
+        if not is_body(finite, point):
+            status = 1
+        elif mode == 2:
+            status, f33 = plane_stress(by_hand, linearise, update_complex, point, old, p, dt, dF, dold, dp,
+                                       first, none, close, stress, new, dP, dnew,
+                                       one_dP, work)
+        else:
+            status = linearised(by_hand, linearise, update_complex, point, old, p, dt, dF, dold, dp,
+                                stress, new, dP, dnew, work)
+        if status != 0:
+            ok = False
+            for k in range(nd):
+                clear(dP_out[i, k])
+            clear(dstate_out[i])
+            continue
+        for k in range(nd):
+            put(dP[extra + k], dP_out[i, k])
+            copy(dnew[extra + k], dstate_out[i, k])
+            if mode == 2:
+                dstate_out[i, k, n_law] = dP[extra + k, 2, 2]
+    return ok
+
+
+_f8, _i8, _b1 = types.float64, types.int64, types.boolean
+_F1, _F2, _F3, _F4 = (c_array(types.float64, ndim) for ndim in (1, 2, 3, 4))
+_update, _linearise, _complex = (types.FunctionType(s) for s in (UPDATE, LINEARISE, UPDATE_COMPLEX))
+STRESS_LOOP = _b1(_update, _b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F1, _F2)
+TANGENT_LOOP = _b1(_b1, _linearise, _complex, _b1, _i8, _F3, _F1, _F2, _F2, _f8, _F3, _F2, _F3)
+DIRECTIONAL_LOOP = _b1(_b1, _linearise, _complex, _b1, _i8, _F3, _F1, _b1, _F2, _F2, _f8, _F4, _F3, _F3, _F4,
+                       _F3)

@@ -1,0 +1,132 @@
+"""The free motion of measured fields: the smooth nodal displacement that follows the points of every frame best.
+
+    (H + w D^T D) u = q,      H = s² Σ NᵀN,   q = s Σ Nᵀ v          docs/method.md, equation 15.5
+
+Linear: one solution per frame, with one factorisation for all frames that show the same points. Motion along the normal
+of a solid's surface is left out (`FieldReference.in_plane`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import SuperLU, splu
+
+from idic.correlation import FieldEquations, FieldReference, build_field_reference
+from idic.measure.dic.frame import DicFrame, Factorisation, measured_nodes
+from idic.measure.dic.noise import fitted_dof
+from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
+from idic.fe import surface_cells
+from idic.model import Experiment
+
+MAX_RMS_RATIO = 2.0  # residual of a frame to the median of all; more is a jump (a crack, a break) that no mesh follows
+MIN_SEEN_PART = 0.5  # of the points; fewer: the frame is lost
+
+
+# by reference: the smoother, the points that are measured and the factorisation of the frame before
+_LAST: WeakKeyDictionary[FieldReference, tuple[Smoother, np.ndarray, Factorisation | None]] = WeakKeyDictionary()
+
+
+def field_frame(reference: FieldReference, measured: np.ndarray, smoother: Smoother) -> DicFrame | None:
+    """The free motion of one frame; None where too few points are measured.
+
+    measured : (n_pixels,) µm, NaN where not measured
+    """
+    zero = np.zeros((reference.pixel_map.n_nodes, 2))
+    nodal = reference.equations(measured, zero)
+    if nodal.n_valid < MIN_SEEN_PART * reference.pixel_map.n_pixels:
+        return None
+    factor = _factor_of(reference, np.isfinite(measured), nodal, smoother)
+    if factor is None:
+        return None
+    u = factor.lu.solve(nodal.q).reshape(-1, 2)
+    left = reference.equations(measured, u)
+    seen = smoother.reached(factor.measured)
+    return DicFrame(np.where(seen[:, None], u, np.nan), u, float(np.sqrt(left.rr / left.n_valid)), left.rr,
+                    left.element_rr, np.zeros(0), left.n_valid, left.n_lost, 1, True, 0.0, 1.0, left.H, factor)
+
+
+def _factor_of(reference: FieldReference, shown: np.ndarray, nodal: FieldEquations,
+               smoother: Smoother) -> Factorisation | None:
+    """The factorisation of a frame that shows these points; that of the frame before where it shows the same ones."""
+    last = _LAST.get(reference)
+    if last is None or last[0] is not smoother or not np.array_equal(last[1], shown):
+        last = _LAST[reference] = smoother, shown, _factorised(reference, nodal.H, smoother, nodal.n_valid)
+    return last[2]
+
+
+def _factorised(reference: FieldReference, hessian: sparse.csr_array, smoother: Smoother,
+                n_valid: int) -> Factorisation | None:
+    measured = measured_nodes(hessian)
+    if measured.sum() < 3:
+        return None
+    penalty = sparse.csc_array(smoother.matrix(reference.scale**2, ~measured))
+    matrix = sparse.csc_array(hessian + penalty)
+    idle = np.where(matrix.diagonal() == 0.0, 1.0, 0.0)  # nodes of no element
+    try:
+        lu: SuperLU = splu(sparse.csc_matrix(matrix + sparse.diags_array(idle)), permc_spec="MMD_AT_PLUS_A",
+                           diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:  # singular: the measured nodes do not hold the others
+        return None
+    return Factorisation(lu, np.zeros((0, 2, 2)), n_valid, measured, penalty)
+
+
+def field_variance(frame: DicFrame, reference: FieldReference, dof: float) -> float:
+    """Variance of the noise of one component by what the free motion leaves; dof : `fitted_dof`  # µm²"""
+    return frame.rr_gv2 / max(frame.n_pixels - dof, 1.0) / (1.0 + 1.0 / reference.n_images)
+
+
+def smoother_of(experiment: Experiment, reference: FieldReference, regularisation: Regularisation) -> Smoother:
+    """The regularisation on the nodes of the grid; without a length, waves of two nodes' distance are damped by
+    half."""
+    nodes, cells = reference.pixel_map.nodes_px, surface_cells(experiment.mesh, experiment.surface)
+    smoother = build_smoother(nodes, cells, regularisation)
+    if regularisation.length_px is not None or regularisation.kind == "none":
+        return smoother
+    return build_smoother(nodes, cells, Regularisation(regularisation.kind, 2.0 * smoother.size_px))
+
+
+def field_motion(experiment: Experiment, regularisation: Regularisation,
+                 progress: Callable[[int, int], None] | None = None,
+                 keep: Callable[[np.ndarray], None] | None = None) -> dict:
+    """The free motion of all frames: the entries of `idic.measure.dic.stack.DicStack`.
+
+    keep : takes the motion of the frames one by one (`idic.measure.dic.stack.dic_stack`)
+    """
+    reference = build_field_reference(experiment, experiment.camera).in_plane
+    smoother = smoother_of(experiment, reference, regularisation)
+    n, nodes = experiment.n_frames, experiment.mesh.n_nodes
+    kept: list[np.ndarray] = []
+    keep_motion = kept.append if keep is None else keep
+    rms, chi2, local = (np.full(n, np.nan) for _ in range(3))
+    pixels, lost = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
+    std = experiment.noise.std_gv or np.nan
+    known, dof = None, 0.0
+    for k in range(n):
+        if k == experiment.reference or k in experiment.excluded:
+            keep_motion(np.full((nodes, 2), 0.0 if k == experiment.reference else np.nan))
+            continue
+        found = field_frame(reference, reference.measured(experiment, k), smoother)
+        if found is not None and found.factorisation is not None:
+            if found.factorisation is not known:
+                known, dof = found.factorisation, fitted_dof(found)
+            rms[k], pixels[k], lost[k] = found.rms_gv, found.n_pixels, found.n_lost
+            keep_motion(found.u_px)
+            local[k] = field_variance(found, reference, dof)
+            chi2[k] = local[k] / std**2
+        else:
+            keep_motion(np.full((nodes, 2), np.nan))
+        if progress is not None:
+            progress(k + 1, n)
+    typical = np.nanmedian(rms) if np.isfinite(rms).any() else np.inf
+    status = ["excluded" if k in experiment.excluded else "ok" if k == experiment.reference
+              else "lost" if not np.isfinite(rms[k]) else "unexplained" if rms[k] > MAX_RMS_RATIO * typical else "ok"
+              for k in range(n)]
+    u_px = np.array(kept) if keep is None else np.empty((0, nodes, 2))
+    return {"u_px": u_px, "status": status, "rms_gv": rms, "chi2_dof": chi2, "noise_gv": float(std),
+            "noise_frames_gv": np.sqrt(local), "n_pixels": pixels, "n_lost": lost, "mismatched": np.zeros(n),
+            "iterations": np.where(np.isfinite(rms), 1, 0), "converged": np.isfinite(rms), "attempts": np.zeros(n, int),
+            "length_px": smoother.length_px}

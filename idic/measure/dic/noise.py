@@ -1,0 +1,119 @@
+"""Image noise from the residual of a free displacement (docs/method.md, equation 13.5).
+
+The residual of pure noise has the variance sigma^2 (1/n_images + w^2) with the interpolator's w^2, less the part that
+the displacement has fitted away: n - tr(2 S - S^2) degrees of freedom with S = (H + w D^T D)^-1 H.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.correlation import ReferenceImage, residual_map
+from idic.measure.dic.frame import DicFrame
+from idic.images import Spline, noise_share
+
+_N_SAMPLED_DOFS = 96  # degrees of freedom that the trace is estimated from
+_BEST_FRAMES_PART = 1 / 3  # of the frames: the noise is estimated from those with the smallest residual
+
+
+@dataclass(frozen=True)
+class ResidualNoise:
+    """Noise estimated from one frame.
+
+    variance : GV^2, all pixels: sum r^2 / (1/n_images + w^2) per degree of freedom left
+    local_variance : GV^2, median over the elements and free of each element's mean, and so of slow changes of light
+    """
+
+    variance: float
+    local_variance: float
+
+
+def fitted_dof(frame: DicFrame) -> float:
+    """tr(2 S - S^2): how many degrees of freedom the displacement takes from the residual, from a sample of nodes."""
+    factor, hessian = frame.factorisation, frame.hessian
+    dofs = np.flatnonzero(np.repeat(factor.measured, 2))
+    if len(dofs) == 0:
+        return 0.0
+    chosen = dofs[np.unique(np.linspace(0, len(dofs) - 1, min(_N_SAMPLED_DOFS, len(dofs))).astype(int))]
+    unit = np.zeros((len(frame.u_px) * 2, len(chosen)))
+    unit[chosen, np.arange(len(chosen))] = 1.0
+    column = factor.lu.solve(np.ascontiguousarray(hessian @ unit))  # S e_i
+    row = hessian @ factor.lu.solve(unit)  # S^T e_i
+    own = column[chosen, np.arange(len(chosen))]
+    part = np.mean(2 * own - np.einsum("ij,ij->j", row, column))
+    return float(np.clip(part, 0.0, 1.0) * len(dofs))  # beyond: a frame that did not converge
+
+
+def residual_noise(reference: ReferenceImage, spline: Spline, frame: DicFrame, brightness: str,
+                   dof: float) -> ResidualNoise:
+    """Noise of one frame from its residual; dof: `fitted_dof`.
+
+    A low-pass correlates the noise: a displacement takes `gradient_share` / gain of a pixel's variance from it, a mean
+    1 / gain (gain: variance of a blurred pixel).
+    """
+    found = residual_map(reference, spline, frame.u_full_px, brightness, frame.brightness)
+    start = reference.pixel_map.start[:-1]
+    gain = found.still_gain
+    weight = np.where(found.valid, 1.0 / (found.reference_gain / reference.n_images + found.noise_gain), 0.0)
+    r = np.where(found.valid, found.r, 0.0).astype(float)
+    count = np.add.reduceat(found.valid.astype(float), start)
+    n = count.sum()
+    square, total = np.add.reduceat(weight * r**2, start), np.add.reduceat(weight * r, start)
+    left = max(n - (dof * gradient_share(reference) + len(frame.brightness)) / gain, 1.0)
+    full = count >= max(0.5 * np.median(count), 8 / gain)  # elements at the rim have few pixels
+    if not full.any():
+        return ResidualNoise(float(square.sum() / left), float(square.sum() / left))
+    own = np.maximum(count - 1.0 / gain, 1.0)
+    mean_weight = np.maximum(np.add.reduceat(weight, start), 1e-12)
+    local = (square - total**2 / mean_weight) / own
+    local /= (1.0 - 2.0 / (9.0 * own * gain)) ** 3  # median of chi^2 to its mean
+    return ResidualNoise(float(square.sum() / left), float(np.median(local[full]) * n / left))
+
+
+def noise_of_frames(local_variance: np.ndarray) -> float:
+    """Noise std from the best-explained frames; nan where there is none  # (n_frames,) GV^2, nan: not to be used"""
+    values = np.sort(local_variance[np.isfinite(local_variance)])
+    if len(values) == 0:
+        return float("nan")
+    return float(np.sqrt(np.median(values[: max(1, int(np.ceil(_BEST_FRAMES_PART * len(values))))])))
+
+
+def gradient_share(reference: ReferenceImage) -> float:
+    """Part of the pixel noise variance in a sum against the gradient after the low-pass (1: no low-pass)."""
+    to_image = reference.pixel_map.to_image
+    return noise_share(to_image(reference.fx, 0.0), to_image(reference.fy, 0.0), reference.lowpass_px)
+
+
+def node_std(reference: ReferenceImage, frame: DicFrame, noise_gv: float,
+             nodes: np.ndarray | None = None) -> np.ndarray:
+    """Standard deviation of the measured displacement by image noise.
+
+    ``A^-1 H A^-1 sigma^2 (1/n_images + kappa)`` with A = H + w D^T D: the scatter by noise, without the
+    bias by regularisation.
+
+    Parameters
+    ----------
+    noise_gv : float
+        Noise of one image.
+    nodes : array of node indices, optional
+        Default all; two solutions per node, so a few of them suffice on large meshes.
+
+    Returns
+    -------
+    array (n, 2) px; NaN where the displacement is
+    """
+    nodes = np.arange(len(frame.u_px)) if nodes is None else np.asarray(nodes)
+    factor = frame.factorisation
+    variance = np.empty(2 * len(nodes))
+    dofs = (2 * nodes[:, None] + [0, 1]).ravel()
+    for first in range(0, len(dofs), 256):
+        part = dofs[first : first + 256]
+        unit = np.zeros((2 * len(frame.u_px), len(part)))
+        unit[part, np.arange(len(part))] = 1.0
+        x = factor.lu.solve(unit)
+        variance[first : first + 256] = np.einsum("ij,ij->j", x, frame.hessian @ x)
+    seen = noise_gv**2 * gradient_share(reference) * (1.0 / reference.n_images + frame.kappa)
+    std = np.sqrt(variance * seen).reshape(-1, 2)
+    return np.where(np.isfinite(frame.u_px[nodes]), std, np.nan)

@@ -1,0 +1,301 @@
+"""Free FE-DIC of a whole experiment: one frame at a time, each starting from the motion of the frames before it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from idic.correlation import ReferenceImage, build_experiment_reference, frame_spline, nodal_equations, solve_brightness
+from idic.measure.dic.field import field_motion
+from idic.measure.dic.frame import DicFrame, Factorisation, dic_frame
+from idic.measure.dic.noise import fitted_dof, noise_of_frames, residual_noise
+from idic.measure.dic.regularisation import Regularisation, Smoother, build_smoother
+from idic.measure.dic.start import Level, build_pyramid, coarse_motion, descend
+from idic.measure.dic.status import (
+    is_recognised, mismatched_elements, nodes_of, pixels_of, unexplained, unlikeness, unlikeness_of,
+    with_neighbours,
+)
+from idic.fe import Block, surface_cells
+from idic.images import Spline
+from idic.model import Experiment
+
+_MAX_MISMATCHED_PART = 0.002  # of the elements; with more, other starts are tried
+_MAX_UNLIKENESS_RATIO = 0.999  # new result over present result: above, the present one stays
+_MAX_START_UNLIKENESS = 3.0  # correlation 0.3; Gauss-Newton does not converge from more
+_MAX_REPAIR_RMS_RATIO = 2.0  # residual to that of the frame before; more is a new feature (crack), no wrong minimum
+_MAX_REPAIRED_PART = 0.3  # of the elements
+_MAX_REMAINING_PART = 0.95  # of a mismatched region after each pass of its repair; a crack stays
+_MAX_RMS_RATIO = 1.5  # residual to that of the frame before; with more, other starts are tried
+
+
+@dataclass(frozen=True, eq=False)
+class DicStack:
+    """Measured displacement of every frame.
+
+    Attributes
+    ----------
+    u_px : array (n_frames, n_nodes, 2)
+        NaN in excluded and lost frames and at nodes that are not seen; 0 in the reference frame.
+    status : list of "ok" | "lost" | "unexplained" | "excluded"
+        "lost": nothing was recognised, or hardly anything is left in view. "unexplained": a displacement was found but
+        the residual is more than twice that of the other frames, or more than 5 % of the elements match nothing
+        (crack, failed paint, lamp): do not trust it.
+    rms_gv : array (n_frames,)
+        Root mean square residual, brightness removed; NaN where nothing was compared (also the reference frame).
+    chi2_dof : array (n_frames,)
+        Squared residual / noise (given, else `noise_gv`) per degree of freedom; 1: nothing but noise.
+    noise_gv : float
+        Noise of one image estimated from the best-explained frames (NaN where no frame is ok).
+    noise_frames_gv : array (n_frames,)
+        The same from each frame alone.
+    n_pixels, n_lost : arrays (n_frames,)
+        Pixels compared; pixels that left the image.
+    mismatched : array (n_frames,)
+        Part of the elements that match nothing (crack, lost paint, no start); their nodes are NaN in `u_px`.
+    iterations : array (n_frames,), converged : array (n_frames,) bool
+    attempts : array (n_frames,)
+        The start that led to the result: 1 the frame before, 2 blur pyramid, 3 and 4 subsets of the frame before and
+        of the reference found again by correlation, then the pyramid.
+    length_px : float
+        Regularisation length in effect.
+    """
+
+    u_px: np.ndarray
+    status: list[str]
+    rms_gv: np.ndarray
+    chi2_dof: np.ndarray
+    noise_gv: float
+    noise_frames_gv: np.ndarray
+    n_pixels: np.ndarray
+    n_lost: np.ndarray
+    mismatched: np.ndarray
+    iterations: np.ndarray
+    converged: np.ndarray
+    attempts: np.ndarray
+    length_px: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Setting:
+    experiment: Experiment
+    reference: ReferenceImage
+    smoother: Smoother
+    cells: list[Block]
+    brightness: str
+    pyramid: list[Level]  # filled when first needed
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """The last frame with a usable displacement."""
+
+    frame: int
+    time: float
+    u: np.ndarray
+    velocity: np.ndarray | None
+    rms: float
+    factorisation: Factorisation | None
+
+
+def dic_stack(experiment: Experiment, regularisation: Regularisation | str | None = "mechanical",
+              progress: Callable[[int, int], None] | None = None,
+              keep: Callable[[np.ndarray], None] | None = None) -> DicStack:
+    """Measure the displacement of all frames of an experiment on its mesh, from the images alone.
+
+    Of measured fields it is the smooth nodal motion that follows the points (`idic.measure.dic.field`).
+
+    Each frame starts from the frame before, extrapolated with its velocity; where that leaves a larger residual than
+    in the other frames, a blur pyramid gives a better start, and after it a correlation of subsets with the last usable
+    frame and with the reference. Memory does not grow with the number of frames except for the result.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Mesh, camera, stack, reference frame, mask, excluded frames and the image options are used; no law, no force.
+    regularisation : Regularisation | "mechanical" | "gradient" | "none" | None
+        A name takes its default length (twice the distance of the nodes, at least 24 px).
+    progress : callable, optional
+        Called with (frames done, frames in all).
+    keep : callable, optional
+        Takes the motion (n_nodes, 2) px of every frame, in their order; `u_px` of the result is then empty, and of
+        measured fields no two frames are held at once.
+
+    Examples
+    --------
+    >>> from idic.experiment_file.load import load_experiment
+    >>> from idic.measure.dic import Regularisation, dic_stack
+    >>> experiment = load_experiment("my-test")
+    >>> motion = dic_stack(experiment, Regularisation("mechanical", length_px=60))
+    >>> motion.status[-1], motion.u_px.shape == (experiment.n_frames, experiment.mesh.n_nodes, 2)
+    ('ok', True)
+    """
+    if experiment.points is not None:
+        return DicStack(**field_motion(experiment, _named(regularisation), progress, keep))
+    setting = _set_up(experiment, regularisation)
+    n, nodes = experiment.n_frames, experiment.mesh.n_nodes
+    u_px = np.full((n, nodes, 2), np.nan)
+    u_px[experiment.reference] = 0.0
+    rms, variance, local = (np.full(n, np.nan) for _ in range(3))
+    pixels, lost, iterations, attempts = (np.zeros(n, dtype=int) for _ in range(4))
+    converged = np.zeros(n, dtype=bool)
+    recognised, mismatched = np.zeros(n, dtype=bool), np.zeros(n)
+    for done, (k, frame, tried, noise) in enumerate(_frames(setting), 1):
+        recognised[k] = is_recognised(setting.reference, frame)
+        rms[k], pixels[k], lost[k] = frame.rms_gv, frame.n_pixels, frame.n_lost
+        iterations[k], converged[k], attempts[k] = frame.iterations, frame.converged, tried
+        if recognised[k]:
+            wrong = mismatched_elements(setting.reference, frame)
+            mismatched[k], variance[k], local[k] = wrong.mean(), noise.variance, noise.local_variance
+            u_px[k] = np.where(nodes_of(setting.reference, wrong)[:, None], np.nan, frame.u_px)
+        if progress is not None:
+            progress(done, n)
+    status = _status(experiment, recognised, unexplained(np.where(recognised, rms, np.nan), mismatched))
+    good = np.array([s == "ok" and k not in experiment.averaged for k, s in enumerate(status)])  # part of the reference
+    noise_gv = noise_of_frames(np.where(good, local, np.nan))
+    if keep is not None:
+        for motion in u_px:
+            keep(motion)
+        u_px = u_px[:0].copy()
+    return DicStack(u_px, status, rms, variance / (experiment.noise.std_gv or noise_gv) ** 2, noise_gv, np.sqrt(local),
+                    pixels, lost, mismatched, iterations, converged, attempts, setting.smoother.length_px)
+
+
+def _named(regularisation: Regularisation | str | None) -> Regularisation:
+    if isinstance(regularisation, Regularisation):
+        return regularisation
+    return Regularisation("none" if regularisation is None else regularisation)
+
+
+def _set_up(experiment: Experiment, regularisation) -> _Setting:
+    regularisation = _named(regularisation)
+    cells = surface_cells(experiment.mesh, experiment.surface)
+    reference = build_experiment_reference(experiment, experiment.camera)
+    smoother = build_smoother(reference.pixel_map.nodes_px, cells, regularisation)
+    return _Setting(experiment, reference, smoother, cells, experiment.options.brightness, [])
+
+
+def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, Any]]:
+    """Forward from the reference frame to the last, then backward to the first."""
+    experiment = setting.experiment
+    zero = np.zeros((experiment.mesh.n_nodes, 2))
+    dof_of: tuple[Factorisation | None, float] = (None, 0.0)
+    for order in (range(experiment.reference + 1, experiment.n_frames), range(experiment.reference - 1, -1, -1)):
+        known = _Known(experiment.reference, experiment.times[experiment.reference], zero, None, np.inf, None)
+        for k in order:
+            if k in experiment.excluded:
+                continue
+            image = experiment.stack.frame(k)
+            spline = frame_spline(experiment, k)
+            frame, tried = _measure(setting, k, image, spline, known)
+            noise = None
+            if is_recognised(setting.reference, frame):
+                if dof_of[0] is not frame.factorisation:
+                    dof_of = (frame.factorisation, fitted_dof(frame))
+                noise = residual_noise(setting.reference, spline, frame, setting.brightness, dof_of[1])
+                if not _suspicious(setting, frame, 2 * known.rms):
+                    known = _follow(known, k, experiment.times[k], frame)
+            yield k, frame, tried, noise
+
+
+def _follow(known: _Known, k: int, time: float, frame: DicFrame) -> _Known:
+    elapsed = time - known.time
+    velocity = (frame.u_full_px - known.u) / elapsed if elapsed else None
+    return _Known(k, time, frame.u_full_px, velocity, frame.rms_gv, frame.factorisation)
+
+
+def _measure(setting: _Setting, k: int, image, spline: Spline, known: _Known) -> tuple[DicFrame, int]:
+    """The best of up to five starts; the next one is tried only while the result looks wrong."""
+    best, lowest = None, np.inf
+    for tried, start in enumerate(_starts(setting, k, image, spline, known), 1):
+        if start is None:
+            continue
+        frame = dic_frame(setting.reference, spline, start, setting.smoother, setting.brightness,
+                          factorisation=known.factorisation)
+        value = unlikeness_of(setting.reference, frame)
+        if best is None or value < _MAX_UNLIKENESS_RATIO * lowest:
+            best, lowest = (frame, tried), value
+        if not _suspicious(setting, frame, _MAX_RMS_RATIO * known.rms):
+            break
+    if best[0].rms_gv < _MAX_REPAIR_RMS_RATIO * known.rms:
+        return _repaired(setting, spline, best[0]), best[1]
+    return best
+
+
+def _repaired(setting: _Setting, spline: Spline, frame: DicFrame) -> DicFrame:
+    """Mismatched regions measured again from their surroundings, as long as they shrink.
+
+    Their pixels are left out, the regularisation carries the displacement of the matching elements a little way into
+    them, and all pixels are used again: the matching region grows ring by ring.
+    """
+    reference = setting.reference
+    wrong = mismatched_elements(reference, frame)
+    while is_recognised(reference, frame) and 0 < wrong.mean() < _MAX_REPAIRED_PART:
+        around = dic_frame(reference, spline, frame.u_full_px, setting.smoother, setting.brightness,
+                           exclude=pixels_of(reference, with_neighbours(reference, wrong)))
+        trial = dic_frame(reference, spline, around.u_full_px, setting.smoother, setting.brightness)
+        still = mismatched_elements(reference, trial)
+        gained = unlikeness_of(reference, trial) < _MAX_UNLIKENESS_RATIO * unlikeness_of(reference, frame)
+        if not (gained and still.sum() < _MAX_REMAINING_PART * wrong.sum()):
+            break
+        frame, wrong = trial, still
+    return frame
+
+
+def _starts(setting: _Setting, k: int, image, spline: Spline, known: _Known) -> Iterator[np.ndarray | None]:
+    """Starting displacements from cheap to thorough  # (n_nodes, 2) px, None: no match"""
+    first, value = _from_frame_before(setting, k, spline, known)
+    yield first if value < _MAX_START_UNLIKENESS else None
+    experiment = setting.experiment
+    reference_image = experiment.stack.frame(experiment.reference)
+    if not setting.pyramid:
+        setting.pyramid.extend(build_pyramid(setting.reference.pixel_map, reference_image, setting.cells,
+                                             setting.smoother.length_px, setting.reference.degree))
+    yield descend(setting.pyramid, image, first, setting.brightness) if value < _MAX_START_UNLIKENESS else None
+    nodes = setting.reference.pixel_map.nodes_px
+    visible = setting.reference.pixel_map.visible_nodes
+    for frame, u in ((known.frame, known.u), (experiment.reference, np.zeros_like(known.u))):
+        moved = coarse_motion(experiment.stack.frame(frame), image, (nodes + u)[visible], nodes + u)
+        yield None if moved is None else descend(setting.pyramid, image, u + moved, setting.brightness)
+        if known.frame == experiment.reference:
+            break
+    if value >= _MAX_START_UNLIKENESS:
+        yield descend(setting.pyramid, image, first, setting.brightness)
+
+
+def _from_frame_before(setting: _Setting, k: int, spline: Spline, known: _Known) -> tuple[np.ndarray, float]:
+    """The last displacement or its extrapolation in time, whichever fits the frame better, and its unlikeness."""
+    candidates = [known.u]
+    if known.velocity is not None:
+        candidates.append(known.u + known.velocity * (setting.experiment.times[k] - known.time))
+    trials = [nodal_equations(setting.reference, spline, u, setting.brightness) for u in candidates]
+    fits = [solve_brightness(nodal) for nodal in trials]
+    likeness = [unlikeness(setting.reference, nodal.n_valid, fit.rr, fit.coefficients)
+                for nodal, fit in zip(trials, fits, strict=True)]
+    best = int(np.argmin(likeness))
+    return candidates[best], likeness[best]
+
+
+def _suspicious(setting: _Setting, frame: DicFrame, largest_rms: float) -> bool:
+    """Whether another start may do better: not converged, not recognised, grown residual, or islands of mismatch."""
+    if not (is_recognised(setting.reference, frame) and frame.rms_gv <= largest_rms):
+        return True
+    if not frame.converged and frame.last_step_px > 0.01:
+        return True
+    return bool(mismatched_elements(setting.reference, frame).mean() > _MAX_MISMATCHED_PART)
+
+
+def _status(experiment: Experiment, recognised: np.ndarray, far: np.ndarray) -> list[str]:
+    status = []
+    for k in range(experiment.n_frames):
+        if k in experiment.excluded and k != experiment.reference:
+            status.append("excluded")
+        elif k == experiment.reference:
+            status.append("ok")
+        elif not recognised[k]:
+            status.append("lost")
+        else:
+            status.append("unexplained" if far[k] else "ok")
+    return status

@@ -1,0 +1,181 @@
+"""Free stereo FE-DIC: the motion in space of every node of a surface that cameras with a lens see, frame by frame.
+
+    (sum_c w_c J_c^T H_c J_c + P) dU = sum_c w_c J_c^T q_c - P U,      U <- U + dU   (docs/method.md, equation 17.8)
+
+with H_c and q_c of camera c in its own image, brightness eliminated, J_c the 2 x 3 Jacobians at the nodes, w_c = 1/(2
+sigma_c²) and P = w D^T D a regularisation of the surface: D U is the second difference of every component over the
+neighbours of a node, zero for every affine motion. No point is triangulated and no image rectified. Three unknowns per
+node are determined where two cameras see it; elsewhere the regularisation carries what its neighbours say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from idic.correlation import PinholeView, Reference, build_experiment_reference, in_space, view_of
+from idic.measure.dic.noise import gradient_share
+from idic.measure.dic.surface_smoothing import SurfaceSmoother, surface_smoother
+from idic.errors import InputError
+from idic.images import PlacedCamera
+from idic.model import Experiment
+
+MAX_ITERATIONS = 40
+TOLERANCE_PX = 5e-4      # rms step in the images
+LARGEST_STEP_PX = 30.0   # rms: no convergence from there
+DEFAULT_NOISE_GV = 2.0   # weight of a camera whose noise is not known
+COLUMNS_AT_A_TIME = 200
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceMotion:
+    """What the cameras measured.
+
+    Attributes
+    ----------
+    nodes : (n,) int
+        Nodes of the mesh that lie on seen elements.
+    u_mm : (n_frames, n, 3)
+        NaN in excluded frames and those that did not converge; 0 in the reference.
+    rms_gv : (n_frames, n_cameras)
+        Residual, brightness removed.
+    noise_mm : (n, 3)
+        Standard deviation of a displacement by the noise of the images, in mesh axes; NaN where that is not known.
+    iterations : (n_frames,)
+    length_mm : float
+        Waves of this length are damped by half.
+    """
+
+    nodes: np.ndarray
+    u_mm: np.ndarray
+    rms_gv: np.ndarray
+    noise_mm: np.ndarray
+    iterations: np.ndarray
+    length_mm: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Eye:
+    experiment: Experiment
+    view: PinholeView
+    reference: Reference
+    weight: float
+
+
+def surface_motion(experiment: Experiment, length_mm: float | None = None,
+                   progress: Callable[[int, int], None] | None = None) -> SurfaceMotion:
+    """Measure the motion of the seen surface from the images of all cameras with a lens.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        Mesh, cameras, images and their options are used; no law, no force.
+    length_mm : float, optional
+        Of the regularisation; None: twice the distance of the nodes.
+    progress : callable, optional
+        Called with (frames done, frames in all).
+
+    Raises
+    ------
+    InputError
+        If fewer than two cameras have a lens.
+    """
+    eyes = [_eye(view) for view in experiment.views if isinstance(view.camera, PlacedCamera)]
+    if len(eyes) < 2:
+        raise InputError("motion in space needs two cameras with a lens", key="camera",
+                         expected="two [[camera]] tables "
+                         'with model = "pinhole"', found=str(len(eyes)),
+    remedy="use idic.measure.dic.dic_stack for one camera")
+    cells = [(np.asarray(pm.conn), np.asarray(pm.kind)) for pm in (eye.reference.pixel_map for eye in eyes)]
+    smoother = surface_smoother(in_space(experiment.mesh.nodes), cells, length_mm)
+    n_frames = experiment.n_frames
+    u_mm = np.full((n_frames, len(smoother.nodes), 3), np.nan)
+    u_mm[experiment.reference] = 0.0
+    rms, iterations = np.full((n_frames, len(eyes)), np.nan), np.zeros(n_frames, dtype=int)
+    known, noise = np.zeros((experiment.mesh.n_nodes, 3)), None
+    frames = [k for k in range(experiment.reference + 1, n_frames) if k not in experiment.excluded]
+    for done, frame in enumerate(frames, 1):
+        found, own, count, converged = _measure(eyes, frame, known, smoother)
+        iterations[frame], rms[frame] = count, own
+        if converged:
+            u_mm[frame], known = found[smoother.nodes], found
+            noise = _noise(eyes, frame, found, smoother) if noise is None else noise
+        if progress is not None:
+            progress(done, len(frames))
+    unknown = np.full((len(smoother.nodes), 3), np.nan)
+    return SurfaceMotion(smoother.nodes, u_mm, rms, unknown if noise is None else noise, iterations, smoother.length_mm)
+
+
+def _eye(view: Experiment) -> _Eye:
+    noise, reference = view.noise.in_sums_gv or DEFAULT_NOISE_GV, build_experiment_reference(view, view.camera)
+    variance = (1.0 + 1.0 / reference.n_images) * noise**2 * gradient_share(reference)  # type: ignore[arg-type]
+    return _Eye(view, view_of(view, view.camera), reference, 1.0 / variance)  # type: ignore[arg-type]
+
+
+def _measure(eyes: Sequence[_Eye], frame: int, start: np.ndarray,
+             smoother: SurfaceSmoother) -> tuple[np.ndarray, np.ndarray, int, bool]:
+    """Motion of all nodes (n_nodes, 3) mm, rms per camera, iterations, whether it converged."""
+    u, step, rms = start.copy(), np.inf, np.full(len(eyes), np.nan)
+    for count in range(1, MAX_ITERATIONS + 1):
+        matrix, rhs, rms, per_px = _normal_equations(eyes, frame, u, smoother)
+        change = splu(matrix).solve(rhs).reshape(-1, 3)
+        step = float(np.sqrt(np.mean(change**2))) / per_px
+        if not step < LARGEST_STEP_PX:
+            return u, rms, count, False
+        u[smoother.nodes] += change
+        if step < TOLERANCE_PX:
+            return u, rms, count, True
+    return u, rms, MAX_ITERATIONS, False
+
+
+def _normal_equations(eyes: Sequence[_Eye], frame: int, u: np.ndarray, smoother: SurfaceSmoother):
+    """Matrix and right-hand side of a step at the surface nodes, rms per camera, mm per px."""
+    information, gap, rms = _information(eyes, frame, u, smoother)
+    penalty = smoother.penalty(information)
+    rhs = gap - penalty @ u[smoother.nodes].ravel()
+    size = float(np.mean([eye.view.camera.pixel_size for eye in eyes]))
+    return sparse.csc_matrix(information + penalty), rhs, rms, size
+
+
+def _information(eyes: Sequence[_Eye], frame: int, u: np.ndarray, smoother: SurfaceSmoother):
+    """sum_c w J^T H J and sum_c w J^T q with gain and offset eliminated, and rms per camera.
+
+    The gain and offset of a frame are taken out of q; their part of H, two directions of all nodes together, only
+    lengthens the way.
+    """
+    nodes, total, gap, rms = eyes[0].experiment.mesh.nodes, None, 0.0, []
+    for eye in eyes:
+        view = eye.view.at(frame)
+        nodal = eye.reference.compare(eye.experiment, frame, view.motion(nodes, u))
+        light = np.linalg.pinv(nodal.bb, hermitian=True) @ nodal.rb if nodal.n_brightness else np.zeros(0)
+        q = nodal.q - nodal.hb @ light
+        jacobian = view.moved_camera.jacobian(view.deformed(nodes, u))[smoother.nodes]  # (n, 2, 3)
+        onto = sparse.block_diag(list(jacobian), format="csr")
+        at = (2 * smoother.nodes[:, None] + np.arange(2)).ravel()
+        part = eye.weight * (onto.T @ nodal.H[at][:, at] @ onto)
+        total = part if total is None else total + part
+        gap = gap + eye.weight * (onto.T @ q[at])
+        rms.append(np.sqrt(max(nodal.rr - light @ nodal.rb, 0.0) / max(nodal.n_valid, 1)))
+    return total.tocsc(), gap, np.array(rms)
+
+
+def _noise(eyes: Sequence[_Eye], frame: int, u: np.ndarray, smoother: SurfaceSmoother) -> np.ndarray:
+    """Standard deviation of the displacement of every node  # (n, 3) mm
+
+    Cov = S A S with A the information, whose weights are the inverse variance of a residual, and S = (A + P)^-1.
+    """
+    information, _, _ = _information(eyes, frame, u, smoother)
+    solver = splu(sparse.csc_matrix(information + smoother.penalty(information)))
+    size = information.shape[0]
+    variance = np.empty(size)
+    for first in range(0, size, COLUMNS_AT_A_TIME):
+        last = min(first + COLUMNS_AT_A_TIME, size)
+        columns = np.zeros((size, last - first))
+        columns[np.arange(first, last), np.arange(last - first)] = 1.0
+        solved = solver.solve(columns)
+        variance[first:last] = np.einsum("ij,ij->j", solved, information @ solved)
+    return np.sqrt(np.maximum(variance, 0.0)).reshape(-1, 3)

@@ -1,0 +1,133 @@
+"""The motion of the images of one camera without law and load, and the motion that noise alone causes.
+
+Free FE-DIC on the mesh of the model, frame by frame, started from the simulated motion. Its noise is that of still
+images: the reference image, compared with itself under noise of the size that two images differ by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.correlation import FieldReference, ReferenceImage, frame_spline, is_section
+from idic.measure.dic import Regularisation, Smoother, build_smoother, dic_frame
+from idic.measure.dic.field import field_frame, smoother_of
+from idic.measure.dic.frame import DicFrame, Factorisation
+from idic.fe import surface_cells
+from idic.images import Camera, prefilter
+from idic.model import Experiment
+
+MAX_FREE_DIC_NODES = 60_000  # nodes: above, a free displacement takes longer than the rest of a report
+N_NOISE_SAMPLES = 8  # still images: a standard deviation of one node to a quarter, of all nodes to a percent or two
+_SEED = 30  # of their noise
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a free FE-DIC needs of a run: one camera's view, its reference image, and the smoothness it assumes."""
+
+    experiment: Experiment
+    reference: ReferenceImage
+    smoother: Smoother
+
+
+def seen_by(experiment: Experiment, reference) -> Seen | None:
+    """None where there is none of this kind: height images (sections have their own), meshes too large for a report."""
+    if isinstance(reference, FieldReference):
+        return Seen(experiment, reference.in_plane, smoother_of(experiment, reference, Regularisation()))
+    if experiment.quantity != "grey" or is_section(experiment) or experiment.mesh.n_nodes > MAX_FREE_DIC_NODES:
+        return None
+    cells = surface_cells(experiment.mesh, experiment.surface)
+    return Seen(experiment, reference, build_smoother(reference.pixel_map.nodes_px, cells, Regularisation()))
+
+
+def free_frame(seen: Seen, frame: int, start: np.ndarray, known: Factorisation | None = None) -> DicFrame | None:
+    """The free motion in one frame; None where it is lost.
+
+    start : (n_nodes, 2) px, simulated motion; known : factorisation of a neighbouring frame
+    """
+    if isinstance(seen.reference, FieldReference):
+        return field_frame(seen.reference, seen.reference.measured(seen.experiment, frame), seen.smoother)
+    found = dic_frame(seen.reference, frame_spline(seen.experiment, frame), start, seen.smoother,
+                      seen.experiment.options.brightness, factorisation=known)
+    return found if found.factorisation is not None and found.n_pixels else None
+
+
+def free_motion(seen: Seen, frames: Sequence[int], simulated: Callable[[int], np.ndarray]) -> np.ndarray:
+    """The free motion in some frames, NaN where it is lost or a node is not seen.
+
+    simulated : frame -> (n_nodes, 2) px
+
+    Returns
+    -------
+    (n_frames, n_nodes, 2) px
+    """
+    motion = np.full((len(frames), seen.experiment.mesh.n_nodes, 2), np.nan)
+    for k, frame in enumerate(frames):
+        if frame == seen.experiment.reference:
+            motion[k] = 0.0
+            continue
+        found = free_frame(seen, frame, simulated(frame))
+        if found is not None:
+            motion[k] = found.u_px
+    return motion
+
+
+def still_frame(seen: Seen, rng: np.random.Generator, noise_gv: float,
+                known: Factorisation | None = None) -> DicFrame | None:
+    """The motion found in a still image with fresh noise; noise_gv : standard deviation of one image."""
+    experiment, reference = seen.experiment, seen.reference
+    if isinstance(reference, FieldReference):
+        noise = noise_gv * np.sqrt(1.0 + 1.0 / reference.n_images) * rng.standard_normal(reference.pixel_map.n_pixels)
+        return field_frame(reference, noise, seen.smoother)
+    taken = experiment.averaged or (experiment.reference,)
+    still = np.mean([np.asarray(experiment.stack.frame(k), dtype=float) for k in taken], axis=0)
+    still = still + noise_gv * np.sqrt(1.0 + 1.0 / len(taken)) * rng.standard_normal(still.shape)
+    spline = prefilter(still, reference.degree, experiment.options.lowpass_px)
+    found = dic_frame(reference, spline, np.zeros((experiment.mesh.n_nodes, 2)), seen.smoother,
+                      experiment.options.brightness, factorisation=known)
+    return found if found.factorisation is not None and found.n_pixels else None
+
+
+def noise_samples(seen: Seen, n: int = N_NOISE_SAMPLES) -> np.ndarray | None:
+    """Motion by noise alone, in repeated still images; None where the noise is not known.
+
+    Returns
+    -------
+    (n, n_nodes, 2) px
+    """
+    noise = seen.experiment.noise.in_sums_gv
+    if not noise:
+        return None
+    rng, known, found = np.random.default_rng(_SEED), None, []
+    for _ in range(n):
+        still = still_frame(seen, rng, noise, known)
+        if still is None:
+            return None
+        known = still.factorisation
+        found.append(still.u_px)
+    return np.array(found)
+
+
+def in_mm(motion: np.ndarray, nodes: np.ndarray, camera: Camera, later: Camera | None = None) -> np.ndarray:
+    """Displacement in the plane of the mesh from a motion in the image.
+
+    motion : (n_nodes, 2) px; nodes : (n_nodes, 2 or 3) mm; later : the camera of the frame, where it moves
+
+    Returns
+    -------
+    (n_nodes, 2) mm
+    """
+    place = camera.project(nodes) + motion
+    known = np.isfinite(place).all(axis=1)
+    found = np.full(motion.shape, np.nan)
+    found[known] = (later or camera).inverse(place[known]) - nodes[known, :2]
+    return found
+
+
+def smoothed_length(seen: Seen, camera: Camera) -> float:
+    """Length of the wave that the regularisation halves, mm."""
+    middle = seen.experiment.mesh.nodes.mean(axis=0, keepdims=True)
+    return float(seen.smoother.length_px / np.sqrt(abs(np.linalg.det(camera.jacobian(middle)[0]))))

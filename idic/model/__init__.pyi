@@ -1,0 +1,33 @@
+from .corrections import along_the_motion, corrections_of, end_sign, reach, slip_course
+from .drives import (
+    COMPONENTS, DriveTable, boundary_parameters, build_drives, is_stereo, mode_names, mode_shapes, pixel_size,
+    rates_since_reference, set_nodes,
+)
+from .experiment import (
+    Channel, Column, Constant, Controlled, Correction, CorrelatedNoise, Depth, Drive, Experiment, FieldPoints,
+    FurtherCamera, Heterogeneity, Load, Material, Measured, Noise, Options, Parametrised, Prescribed, Stage,
+    Temperature, TemperatureField,
+)
+from .first_frames import leading_frames, selected_frames
+from .forward import ForwardModel, build_forward, solve, tried_increments
+from .free_course import KNOTS, TEMPERATURE, hats, jump_frame, jump_name, knot_frames, knot_name, without_knot
+from .gauges import Gauge, KINDS
+from .heterogeneity import nodes_of, strayed
+from .load_train import way_of
+from .loads import load_parameters, load_stem
+from .mode_words import in_words, is_mode, motions
+from .motion_error import MotionError
+from .readings import Readings
+from .temperature import nodal_temperature
+
+__all__ = [
+    "COMPONENTS", "KINDS", "KNOTS", "TEMPERATURE", "Channel", "Column", "Constant", "Controlled", "Correction",
+    "CorrelatedNoise", "Depth", "Drive", "DriveTable", "Experiment", "FieldPoints", "ForwardModel", "FurtherCamera",
+    "Gauge", "Heterogeneity", "Load", "Material", "Measured", "MotionError", "Noise", "Options", "Parametrised",
+    "Prescribed", "Readings", "Stage", "Temperature", "TemperatureField", "along_the_motion", "boundary_parameters",
+    "build_drives", "build_forward", "corrections_of", "end_sign", "hats", "in_words", "is_mode", "is_stereo",
+    "jump_frame", "jump_name", "knot_frames", "knot_name", "leading_frames", "load_parameters", "load_stem",
+    "mode_names", "mode_shapes", "motions", "nodal_temperature", "nodes_of", "pixel_size", "rates_since_reference",
+    "reach", "selected_frames", "set_nodes", "slip_course", "solve", "strayed", "tried_increments", "way_of",
+    "without_knot",
+]

@@ -1,0 +1,131 @@
+"""The identification as one call: in memory, or into a RUN folder; and a finished RUN again."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from idic.correlation import correlated_frames, texture_pairs
+from idic.errors import InputError
+from idic.experiment_file import by_evidence, with_overrides
+from idic.identification import (
+    FrameFit, Identification, build_result, camera_entries, frame_entries, identify as identify_record, log_progress,
+    residual_summary,
+)
+from idic.notebook.experiment import Experiment
+from idic.notebook.fields import FieldsInMemory, FieldsOfRun
+from idic.notebook.result import Result
+from idic.run import (
+    FROM_PYTHON, Prepared, chosen_tables, finite, has_force, identify_on, open_cluster, prepare_in_memory, read_result,
+)
+
+
+def identify(experiment: Experiment | str | os.PathLike, out: str | os.PathLike | None = None, *,
+             overrides: Mapping[str, Any] | None = None, say: Callable[[str], None] = lambda text: None,
+             resume: bool = False, workers: int = 0, sensitivity: str = "auto") -> Result:
+    """Identify the free parameters of an experiment.
+
+    Parameters
+    ----------
+    experiment : idic.Experiment, or the path of an experiment folder
+    out : RUN folder, optional
+        As ``idic identify`` writes it, with report and resume. An experiment of Python objects is saved in it first.
+        Without a RUN everything stays in memory and in this process; the numbers are the same.
+    overrides : ``{"SPECIMEN.E": 60e3, "options.max_iterations": 10}``: as ``--set key=value``
+    say : called with a line per evaluated point, e.g. ``print``
+    resume, workers, sensitivity : of a RUN, see `idic.identify_experiment`
+
+    Raises
+    ------
+    InputError
+        If anything in the input is not what was expected.
+    """
+    if not isinstance(experiment, (Experiment, str, os.PathLike)):
+        raise InputError("not an experiment", key="experiment", expected="an idic.Experiment, or the path of a folder",
+                         found=type(experiment).__name__,
+                         remedy="identify several together from their folders: idic.identify_experiment([first, "
+                                "second], run)")
+    given = experiment if isinstance(experiment, Experiment) else Experiment.read(experiment)
+    given = given.changed(overrides) if overrides else given
+    if out is None:
+        for key, value, default in (("resume", resume, False), ("workers", workers, 0),
+                                    ("sensitivity", sensitivity, "auto")):
+            if value != default:
+                raise InputError(f"{key} without a RUN folder", key=key, expected="out, a folder for the run",
+                                 found=f"{key} = {value!r}", remedy=f'give out="runs/first", or leave {key} out')
+        return _in_memory(given, say)
+    run = Path(out)
+    path, changes = given.as_files(run / FROM_PYTHON)
+    with open_cluster(workers) as runner:
+        identify_on(runner, path, run, resume=resume, sensitivity=sensitivity, overrides=changes, say=say)
+    return load_result(run)
+
+
+def load_result(run: str | os.PathLike) -> Result:
+    """The result of a finished RUN folder, with its fields.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no result.
+    """
+    content = read_result(run)
+    return Result(content, FieldsOfRun(Path(run), content))
+
+
+def _in_memory(given: Experiment, say: Callable[[str], None]) -> Result:
+    began, cpu = time.perf_counter(), time.process_time()
+    with threadpool_limits(1, user_api="blas"):
+        if by_evidence(given.record):
+            given = given.changed(chosen_tables(given.record, with_overrides(given.tables, None), say))
+        prepared = prepare_in_memory(given.record, say)
+        found = identify_record(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
+                                searched=prepared.begin is not None)
+        fields = FieldsInMemory(found)
+        content = _content(given, prepared, found, fields)
+    content["cost"] |= {"wall_s": time.perf_counter() - began, "cpu_s": time.process_time() - cpu}
+    say(content["status"])
+    return Result(finite(content), fields)
+
+
+def _content(given: Experiment, prepared: Prepared, found: Identification, fields: FieldsInMemory) -> dict:
+    """The keys of ``result.json``."""
+    experiment, state, point = prepared.experiment, found.state, found.point
+    simulated = point is not None and point.system is not None
+    fits = [_fits(found, fields, number) if simulated else {} for number in range(len(experiment.views))]
+    channels = np.zeros((0, len(experiment.channels)))
+    if simulated:
+        channels = (fields.measured - fields.simulated)[correlated_frames(experiment, range(experiment.n_frames))]
+    free = [prepared.free.get(view.camera_name) for view in experiment.views]
+    free_chi2, excluded = [None if own is None else own.chi2_dof for own in free], given.record.excluded
+    measured = None if free[0] is None else {"chi2_dof": free[0].chi2_dof, "rms_gv": free[0].rms_gv}
+    residual = residual_summary(experiment, fits, channels, found.weights.channel_noise,
+                                point.system.n_lost if simulated else None, measured)
+    content = build_result(experiment, state, point, found.weights.image_noise, residual,
+                           frame_entries(experiment, fits[0], excluded, free_chi2[0]),
+                           {"forward_runs": state.evaluations}, found.discrepancy)
+    if experiment.cameras:
+        textures = texture_pairs(fields.context) if simulated else ()
+        content["cameras"] = camera_entries(experiment, point if simulated else None, fits, excluded, free_chi2,
+                                            textures)
+        content["notes"] += [pair.note() for pair in textures]
+    return content | {"has_force": has_force(experiment), "history": [dict(entry) for entry in state.history]}
+
+
+def _fits(found: Identification, fields: FieldsInMemory, number: int) -> dict[int, FrameFit]:
+    """How well every frame of a camera is explained."""
+    experiment, fits = found.experiment, {}
+    sigma = fields.context.cameras[number].experiment.noise.std_gv
+    lost = {record.frame for record in found.point.system.frames if record.cameras[number, 0] == 0}
+    fitted = {record.frame: record.n_fitted for record in found.point.system.frames}
+    for frame in range(experiment.reference + 1, experiment.n_frames):
+        fit = FrameFit.of(frame, fields.pixels(frame, number), sigma, fitted.get(frame, 0.0))
+        fits[frame] = replace(fit, n_pixels=0) if frame in lost else fit
+    return fits

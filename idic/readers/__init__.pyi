@@ -1,0 +1,45 @@
+from .calibration.read import read_calibration
+from .calibration.rig import CameraRig, Conventions
+from .calibration.write import write_rig
+from .delimited.text_files import text_of
+from .fields.bending import ALLOWED_SHARE, largest_bending
+from .fields.chosen_stages import StageRule, chosen_stages, mean_strain, strain_path
+from .fields.flattened import Flattening
+from .fields.outline import MIN_HOLE, PointOutline, loops_of, outline_of, sides, sides_of_any
+from .fields.outline_width import narrowest, notched_axis, width_error
+from .fields.placement import Edges, Placement, fitted_placement
+from .fields.plane import BENDING_DEGREE, largest_change, out_of_plane, powers
+from .fields.series import (
+    FieldSeries, FieldStack, MeasuredPoints, SUFFIXES, UM_PER_MM, detected, measured_points, open_fields,
+)
+from .fields.sound_stages import check_stages
+from .frame_names import check_complete, frame_indices, frame_numbers
+from .gmsh_mesher import has_gmsh
+from .images import FileStack, PNG_SUFFIXES, TIFF_SUFFIXES, image_entries, open_stack, read_image
+from .logs import Log, MatchedLog, check_increasing, match, read_log
+from .meshes import mesh_suffixes, read_mesh_file
+from .objects.images import ArrayFrames, frames_of
+from .objects.log import LOG_IN_MEMORY, log_of
+from .objects.mesh import MESH_IN_MEMORY, mesh_of
+from .outline_mesh import Drawing, from_image
+from .paths import existing_file, inside, matching_files, natural_key, patterns_of, recorded_order
+from .position_sets import where
+from .raw_mesh import DIMENSION, RawMesh, to_mesh
+from .region_mesh import roi_mesh
+from .targets.find import KINDS, find_target, kind_of
+from .targets.view import TargetView
+from .units import column_factor, factor_between, factor_to, parse_unit, unit_in_name
+
+__all__ = [
+    "ALLOWED_SHARE", "BENDING_DEGREE", "DIMENSION", "KINDS", "LOG_IN_MEMORY", "MESH_IN_MEMORY", "MIN_HOLE",
+    "PNG_SUFFIXES", "SUFFIXES", "TIFF_SUFFIXES", "UM_PER_MM", "ArrayFrames", "CameraRig", "Conventions", "Drawing",
+    "Edges", "FieldSeries", "FieldStack", "FileStack", "Flattening", "Log", "MatchedLog", "MeasuredPoints",
+    "Placement", "PointOutline", "RawMesh", "StageRule", "TargetView", "check_complete", "check_increasing",
+    "check_stages", "chosen_stages", "column_factor", "detected", "existing_file", "factor_between", "factor_to",
+    "find_target", "fitted_placement", "frame_indices", "frame_numbers", "frames_of", "from_image", "has_gmsh",
+    "image_entries", "inside", "kind_of", "largest_bending", "largest_change", "log_of", "loops_of", "match",
+    "matching_files", "mean_strain", "measured_points", "mesh_of", "mesh_suffixes", "narrowest", "natural_key",
+    "notched_axis", "open_fields", "open_stack", "out_of_plane", "outline_of", "parse_unit", "patterns_of", "powers",
+    "read_calibration", "read_image", "read_log", "read_mesh_file", "recorded_order", "roi_mesh", "sides",
+    "sides_of_any", "strain_path", "text_of", "to_mesh", "unit_in_name", "where", "width_error", "write_rig",
+]

@@ -1,0 +1,69 @@
+from .batch.entries import read_batch
+from .batch.runs import BatchJob, BatchOutcome, ERROR, identify_job, identify_whole
+from .batch.starts import with_starts
+from .batch.store import Batch
+from .calibration.run import CalibrationRun, run_calibration
+from .context import RunContext, correlation_context, experiments_of, open_run
+from .design import PAGE_FILE, write_design
+from .diagnosis.diagnose import diagnose, diagnose_run, write_all
+from .diagnosis.files import diagnosis_content, free_parameters
+from .diagnosis.plain import diagnose_plainly
+from .diagnosis.refits import run_refits
+from .diagnosis.source import EditedFolder, open_source
+from .diagnosis.spotless import without_spots
+from .in_memory.knots import chosen_tables
+from .in_memory.preparation import Prepared, prepare_in_memory
+from .joint_run import folders_of, is_joint
+from .judgement.accepted_point import channels_of, refuse_passed_point
+from .judgement.residual_maps import residuals_of
+from .plain import (
+    Console, OpenRun, identify_experiment, identify_on, identify_plainly, on_workers, plan_run, workplace_for,
+)
+from .postprocess import has_force
+from .reporting.accepted_residual import accepted_residual
+from .reporting.compare import compare_runs, headlines, write_comparison
+from .reporting.export import export_fields
+from .reporting.law_files import export_laws
+from .reporting.second_process import SecondProcess, drawing_beside
+from .reporting.write import write_report
+from .runs import check_pause
+from .session import Timing
+from .store.arrays import FrameArrays, read_array, write_array
+from .store.clean import clean_run
+from .store.layout import BASE, FROM_PYTHON, chunk_frames, group_name
+from .store.replace import replace_file
+from .store.result_file import RESULT_FILE, finite, read_result, write_json
+from .store.run_lock import is_held, process_lives, run_lock, this_process
+from .store.run_store import RunStore
+from .store.stack import ZarrStack, ingest
+from .store.state_file import STATE_FILE
+from .systematic_run import assessed_experiments, systematic
+from .tasks import CorrelationJob, SimulationJob
+from .warm_up import compile_image_kernels, compile_stress_kernel, import_meanwhile
+from .workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+from .workers.dask_settings import cpu_seconds, use_one_thread
+from .workers.mirrored_runner import refuse_store
+from .workers.peak_memory import peak_memory_mb
+from .workers.precompiling import compiling_meanwhile
+from .workers.prefect_server import PASSWORD, PrefectServer, start_server
+from .workers.runner import JobKillsWorkers, Progress, SerialRunner, TaskRunner
+from .workers.working_folder import empty_folder, in_empty_folder
+from .workers.workplace import Workplace
+
+__all__ = [
+    "BASE", "ERROR", "FROM_PYTHON", "PAGE_FILE", "PASSWORD", "RESULT_FILE", "STATE_FILE", "Batch", "BatchJob",
+    "BatchOutcome", "CalibrationRun", "Console", "CorrelationJob", "EditedFolder", "FrameArrays", "JobKillsWorkers",
+    "OpenRun", "PrefectServer", "Prepared", "Progress", "RunContext", "RunStore", "SecondProcess", "SerialRunner",
+    "SimulationJob", "TaskRunner", "Timing", "Workplace", "ZarrStack", "accepted_residual", "assessed_experiments",
+    "channels_of", "check_pause", "check_scheduler", "checked_memory_limit", "chosen_tables", "chunk_frames",
+    "clean_run", "compare_runs", "compile_image_kernels", "compile_stress_kernel", "compiling_meanwhile",
+    "correlation_context", "cpu_seconds", "diagnose", "diagnose_plainly", "diagnose_run", "diagnosis_content",
+    "drawing_beside", "empty_folder", "experiments_of", "export_fields", "export_laws", "finite", "folders_of",
+    "free_parameters", "group_name", "has_force", "headlines", "identify_experiment", "identify_job", "identify_on",
+    "identify_plainly", "identify_whole", "import_meanwhile", "in_empty_folder", "ingest", "is_held", "is_joint",
+    "on_workers", "open_cluster", "open_run", "open_source", "peak_memory_mb", "plan_run", "prepare_in_memory",
+    "process_lives", "read_array", "read_batch", "read_result", "refuse_passed_point", "refuse_store", "replace_file",
+    "residuals_of", "run_calibration", "run_lock", "run_refits", "start_server", "systematic", "this_process",
+    "use_one_thread", "with_starts", "without_spots", "workplace_for", "write_all", "write_array", "write_comparison",
+    "write_design", "write_json", "write_report",
+]

@@ -1,0 +1,84 @@
+"""Groups of a RUN for the images and maps of each camera.
+
+    run.zarr/images, dic, final, initial                            the main camera
+    run.zarr/cameras/NAME/images, dic, final, initial               a further camera
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import asdict, replace
+
+from idic.experiment_file import recorded, with_stabilised_images
+from idic.model import CorrelatedNoise, Experiment, Noise
+from idic.run.store.arrays import Damaged
+from idic.run.store.image_files import refuse_changed
+from idic.run.store.run_store import RunStore
+from idic.run.store.stack import GROUP as IMAGES
+from idic.run.store.stack import Spread, ZarrStack
+from idic.run.store.stack import ingest as ingest_stack
+
+
+def group_of(experiment: Experiment, number: int, what: str) -> str:
+    """The group `what` of camera `number` (0: the main one)."""
+    return what if number == 0 else f"cameras/{experiment.cameras[number - 1].name}/{what}"
+
+
+def ingest_all(store: RunStore, experiment: Experiment, progress: Callable[[int, int], None] | None = None,
+               spread: Spread = map) -> None:
+    """Copy the images of every camera into the RUN, unless they are there already.
+
+    progress : called as progress(done, total) over the images of all cameras; spread : as of
+    `idic.run.store.stack.ingest`
+    """
+    views = experiment.views
+    total = sum(view.stack.n_frames for view in views)
+    before = 0
+    for number, view in enumerate(views):
+        report = progress and (lambda done, _, before=before: progress(before + done, total))  # type: ignore[misc]
+        group = group_of(experiment, number, IMAGES)
+        ingest_stack(store, recorded(view.stack), report, experiment.identity, group, spread)
+        before += view.stack.n_frames
+
+
+def refuse_changed_images(store: RunStore, experiment: Experiment) -> None:
+    """Check that the files of the experiment hold the images that were ingested.
+
+    Raises
+    ------
+    InputError
+        An image has changed since then.
+    """
+    for number, view in enumerate(experiment.views):
+        group = store.described(group_of(experiment, number, IMAGES))
+        if group is not None:
+            with suppress(Damaged):  # they are ingested anew
+                refuse_changed(recorded(view.stack), ZarrStack(group).files)
+
+
+def with_stored_images(store: RunStore, experiment: Experiment) -> Experiment:
+    """The experiment with the ingested images of all its cameras."""
+    stacks = [ZarrStack(store.group(group_of(experiment, number, IMAGES))) for number in range(len(experiment.views))]
+    cameras = tuple(replace(camera, stack=stack) for camera, stack in zip(experiment.cameras, stacks[1:], strict=True))
+    return with_stabilised_images(replace(experiment, stack=stacks[0], cameras=cameras))
+
+
+def noise_entry(noise: Noise) -> dict:
+    """A camera's noise as stored in ``RUN/run.json``."""
+    entry = {"std_gv": noise.std_gv, "source": noise.source}
+    return entry if noise.correlated is None else entry | {"correlated": asdict(noise.correlated)}
+
+
+def _noise_from(entry: Mapping) -> Noise:
+    found = entry.get("correlated")
+    if found is not None:
+        found = CorrelatedNoise(**{**found, "correlation": tuple(tuple(row) for row in found["correlation"])})
+    return Noise(entry["std_gv"], entry["source"], correlated=found)
+
+
+def with_stored_noise(experiment: Experiment, settings: Mapping) -> Experiment:
+    """The experiment with the camera noise that was determined before the first simulation."""
+    noises = [_noise_from(entry) for entry in (settings["noise"], *settings["camera_noises"])]
+    cameras = tuple(replace(camera, noise=noise) for camera, noise in zip(experiment.cameras, noises[1:], strict=True))
+    return replace(experiment, noise=replace(noises[0], stabiliser=experiment.noise.stabiliser), cameras=cameras)

@@ -1,0 +1,129 @@
+"""The state of a run as one small JSON file, replaced atomically, with a copy in case it is damaged."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import uuid
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.run.store.replace import replace_file
+
+
+def save_checkpoint(path: Path | str, schema: str, state: dict) -> None:
+    """Replace the checkpoint at `path` by `state` (JSON values; floats that must come back exactly as `to_hex`).
+
+    The file is written under a temporary name, synchronised and renamed; a kill or a power cut leaves the previous one.
+    Its copy follows in the same way.
+    """
+    document = {"schema": schema, "sha256": _digest(state), "state": state}
+    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+    for place in (Path(path), copy_of(path)):
+        _replace(place, text)
+
+
+def copy_of(path: Path | str) -> Path:
+    """Where the copy of a checkpoint lies."""
+    path = Path(path)
+    return path.with_name(f"{path.stem}.copy{path.suffix}")
+
+
+def restore_checkpoint(path: Path | str) -> bool:
+    """Replace a damaged or lost checkpoint by its copy; whether that was needed and possible."""
+    if _is_whole(path) or not _is_whole(copy_of(path)):
+        return False
+    _replace(Path(path), copy_of(path).read_text(encoding="utf-8"))
+    return True
+
+
+def remove_checkpoint(path: Path | str) -> None:
+    """Delete a checkpoint and its copy."""
+    for place in (copy_of(path), Path(path)):  # a kill in between leaves the checkpoint, which counts
+        place.unlink(missing_ok=True)
+
+
+def _replace(path: Path, text: str) -> None:
+    temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
+    try:
+        with open(temporary, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        replace_file(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    _sync_folder(path.parent)
+
+
+def load_checkpoint(path: Path | str, schema: str) -> dict | None:
+    """The state stored at `path`; None if the file does not exist.
+
+    Raises
+    ------
+    InputError
+        The file is damaged, or was written by another version.
+    """
+    path = Path(path)
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as problem:
+        raise _damaged(path, "a JSON document", str(problem)) from problem
+    if not isinstance(document, dict) or "state" not in document:
+        raise _damaged(path, "an object with the keys schema, sha256, state", type(document).__name__)
+    if document.get("schema") != schema:
+        raise _damaged(path, f"schema {schema}", f"schema {document.get('schema')}")
+    if document.get("sha256") != _digest(document["state"]):
+        raise _damaged(path, "contents that fit their checksum", "contents that were altered")
+    return document["state"]
+
+
+def to_hex(values) -> list | str:
+    """Floats as exact text: a number or nested arrays of them, as ``float.hex``."""
+    if np.ndim(values) == 0:
+        return float(values).hex()
+    return [to_hex(value) for value in values]
+
+
+def from_hex(text) -> np.ndarray | float:
+    """The inverse of `to_hex`: a float, or an array of floats."""
+    return float.fromhex(text) if isinstance(text, str) else np.array([from_hex(item) for item in text], dtype=float)
+
+
+def _is_whole(path: Path | str) -> bool:
+    try:
+        document = json.loads(Path(path).read_text(encoding="utf-8"))
+        return document["sha256"] == _digest(document["state"])
+    except (OSError, ValueError, TypeError, KeyError):
+        return False
+
+
+def _digest(state: dict) -> str:
+    return hashlib.sha256(json.dumps(state, sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+
+def _sync_folder(folder: Path) -> None:
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except PermissionError:  # folders cannot be opened on every system
+        return
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _damaged(path: Path, expected: str, found: str) -> InputError:
+    return InputError(
+        "the checkpoint cannot be used",
+        file=path,
+        expected=expected,
+        found=found,
+        remedy="run idic identify with --resume, which restores it from its copy; if the copy is damaged as well, "
+               "choose another --out and start again",
+    )

@@ -1,0 +1,52 @@
+"""The normal equations of a discrepancy on disk, one group per evaluated point."""
+
+from __future__ import annotations
+
+import numpy as np
+import zarr
+
+from idic.identification import Component, DiscrepancySystem
+from idic.run.store.arrays import read_array, write_array
+from idic.run.store.layout import group_name
+from idic.run.store.run_store import RunStore
+
+LABEL = "discrepancy"
+SYMMETRIC = ("M", "noise")  # stored as their upper triangles
+
+
+def save_discrepancy(store: RunStore, number: int, found: DiscrepancySystem | str) -> None:
+    """Store the normal equations of the evaluated point `number`, or why they were not made."""
+    made = not isinstance(found, str)
+    ident = ({"reason": "", "names": list(found.names), "components": [c.name for c in found.components],
+              "motion_px": dict(found.motion_px), "may_be_rough": found.may_be_rough}
+             if made else {"reason": found})
+    with store.building(group_name(number, LABEL), ident) as folder:
+        if made:
+            for name in SYMMETRIC:
+                matrix = getattr(found, name)
+                write_array(folder, name, np.triu(0.5 * (matrix + matrix.T)))
+            for name in ("b", "channel_rows"):
+                write_array(folder, name, getattr(found, name))
+            if found.mesh_error is not None:
+                write_array(folder, "mesh_column", found.mesh_error)
+            if found.strain_error is not None:
+                write_array(folder, "strain_column", found.strain_error)
+            for component in found.components:
+                write_array(folder, f"root_{component.name}", component.root)
+
+
+def load_discrepancy(store: RunStore, number: int) -> DiscrepancySystem | str:
+    """The stored normal equations, or why there are none."""
+    folder = store.finished(group_name(number, LABEL))
+    if folder is None:
+        return "it was not computed"
+    kind = zarr.open_group(store=str(folder), mode="r").attrs["ident"]
+    if kind["reason"]:
+        return str(kind["reason"])
+    mesh_error, strain_error = (read_array(folder, name) if (folder / name).exists() else None
+                                for name in ("mesh_column", "strain_column"))
+    components = tuple(Component(name, read_array(folder, f"root_{name}")) for name in kind["components"])
+    M, noise = (upper + np.triu(upper, 1).T for upper in (read_array(folder, name) for name in SYMMETRIC))
+    return DiscrepancySystem(tuple(kind["names"]), M, read_array(folder, "b"), noise, components,
+                             dict(kind["motion_px"]), read_array(folder, "channel_rows"), mesh_error,
+                             bool(kind["may_be_rough"]), strain_error)

@@ -1,0 +1,58 @@
+"""Writes the files of a worker into the RUN, whole groups at once, as if the worker had written there."""
+
+from __future__ import annotations
+
+import json
+import os
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+
+from idic.run.store.mirror.manifest import Entry, Manifest, Scanner, inside
+from idic.run.store.replace import replace_file
+from idic.run.store.run_store import renamed_when_complete
+
+
+def adopt(area: Path, files: Manifest, read: Callable[[Entry], bytes], scanner: Scanner) -> None:
+    """Write the files of a task.
+
+    Parameters
+    ----------
+    area : the folder of the driver that the paths begin at
+    files : by their paths below it
+    read : the checked content of a file
+    scanner : told about every file
+    """
+    groups = _finished_groups(files, read)
+    for group in groups:
+        target = inside(area, group)
+        own = {key: entry for key, entry in files.items() if key.startswith(f"{group}/")}
+        with renamed_when_complete(target) as folder:
+            for key, entry in own.items():
+                _write(folder / key[len(group) + 1:], read(entry))
+        for key, entry in own.items():
+            scanner.expect(str(area / key), entry)
+    for key, entry in files.items():
+        if not any(key.startswith(f"{group}/") for group in groups):
+            path = inside(area, key)
+            temporary = path.parent / f".{uuid.uuid4().hex[:12]}.tmp"
+            _write(temporary, read(entry))
+            replace_file(temporary, path)
+            scanner.expect(str(path), entry)
+
+
+def _finished_groups(files: Manifest, read: Callable[[Entry], bytes]) -> list[str]:
+    """Folders that are finished groups of a store; a group that the driver is building is none."""
+    found = []
+    for key, entry in files.items():
+        folder, _, name = key.rpartition("/")
+        if name == "zarr.json" and not os.path.basename(folder).startswith("."):
+            description = json.loads(read(entry))
+            if description.get("node_type") == "group" and description.get("attributes", {}).get("finished"):
+                found.append(folder)
+    return found
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)

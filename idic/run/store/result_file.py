@@ -1,0 +1,83 @@
+"""``RUN/result.json``: replaced atomically, read only with a correct checksum.
+
+Besides the keys of `idic.identification.result` the file holds ``sha256``, the checksum of all other keys: results are
+compared and published, and a digit changed by a disk or an editor would go unnoticed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from idic.errors import InputError
+from idic.run.store.replace import replace_file
+
+RESULT_FILE = "result.json"
+_SEAL = "sha256"
+
+
+def write_result(run: Path | str, result: Mapping) -> None:
+    """Write ``RUN/result.json`` with its checksum."""
+    content = finite(dict(result))
+    content.pop(_SEAL, None)
+    write_json(Path(run) / RESULT_FILE, content | {_SEAL: _digest(content)})
+
+
+def read_result(run: Path | str) -> dict:
+    """The content of ``RUN/result.json``, without its checksum.
+
+    Raises
+    ------
+    InputError
+        The result is missing or altered.
+    """
+    file = Path(run) / RESULT_FILE
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError("there is no result", file=run, expected=f"a RUN folder with {RESULT_FILE}", found="none",
+                         remedy="run idic identify first, or finish the run with --resume") from None
+    except (ValueError, RecursionError) as problem:
+        raise _altered(file, f"{type(problem).__name__}: {problem}") from problem
+    if not isinstance(content, dict) or _SEAL not in content:
+        raise _altered(file, "no checksum")
+    if content.pop(_SEAL) != _digest(content):
+        raise _altered(file, "contents with another checksum")
+    return content
+
+
+def write_json(path: Path, content: dict) -> None:
+    """Replace a JSON file atomically; NaN becomes null."""
+    temporary = path.with_name(f".{path.name}.tmp")
+    with open(temporary, "w", encoding="utf-8") as file:
+        json.dump(finite(content), file, indent=1, allow_nan=False)
+        file.write("\n")
+        file.flush()
+        os.fsync(file.fileno())
+    replace_file(temporary, path)
+
+
+def finite(value):
+    """Plain values for JSON: NaN and infinities become None."""
+    if isinstance(value, dict):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _digest(content: Mapping) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _altered(file: Path, found: str) -> InputError:
+    return InputError("the result was altered", file=file,
+                      expected="contents that fit their checksum", found=found,
+                      remedy="run idic identify with --resume: the result is written again")

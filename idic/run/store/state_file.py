@@ -1,0 +1,62 @@
+"""``RUN/state.json``: the state of the identification loop, with exact floats."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+from idic.identification import (
+    AcceptedPoint, Activation, Ending, EstimatorChoice, IncrementChoice, LoopState, ParallelTrial, SchedulePosition,
+    Trial, TrustRegion,
+)
+from idic.run.store.checkpoint import from_hex, load_checkpoint, save_checkpoint, to_hex
+
+STATE_FILE = "state.json"
+STATE_SCHEMA = "idic.state/2"
+
+
+def save_state(run: str | Path, state: LoopState) -> None:
+    """Replace the state of a RUN atomically."""
+    record = asdict(state)
+    _convert_numbers(record, to_hex)
+    save_checkpoint(Path(run) / STATE_FILE, STATE_SCHEMA, record)
+
+
+def load_state(run: str | Path) -> LoopState | None:
+    """The state in a RUN folder, or None.
+
+    Raises
+    ------
+    InputError
+        The file is damaged.
+    """
+    record = load_checkpoint(Path(run) / STATE_FILE, STATE_SCHEMA)
+    if record is None:
+        return None
+    _convert_numbers(record, from_hex)
+    trial, accepted, activation, end = (record[name] for name in ("trial", "accepted", "activation", "end"))
+    trial["parallel"] = tuple(ParallelTrial(**other) for other in trial["parallel"])
+    activation |= {name: tuple(activation[name]) for name in ("active", "reactivated")}
+    return LoopState(**record | {
+        "trial": Trial(**trial), "accepted": accepted and AcceptedPoint(**accepted),
+        "trust": TrustRegion(**record["trust"]), "schedule": SchedulePosition(**record["schedule"]),
+        "activation": Activation(**activation), "estimator": EstimatorChoice(**record["estimator"]),
+        "increments": IncrementChoice(**record["increments"]), "history": tuple(record["history"]),
+        "end": end and Ending(**end)})
+
+
+def _convert_numbers(record: dict, convert: Callable) -> None:
+    """Convert the floats of a nested state in place, from or to their exact text."""
+    trial, accepted, estimator = record["trial"], record["accepted"], record["estimator"]
+    known = [accepted] if accepted else []
+    for owner in (trial, *trial["parallel"], *record["history"], *known):
+        owner["values"] = {name: convert(value) for name, value in owner["values"].items()}
+    for owner, key in ((estimator, "ordinary_solution"), (record["increments"], "coarser"),
+                       (record["increments"], "change")):
+        if owner[key] is not None:
+            owner[key] = {name: convert(value) for name, value in owner[key].items()}
+    numbers = [(record["trust"], "radius"), (record["trust"], "damping"), *((own, "phi") for own in known),
+               *((other, "damping") for other in trial["parallel"])]
+    for owner, name in numbers:
+        owner[name] = None if owner[name] is None else convert(owner[name])

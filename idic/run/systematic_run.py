@@ -1,0 +1,176 @@
+"""Systematic errors of a finished RUN: discretisation bias and the spread over treatments of boundary and camera.
+
+Every assessment is one task: the finer mesh at the identified point, or a whole identification with another treatment
+from the identified point, in the memory of its worker. Their outcome goes into ``RUN/result.json``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from idic.measure import boundary_start, dic_stack, with_boundary_start
+from idic.errors import InputError, NotConverged
+from idic.experiment_file import load_experiment, locate, read_toml, with_overrides
+from idic.identification import (
+    Assessment, LoopState, Treatment, determined_values, discretisation_bias, evaluate_at, experiment_of, identify,
+    measured_start, path_dependent_laws, starts_from_dic, time_step_bias, treatments, with_bias, with_spread,
+    with_time_bias,
+)
+from idic.model import Experiment, Measured, is_mode
+from idic.run.context import RunContext, experiments_of, open_run
+from idic.run.joint_run import is_joint
+from idic.run.store.arrays import read_array
+from idic.run.store.camera_groups import with_stored_images, with_stored_noise
+from idic.run.store.layout import group_name
+from idic.run.store.run_lock import run_lock
+from idic.run.store.result_file import RESULT_FILE, read_result, write_result
+from idic.run.store.state_file import load_state
+from idic.run.store.system_store import load_evaluation
+from idic.run.workers.probe import ExperimentToSee
+from idic.run.workers.runner import Progress, TaskRunner
+
+ENDED = ("converged", "at_bound", "stalled", "max_iterations")
+
+
+@dataclass(frozen=True)
+class AssessmentJob:
+    """One task; treatment None: the finer mesh, or shorter increments."""
+
+    run: str
+    treatment: Treatment | None
+    increments: bool = False
+
+
+def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: bool = True,
+               progress: Progress | None = None) -> dict:
+    """Estimate both for a finished RUN and write them into its result.json.
+
+    Parameters
+    ----------
+    progress : called with the number of finished assessments and of all, after each
+
+    Returns
+    -------
+    The new content of ``RUN/result.json``.
+
+    Raises
+    ------
+    InputError
+        If the RUN holds no finished identification of one experiment, or of an external solver; another process works
+        on it.
+    """
+    _finished(run)  # before the lock, which makes a file
+    with run_lock(run):
+        return _assessed(run, runner, bias, spread, progress)
+
+
+def _assessed(run: str | Path, runner: TaskRunner, bias: bool, spread: bool, progress: Progress | None) -> dict:
+    result = _finished(run)  # read again: until the lock was taken another command could write it
+    context = open_run(str(run))
+    jobs = [AssessmentJob(str(run), None)] if bias else []
+    if bias and path_dependent_laws(context.experiment):
+        jobs.append(AssessmentJob(str(run), None, increments=True))
+    n_biases = len(jobs)
+    if spread:
+        jobs += [AssessmentJob(str(run), treatment) for treatment in treatments(context.experiment, _tables(context))]
+    labels = [f"systematic-{number}" for number in range(len(jobs))]
+    found = runner.map(assess, jobs, labels, progress=progress)
+    if n_biases > 1:
+        result = with_time_bias(result, found[1])
+    if bias:
+        result = with_bias(result, found[0])
+    if spread:
+        result = with_spread(result, found[n_biases:])
+    write_result(run, result)
+    return result
+
+
+def assessed_experiments(run: str | Path) -> tuple[ExperimentToSee, ...]:
+    """What the workers read besides the RUN; InputError as `systematic`."""
+    _finished(run)
+    return experiments_of(run)
+
+
+def assess(job: AssessmentJob) -> Assessment:
+    """Do one task."""
+    context, state = open_run(job.run), load_state(job.run)
+    if job.treatment is None:
+        return _finer(context, state, job.increments)
+    boundary, camera = job.treatment.boundary, job.treatment.camera
+    try:
+        experiment, local = _treated(context, state, job.treatment)
+        found = identify(experiment, local)
+    except (InputError, NotConverged) as problem:
+        return Assessment(boundary, camera, "failed", {}, str(problem).splitlines()[0])
+    result = found.result
+    return Assessment(boundary, camera, found.state.status, determined_values(result, context.names),
+                      added=_added(result, context.names))
+
+
+def _added(result: Mapping, known: Sequence[str]) -> dict[str, dict[str, float | str | None]]:
+    """The identified values of the treatment's additional degrees of freedom, modes of a boundary excepted."""
+    return {name: {key: entry[key] for key in ("value", "std", "unit")}
+            for name, entry in result["parameters"].items()
+            if entry["free"] and name not in known and not is_mode(name)}
+
+
+def _finer(context: RunContext, state: LoopState, increments: bool) -> Assessment:
+    """The biases by the mesh, or by the increments of time."""
+    try:
+        ended = load_evaluation(context.store, state.accepted.number, context.names)
+        at = (evaluate_at, experiment_of(context.experiment, state), state.accepted.values, _local(context, state),
+              state.generalised, ended, state.increments.per_frame)
+        biases, how = (time_step_bias(*at), "shorter increments") if increments else discretisation_bias(*at)
+    except (InputError, NotConverged) as problem:
+        return Assessment("", "", "failed", {}, str(problem).splitlines()[0])
+    parameters = context.experiment.parameters
+    return Assessment("", "", how, {name: value / parameters[name].factor for name, value in biases.items()})
+
+
+def _local(context: RunContext, state: LoopState) -> np.ndarray:
+    """Frame-local unknowns at the accepted point, its own last step included  # (n_frames, m) mm"""
+    local = read_array(context.store.group(group_name(state.accepted.number, "start")), "local").copy()
+    for record in load_evaluation(context.store, state.accepted.number, context.names).system.frames:
+        local[record.frame] += record.local_step
+    return local
+
+
+def _treated(context: RunContext, state: LoopState, treatment: Treatment) -> tuple[Experiment, np.ndarray | None]:
+    """The experiment as treated, from the identified values, and the start of its frame-local unknowns."""
+    settings, given = context.settings, context.experiment
+    options = {"options.estimator": "generalised" if state.generalised else "ordinary"}
+    experiment = load_experiment(settings["experiment"], dict(settings["overrides"]) | options | treatment.overrides)
+    experiment = with_stored_noise(with_stored_images(context.store, experiment), settings)
+    experiment = replace(experiment, excluded=tuple(settings["excluded"]), stages=())
+    same = {name: value for name, value in state.accepted.values.items()
+            if name in experiment.parameters and not name.startswith("boundary.")}
+    experiment = replace(experiment, parameters=experiment.parameters.with_values(same))
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    if not measured and not starts_from_dic(experiment):
+        as_given = "boundary" not in treatment.overrides
+        return experiment, _local(context, state) if as_given and given.prescribed else None
+    u_px = dic_stack(experiment).u_px
+    local = measured_start(experiment, u_px, experiment.excluded)
+    return with_boundary_start(experiment, boundary_start(experiment, u_px, experiment.excluded)), local
+
+
+def _finished(run: str | Path) -> dict:
+    path = Path(run) / RESULT_FILE
+    if is_joint(run) or is_joint(Path(run).resolve().parent.parent):
+        raise InputError("several experiments were identified together here", file=run,
+                         expected="a run of one experiment", found="a run of several, or a part of it",
+                         remedy="identify one of them alone and assess that run")
+    result = read_result(run)
+    if result["status"] not in ENDED or load_state(run) is None:
+        raise InputError("this identification has no point to assess", file=path,
+                         expected=", ".join(ENDED) + ", of one experiment", found=result["status"],
+                         remedy="assess a run of one experiment that has ended")
+    return result
+
+
+def _tables(context: RunContext) -> dict:
+    return with_overrides(read_toml(locate(context.settings["experiment"])), context.settings["overrides"])

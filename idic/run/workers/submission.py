@@ -1,0 +1,204 @@
+"""The jobs of one call on a Dask cluster: results in job order, lost workers, and jobs that straggle."""
+
+from __future__ import annotations
+
+import queue
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from idic.errors import InputError
+from idic.run.workers.runner import JobKillsWorkers, Watch, problem_of, told
+from idic.run.workers.task_limits import TaskLimits
+
+ALLOWED_FAILURES = 8  # deaths of workers before a job fails; deaths caused by other jobs count too
+_LOOK_SECONDS = 1.0  # between looks for tasks that straggle
+
+
+@dataclass(frozen=True)
+class WatchedJob:
+    """A job whose worker tells when it starts and ends.
+
+    topic : of Dask's events, to which the driver listens; call : token of the call; number : of the job in it
+    """
+
+    function: Callable[[Any], Any]
+    job: Any
+    topic: str
+    call: str
+    number: int
+
+
+def run_watched(watched: WatchedJob) -> Any:
+    """Do a job and tell the driver of its start and its end (a task)."""
+    from distributed import get_worker
+
+    worker, attempt = get_worker(), uuid.uuid4().hex
+
+    def tell(**message) -> None:
+        with suppress(Exception):  # the worker is being closed
+            worker.log_event(watched.topic, {"call": watched.call, "attempt": attempt} | message)
+
+    tell(job=watched.number, place=f"worker {worker.address}")
+    try:
+        result = watched.function(watched.job)
+    except BaseException as problem:
+        tell(problem=told(problem))
+        raise
+    tell(problem=problem_of(result))
+    return result
+
+
+class WatchedCalls:
+    """The calls of one client whose watches are told by events of the cluster, each before the result that it is
+    about."""
+
+    def __init__(self, client):
+        self._client, self.topic = client, f"idic-{client.id}"
+        self._watches: dict[str, Watch] = {}
+        self._listens = False
+
+    def add(self, call: str, watch: Watch) -> None:
+        """Tell `watch` of the jobs of a call from now on."""
+        self._watches[call] = watch
+        if not self._listens:
+            self._client.subscribe_topic(self.topic, self._hear_job)
+            self._client.subscribe_topic("all", self._hear_cluster)
+            self._listens = True
+
+    def drop(self, call: str) -> None:
+        """Tell no more."""
+        self._watches.pop(call, None)
+
+    def close(self) -> None:
+        """Listen no more; a scheduler that tells a client which is gone logs an error."""
+        if self._listens:
+            self._listens = False
+            with suppress(Exception):  # the scheduler may be gone
+                for topic in (self.topic, "all"):
+                    self._client.unsubscribe_topic(topic)
+
+    def _hear_job(self, event: tuple[float, Mapping]) -> None:
+        said = event[1]
+        watch = self._watches.get(said["call"])
+        if watch is None:
+            return
+        if "place" in said:
+            watch.started(said["job"], said["attempt"], said["place"])
+        else:
+            watch.ended(said["attempt"], said["problem"])
+
+    def _hear_cluster(self, event: tuple[float, Mapping]) -> None:
+        if event[1].get("action") == "remove-worker":
+            for watch in list(self._watches.values()):
+                watch.lost(f"worker {event[1]['worker']}")
+
+
+class Submission:
+    """The submitted and completed jobs of one call; a job has a second copy where its first one straggles."""
+
+    def __init__(self, client, function: Callable, jobs: Sequence, names: list[str], limits: TaskLimits, copies: bool,
+                 topic: str | None = None):
+        self._client, self._function, self._jobs = client, function, jobs
+        self._names, self._limits, self._copies = names, limits, copies
+        self._topic = topic  # of events; None: without a watch
+        self.token = uuid.uuid4().hex[:8]  # keys are unique: Dask would answer a known key from memory
+        self._waiting: dict[Any, int] = {}  # future -> its job
+        self._began: dict[int, float] = {}
+        self._twice: set[int] = set()
+        self._arrived: queue.SimpleQueue = queue.SimpleQueue()
+        self._slowest = 0.0
+
+    def in_order(self, progress, ahead: int) -> Iterator[Any]:
+        total, submitted, done, back = len(self._jobs), 0, 0, {}
+        for wanted in range(total):
+            while submitted < min(total, wanted + max(1, ahead)):
+                self._submit(submitted)
+                submitted += 1
+            while wanted not in back:
+                future, index = self._next()
+                try:
+                    back[index] = self._result(future, index)
+                except JobKillsWorkers as problem:
+                    back[index] = problem  # in the place of its result: what earlier jobs did is not lost
+                done += 1
+                if progress is not None:
+                    progress(done, total)
+            result = back.pop(wanted)
+            if isinstance(result, JobKillsWorkers):
+                raise result
+            yield result
+
+    def _submit(self, index: int, copy: str = "", workers: list[str] | None = None) -> None:
+        key = f"{self._names[index]}{copy}-{self.token}-{index}"
+        function, job = self._function, self._jobs[index]
+        if self._topic is not None:
+            function, job = run_watched, WatchedJob(function, job, self._topic, self.token, index)
+        future = self._client.submit(function, job, key=key, pure=False,
+                                     retries=self._limits.retries, workers=workers)
+        self._waiting[future] = index
+        self._began.setdefault(index, time.monotonic())
+        future.add_done_callback(self._arrived.put)
+
+    def _next(self) -> tuple[Any, int]:
+        """The next job that is done; its other copy is cancelled."""
+        while True:
+            try:
+                future = self._arrived.get(timeout=_LOOK_SECONDS)
+            except queue.Empty:
+                self._copy_stragglers()
+                continue
+            index = self._waiting.pop(future, None)
+            if index is None:
+                continue  # the second copy of a job that is done
+            others = [other for other, same in self._waiting.items() if same == index]
+            if future.status != "finished" and others:
+                continue  # the other copy may succeed
+            for other in others:
+                del self._waiting[other]
+            if others:
+                self._client.cancel(others, force=True)
+            self._slowest = max(self._slowest, time.monotonic() - self._began[index])
+            return future, index
+
+    def _copy_stragglers(self) -> None:
+        """Give jobs that take too long to free workers as well; the first result counts."""
+        limit = self._limits.straggles_after(self._slowest)
+        late = [index for index in dict.fromkeys(self._waiting.values())
+                if index not in self._twice and time.monotonic() - self._began[index] > limit]
+        if not (self._copies and late):
+            return
+        free = [worker for worker, keys in self._client.processing().items() if not keys]
+        for index, worker in zip(late, free, strict=False):
+            self._twice.add(index)
+            self._submit(index, "-again", [worker])
+
+    def _result(self, future, index: int):
+        from distributed import KilledWorker
+        from distributed.client import FutureCancelledError
+
+        try:
+            return future.result()
+        except KilledWorker as problem:
+            killer = JobKillsWorkers(
+                f"the worker processes keep dying on {self._names[index]}",
+                found=f"{ALLOWED_FAILURES + 1} deaths; memory is the usual reason",
+                remedy="use fewer --workers, a smaller model or image region, or a machine with more memory; "
+                "then run the command again with --resume",
+            )
+            killer.job = index
+            raise killer from problem
+        except FutureCancelledError as problem:
+            raise InputError(
+                "the connection to the Dask scheduler was lost",
+                found=str(problem),
+                remedy="check that the scheduler still runs, then run the command again with --resume",
+            ) from problem
+
+    def cancel(self) -> None:
+        if self._waiting:
+            self._client.cancel(list(self._waiting), force=True)
+            self._waiting = {}

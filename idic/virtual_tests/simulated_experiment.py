@@ -1,0 +1,307 @@
+"""`idic simulate`: an experiment as the model predicts it - images, log, experiment file, truth - in a new folder."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from idic.correlation import camera_at, channel_values, is_section, view_of
+from idic.errors import InputError
+from idic.experiment_file import DesignTable, locate, read_toml, recorded, to_toml, with_copied_images, with_overrides
+from idic.fe import surface_cells
+from idic.images import AnyCamera, PlacedCamera, sensor_levels
+from idic.model import (
+    Column, Controlled, Experiment, ForwardModel, Measured, Parametrised, build_forward, rates_since_reference, solve,
+)
+from idic.readers import parse_unit, unit_in_name
+from idic.identification import chooses_increments, planned_speckle, recorded_or_planned
+from idic.virtual_tests.experiment_files import IMAGES, LOADS, empty_folder, write_images, write_loads, write_truth
+from idic.virtual_tests.render import Sensor, noisy_channel, record, render
+from idic.virtual_tests.stereo.images import common_speckle, traced_images
+from idic.virtual_tests.stereo.solid_speckle import SolidSpeckle
+from idic.virtual_tests.section_images import height_image, roughness, seen_section
+from idic.virtual_tests.virtual_test import medium_speckle, rough_surface, stated_speckle
+
+INCREMENTS = 8  # per frame, extrapolated from these and half as many, where the experiment leaves the choice
+DEFAULT_NOISE_GV = 2.0  # of 8 bit, where the experiment does not state its noise
+SECTION_LENGTH_PX = 6.0  # correlation length of the roughness on a cross-section
+HEIGHT_NOISE_SHARE = 0.01  # of the roughness
+MIN_NOISE = 1e-4  # of the roughness: error of float32 and a spline on noise-free heights
+SOLVER = "solver"  # folder of the template and files of an external solver
+BACKGROUND_SHARE = 0.1  # of the grey levels
+TIME_OFFSET = "time.offset"  # the new log is on time
+RECORDING_KEYS = ("still_frames", "frame_interval_s", "first_frame_s", "image_times", "decimal")  # of the real files
+
+
+def simulate(
+    path: Path | str,
+    out: Path | str,
+    overrides: Mapping[str, Any] | None = None,
+    bits: int = 8,
+    noise_std_gv: float | None = None,
+    seed: int = 0,
+) -> Path:
+    """Write the virtual experiment that the model of an experiment predicts with its own parameter values.
+
+    Parameters
+    ----------
+    path : path
+        The experiment (folder or TOML file) to imitate: its mesh, drives, camera, image size and times are used, and
+        the speckle of [design] where there is no image.
+    out : path
+        New folder.
+    overrides : mapping, optional
+        ``--set key=value``: the truth, where it is not what the file says.
+    bits : int
+        8, 12 or 16; height images are always 32-bit float.
+    noise_std_gv : float, optional
+        Camera noise; default: the experiment's, as the same share of the sensor's range, else 2 grey values of 8 bit
+        (1 % of the roughness for heights).
+
+    Returns
+    -------
+    Path
+        The new experiment.toml. Its starting values are the truth: move them before identifying.
+
+    Raises
+    ------
+    InputError
+        If the motion of an edge is "measured" or made of measured modes (there is nothing to measure it from), or the
+        experiment has measured fields in place of images.
+    NotConverged
+        If the simulation does not reach the end.
+    """
+    experiment = recorded_or_planned(path, overrides)
+    _check(experiment)
+    forward = build_forward(experiment)
+    solution = solve(forward, experiment.parameters,
+                     increments=INCREMENTS if chooses_increments(experiment) else None)
+    bits = 0 if experiment.quantity == "height" else bits
+    planned = planned_speckle(path, overrides)
+    sensors = [_sensor(view, bits, noise_std_gv, planned is not None) for view in experiment.views]
+    sensor = sensors[0]
+    folder = empty_folder(out)
+    speckle_rng, camera_rng, channel_rng = np.random.default_rng(seed).spawn(3)
+    camera = camera_at(experiment, experiment.parameters)
+    still = [np.zeros_like(solution.u[0])] * experiment.reference
+    speckle = common_speckle([view.camera for view in experiment.views], speckle_rng, 2.0**bits, planned)
+    write_images(folder, _images(experiment, camera, [*still, *solution.u], sensor, bits, speckle_rng, camera_rng,
+                                 speckle, planned))
+    for view, own in zip(experiment.views[1:], sensors[1:], strict=True):
+        (folder / view.camera_name).mkdir()
+        motion = [view.turned(u) for u in (*still, *solution.u)]
+        write_images(folder, _images(view, camera_at(view, experiment.parameters), motion, own, bits, speckle_rng,
+                                     camera_rng, speckle, planned), view.camera_name)
+    columns = _columns(experiment, forward, solution.channels, channel_rng)
+    in_log = experiment.extras.get("units", {})
+    stated = in_log | _stated_units(with_overrides(read_toml(locate(path)), overrides))
+    write_loads(folder, experiment.times, {name: values / _factor(name, stated) for name, values in columns.items()},
+                {name: stated[name] for name in columns if name in in_log and unit_in_name(name) is None})
+    _write_toml(locate(path), overrides, experiment, sensors, folder)
+    truth = {p.name: 0.0 if p.name == TIME_OFFSET else p.shown for p in experiment.parameters.values() if p.free}
+    write_truth(folder, truth, sensor.total_noise_std, added_noise_std_gv=sensor.noise_std, seed=seed, bits=bits)
+    return folder / "experiment.toml"
+
+
+def _images(experiment: Experiment, camera: AnyCamera, motion: Sequence[np.ndarray], sensor: Sensor, bits: int,
+            speckle_rng: np.random.Generator, camera_rng: np.random.Generator,
+            speckle: SolidSpeckle | None = None, planned: DesignTable | None = None) -> Iterator[np.ndarray]:
+    """The images of the nodal displacements `motion` (n_nodes, dim) mm, one at a time; the speckle as it is planned."""
+    rise, mesh = None, experiment.mesh
+    if isinstance(camera, PlacedCamera):
+        yield from traced_images(mesh, experiment.surface, camera, motion, sensor, speckle, camera_rng)
+        return
+    if experiment.quantity == "height":
+        rise = view_of(experiment, camera).rise
+        if is_section(experiment):
+            yield from _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng)
+            return
+        texture = rough_surface(camera, sensor.shape, _roughness(experiment))(speckle_rng)
+    elif planned is not None:
+        texture = stated_speckle(camera, sensor.shape, planned.speckle_px, planned.contrast_gv)(speckle_rng, 2.0**bits)
+    else:
+        texture = medium_speckle(camera, sensor.shape)(speckle_rng, 2.0**bits)
+    cells = surface_cells(mesh, experiment.surface)
+    for frame, u in enumerate(motion):
+        yield from render([u], mesh.nodes, cells, camera.at(frame), texture, sensor, camera_rng, rise)
+
+
+def _section_images(experiment, camera, motion, sensor, rise, speckle_rng, camera_rng):
+    """Height images of a cross-section: lengths in the unit of the heights."""
+    scale, (ny, nx) = 1.0 / experiment.height_unit, sensor.shape
+    pixel = scale * camera.pixel_size
+    pattern = roughness(speckle_rng, _roughness(experiment), SECTION_LENGTH_PX * pixel)
+    column = scale * camera.inverse(np.column_stack([np.arange(nx), np.zeros(nx)]))[:, 0]
+    for u in motion:
+        section = seen_section(experiment.mesh, experiment.surface, u, scale, rise, experiment.symmetry is not None)
+        yield record(height_image(section, pattern, column, -pixel * np.arange(ny)), sensor, camera_rng)
+
+
+def _check(experiment: Experiment) -> None:
+    if experiment.points is not None:
+        raise InputError(
+            "the fields of another DIC system cannot be simulated",
+            key="experiment.fields",
+            expected="an experiment with images",
+            found=experiment.recorded,
+            remedy="describe camera and mesh of the test with images; idic design predicts the error bars of fields",
+        )
+    measured = [p for p in experiment.prescribed
+                if isinstance(p.drive, Measured) or (isinstance(p.drive, Parametrised) and p.drive.kind == "dic")]
+    if measured:
+        raise InputError(
+            f"the motion of {measured[0].nodes} is to be measured, so there is nothing to simulate it from",
+            key=f"boundary {measured[0].nodes}.u{measured[0].component}",
+            expected="a number, a column or a virtual boundary",
+            found='"measured"' if isinstance(measured[0].drive, Measured) else '{ virtual = "dic" }',
+            remedy='give the motion, for instance uy = { column = "grip_displacement_mm" }',
+        )
+    if is_section(experiment) and experiment.quantity != "height":
+        raise InputError(
+            "grey images of a cross-section seen from above cannot be simulated",
+            key="experiment.surface",
+            expected='a plane specimen, a solid with its face set, or quantity = "height"',
+            found=f"kind = {experiment.kind!r} with the edge set {experiment.surface}",
+            remedy="leave surface out, or simulate height images",
+        )
+
+
+def _sensor(experiment: Experiment, bits: int, noise_std_gv: float | None, planned: bool = False) -> Sensor:
+    """planned : the noise is stated in grey values of the images that are written"""
+    levels = 2.0**bits
+    if experiment.quantity == "height":  # a height is taken at a point, not gathered over the area of a pixel
+        std = noise_std_gv if noise_std_gv is not None else experiment.noise.std_gv
+        std = HEIGHT_NOISE_SHARE * _roughness(experiment) if std is None else std
+        return Sensor(experiment.stack.shape, bits=0, noise_std=std, supersampling=1)
+    if noise_std_gv is None:
+        stated = experiment.noise.std_gv
+        image = np.asarray(recorded(experiment.stack).frame(experiment.reference))
+        factor = 1.0 if planned else levels / sensor_levels(image)
+        noise_std_gv = factor * stated if stated else DEFAULT_NOISE_GV * levels / 256.0
+    return Sensor(experiment.stack.shape, bits=bits, noise_std=noise_std_gv, background=BACKGROUND_SHARE * levels)
+
+
+def _roughness(experiment: Experiment) -> float:
+    """Standard deviation of the reference heights about their mean plane, in their unit; of flat ones: one pixel."""
+    image = np.asarray(experiment.stack.frame(experiment.reference), dtype=float)
+    row, column = np.nonzero(np.isfinite(image))
+    plane = np.column_stack([np.ones(len(row)), row, column])
+    heights = image[row, column]
+    rms = float(np.std(heights - plane @ np.linalg.lstsq(plane, heights, rcond=None)[0]))
+    pixel = experiment.camera.pixel_size / experiment.height_unit
+    return rms if rms > 1e-6 * pixel else pixel
+
+
+def _columns(
+    experiment: Experiment, forward: ForwardModel, simulated: np.ndarray, rng: np.random.Generator
+) -> dict[str, np.ndarray]:
+    """Every column of the new log in internal units: channels and drives as simulated, with their noise."""
+    columns: dict[str, np.ndarray] = {}
+    drives = [entry.drive for entry in (*experiment.prescribed, *experiment.loads, *experiment.temperatures)]  # type: ignore[attr-defined]
+    for number, drive in enumerate(drives):
+        is_motion = number < len(experiment.prescribed)
+        if isinstance(drive, Column):
+            course = _on_time(experiment, drive.values, drive.rates, is_motion)
+            columns[drive.column] = noisy_channel(course, drive.noise_std, rng)
+        elif isinstance(drive, Controlled):
+            columns[drive.column] = _on_time(experiment, drive.course, drive.rates, True)
+    values = np.zeros((experiment.n_frames, len(experiment.channels)))
+    for i, frame in enumerate(forward.frames):
+        values[frame] = channel_values(experiment, experiment.parameters, simulated[i], frame)
+    for i, channel in enumerate(experiment.channels):
+        columns[channel.column] = noisy_channel(values[:, i], channel.noise_std or 0.0, rng)
+    return columns
+
+
+def _on_time(experiment: Experiment, values: np.ndarray, rates: np.ndarray | None, is_motion: bool) -> np.ndarray:
+    """A logged course at `time.offset`; a motion counts from the reference frame  # (n_frames,)"""
+    shift = experiment.log_shift(experiment.parameters)
+    if rates is None or not shift:
+        return values
+    late = rates_since_reference(experiment, rates).copy() if is_motion else rates
+    if is_motion:
+        late[experiment.reference] = 0.0
+    return values + shift * late
+
+
+def _stated_units(tables: object) -> dict[str, str]:
+    """Units that the experiment file gives to columns of the log, ``{ column = "grip", unit = "um" }``."""
+    found: dict[str, str] = {}
+    for below in tables.values() if isinstance(tables, dict) else tables if isinstance(tables, list) else ():
+        found |= _stated_units(below)
+    if isinstance(tables, dict) and isinstance(tables.get("column"), str) and isinstance(tables.get("unit"), str):
+        found[tables["column"]] = tables["unit"]
+    return found
+
+
+def _factor(column: str, stated: Mapping[str, str]) -> float:
+    """Internal units per unit of a column of the log, as stated, or by the end of its name."""
+    unit = parse_unit(stated.get(column) or unit_in_name(column) or "")
+    return 1.0 if unit is None else unit.factor
+
+
+def _write_toml(source: Path, overrides, experiment: Experiment, sensors: Sequence[Sensor], folder: Path) -> None:
+    """The experiment file of the new folder, and the files that it names."""
+    raw = with_overrides(read_toml(source), overrides)
+    table = {key: value for key, value in raw["experiment"].items() if key not in RECORDING_KEYS}
+    table |= {
+        "images": f"{IMAGES}/*.tif",
+        "loads": LOADS,
+        "reference": experiment.reference,
+        "exclude_frames": list(experiment.excluded),
+    }
+    for key in ("mesh", "mask"):
+        name = table.get(key, {}).get("file") if isinstance(table.get(key), dict) else table.get(key)
+        if name:
+            target = folder / Path(name).name
+            shutil.copy(source.parent / name, target)
+            table[key] = (table[key] | {"file": target.name}) if isinstance(table[key], dict) else target.name
+    raw["experiment"] = table
+    raw["boundary"] = with_copied_images(raw.get("boundary", []), source.parent, folder, source)
+    raw["camera"] = _camera_tables(raw, experiment, sensors, source, folder)
+    if "dof" in raw:
+        raw["dof"] = [entry | {"value": 0.0} if entry["name"] == TIME_OFFSET else entry for entry in raw["dof"]]
+    if "solver" in raw:
+        raw["solver"] = _with_solver_files(raw["solver"], source.parent, folder)
+    head = f"# Virtual experiment, simulated by idic from {experiment.title}. Its parameter values are the truth.\n\n"
+    (folder / "experiment.toml").write_text(head + to_toml(raw), encoding="utf-8")
+
+
+def _with_solver_files(table: Mapping, source: Path, folder: Path) -> dict:
+    """[solver] with its template and files in a folder of their own; their names differ, as they meet in a run."""
+    (folder / SOLVER).mkdir()
+    for name in (table["template"], *table.get("files", ())):
+        shutil.copy(source / name, folder / SOLVER)
+    files = {"files": [f"{SOLVER}/{Path(name).name}" for name in table["files"]]} if "files" in table else {}
+    return dict(table) | files | {"template": f"{SOLVER}/{Path(table['template']).name}"}
+
+
+def _camera_tables(raw: Mapping, experiment: Experiment, sensors: Sequence[Sensor], source: Path,
+                   folder: Path) -> dict | list[dict]:
+    """[camera], or all of [[camera]], with the noise that was added and the new places of images and masks."""
+    given = raw.get("camera", {})
+    tables = [dict(table) for table in (given if isinstance(given, list) else [given])]
+    copied: dict[Path, str] = {}  # calibration files by their old places
+    for number, (table, view, sensor) in enumerate(zip(tables, experiment.views, sensors, strict=True)):
+        if "calibration" in table:
+            calibration = source.parent / table["calibration"]
+            if calibration not in copied:
+                taken = calibration.name in copied.values()
+                copied[calibration] = f"{view.camera_name}_{calibration.name}" if taken else calibration.name
+                shutil.copy(calibration, folder / copied[calibration])
+            table["calibration"] = copied[calibration]
+        std = sensor.total_noise_std or MIN_NOISE * _roughness(view)
+        table["noise_std_gv"] = float(f"{std:.4g}")
+        table.pop("noise_model", None)  # the noise that was added is even
+        if number:
+            table["images"] = f"{view.camera_name}/*.tif"
+            table.pop("still_frames", None)
+            if "mask" in table:
+                mask = Path(table["mask"])
+                table["mask"] = f"{view.camera_name}_{mask.name}"
+                shutil.copy(source.parent / mask, folder / table["mask"])
+    return tables if isinstance(given, list) else tables[0]
