@@ -6,7 +6,6 @@ rendered pixel by pixel; the model knows nothing of either. With one increment p
 deviations.
 """
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -26,7 +25,6 @@ from idic.images.camera import Camera
 from idic.materials.core.compilation import compile as compile_law
 from idic.run.plain import identify_experiment
 from idic.run.systematic import systematic
-from idic.store.checkpoint import save_checkpoint
 from idic.store.state_file import load_state, save_state
 from idic.virtual_tests.meshes import strip_with_hole
 from idic.workers.runner import SerialRunner
@@ -273,15 +271,10 @@ def test_finer_increments_without_equilibrium_leave_the_coarser_answer_and_a_not
     assert "no equilibrium" in increment_notes(experiment, after.increments)[0]
 
 
-def test_the_choice_survives_a_checkpoint_and_states_before_it_are_read(short, tmp_path):
+def test_the_choice_survives_a_checkpoint(short, tmp_path):
     _, found = short
     save_state(tmp_path, found.state)
     assert load_state(tmp_path).increments == found.state.increments
-    document = json.loads((tmp_path / "state.json").read_text())
-    record = next(value for value in document.values() if isinstance(value, dict) and "increments" in value)
-    del record["increments"], record["trial"]["new_increments"]
-    save_checkpoint(tmp_path / "state.json", document["schema"], record)
-    assert load_state(tmp_path).increments == IncrementChoice()
 
 
 @pytest.mark.slow
