@@ -16,9 +16,10 @@ from importlib import import_module
 from typing import Any
 
 COUNTED: dict[str, tuple[str, ...]] = {  # what is counted -> its places, "module:function" or "module:Class.method"
-    "forward_runs": ("idic.fe.march:march",),
+    "forward_runs": ("idic.fe.time_march:march", "idic.fe.march:march"),
     "external_runs": ("idic.fe.external.solver:ExternalSolver.run",),
-    "frame_equations": ("idic.correlation.frame_equations:frame_equations",),
+    "frame_equations": ("idic.correlation.equations_of_frame:frame_equations",
+                        "idic.correlation.frame_equations:frame_equations"),
     "image_passes": ("idic.correlation.frame:nodal_equations",),
     "residual_passes": ("idic.correlation.frame:pixel_residual",),
     "height_passes": ("idic.correlation.height.surface:height_equations",),

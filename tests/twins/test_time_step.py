@@ -24,7 +24,6 @@ from idic.identification.step.increments import increment_notes
 from idic.images import Camera
 from idic.laws import compile as compile_law
 from idic.run import SerialRunner, identify_experiment, systematic
-from idic.run.store.checkpoint import save_checkpoint
 from idic.run.store.state_file import load_state, save_state
 from idic.virtual_tests import strip_with_hole
 
@@ -270,15 +269,10 @@ def test_finer_increments_without_equilibrium_leave_the_coarser_answer_and_a_not
     assert "no equilibrium" in increment_notes(experiment, after.increments)[0]
 
 
-def test_the_choice_survives_a_checkpoint_and_states_before_it_are_read(short, tmp_path):
+def test_the_choice_survives_a_checkpoint(short, tmp_path):
     _, found = short
     save_state(tmp_path, found.state)
     assert load_state(tmp_path).increments == found.state.increments
-    document = json.loads((tmp_path / "state.json").read_text())
-    record = next(value for value in document.values() if isinstance(value, dict) and "increments" in value)
-    del record["increments"], record["trial"]["new_increments"]
-    save_checkpoint(tmp_path / "state.json", document["schema"], record)
-    assert load_state(tmp_path).increments == IncrementChoice()
 
 
 @pytest.mark.slow
