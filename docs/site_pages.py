@@ -36,7 +36,8 @@ PYTHON = {  # title -> modules of the reference
                      "idic.run.reporting.export", "idic.run.design"),
     "Experiment and simulation": ("idic.model.experiment", "idic.model.gauges", "idic.model.forward", "idic.parameters",
                                   "idic.images.camera"),
-    "Fields": ("idic.measure.fields.strain", "idic.measure.fields.series", "idic.measure.fields.readings", "idic.measure.fields.free"),
+    "Fields": ("idic.measure.fields.strain", "idic.measure.fields.series", "idic.measure.fields.readings",
+               "idic.measure.fields.free"),
     "Free FE-DIC": ("idic.measure.dic.stack", "idic.measure.dic.frame"),
     "The equation": ("idic.correlation.normal_equations",),
     "To extend idic": ("idic.laws.core.law", "idic.diagnose.screen.candidate"),
@@ -284,7 +285,7 @@ def _index(commands: Sequence[str], laws: Sequence[str], candidates: Sequence[st
     parts += [_toctree("Commands", [f"commands/{name}" for name in commands]),
               _toctree("Examples", [f"examples/{name}" for name in examples]),
               _toctree("Laws", [f"laws/{name}" for name in laws]),
-              _toctree("Candidate physics", [f"candidates/{name}" for name in candidate_library]),
+              _toctree("Candidate physics", [f"candidates/{name}" for name in candidates]),
               _toctree("Python", [f"python/{_slug(title)}" for title in PYTHON]),
               _toctree("More", ["gallery-of-reports",
                                 *(name for page, name in REPOSITORY_PAGES.items() if page != "README.md")])]

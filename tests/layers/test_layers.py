@@ -41,7 +41,7 @@ STUDIES_DOOR = "idic.studies"  # the one module of the product that knows of the
 BEFORE_THE_LAST = {"idic.fe": {"idic.images"}}  # rooms of lower layers that a room does not see
 LAWS = "idic.laws.core"  # what the finite elements see of the laws: their interface
 
-SCIENCE = {"numpy", "scipy", "numba", "llvmlite", "lazy_loader"}  # llvmlite: the intrinsics of numba; lazy_loader: doors
+SCIENCE = {"numpy", "scipy", "numba", "llvmlite", "lazy_loader"}  # intrinsics of numba; doors
 THIRD_PARTIES = {
     "idic.readers": {"gmsh", "h5py", "meshio", "tifffile", "imagecodecs", "cv2", "PIL"},
     "idic.experiment_file": {"pydantic", "pydantic_core", "tomli_w"},

@@ -6,7 +6,6 @@ rendered pixel by pixel; the model knows nothing of either. With one increment p
 deviations.
 """
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 

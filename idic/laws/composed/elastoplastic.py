@@ -84,8 +84,8 @@ def _refuse(terms: Sequence[Term]) -> None:
                          found="drucker_prager", remedy=f"remove {beside[0]}, or take mises or hill48")
     beside = [kind for kind in kinds if kind == "orthotropic" or kind in kinds_of("nonlinear_elasticity")]
     if "drucker_prager" in kinds and beside:
-        raise InputError(f"{ELASTOPLASTIC}: drucker_prager does not go with {beside[0]}: the pressure would change with "
-                         "the flow",
+        raise InputError(f"{ELASTOPLASTIC}: drucker_prager does not go with {beside[0]}: the pressure would change "
+                         "with the flow",
                          key="yield_surface", expected="mises, hill48 or in_plane_shear", found="drucker_prager",
                          remedy=f"remove {beside[0]}, or take another yield surface")
     surface = next((kind for kind in kinds if LOCUS_NAME.fullmatch(kind)), None)

@@ -57,7 +57,7 @@ def is_sure(content: Mapping) -> bool:
 def strongest(content: Mapping, number: int) -> list[Mapping]:
     """The first candidates, the selected ones, and those that are indistinguishable from them."""
     kept = set(content["named"]).union(*content["indistinguishable"])
-    return [c for k, c in enumerate(content["candidates"]) if k < number_text or c["name"] in kept]
+    return [c for k, c in enumerate(content["candidates"]) if k < number or c["name"] in kept]
 
 
 def name_of_best(content: Mapping) -> str:
@@ -166,7 +166,7 @@ def new_values(content: Mapping, names: Sequence[str] | None, number: int) -> st
     """Values of the parameters of a candidate; names : None counts all new parameters to the first candidate."""
     before, after = content["model"]["parameters_before"], content["model"]["parameters_after"]
     if names is None:
-        names = () if number_text else [n for n in after if n not in before]
+        names = () if number else [n for n in after if n not in before]
     added = {n: after[n] for n in names if n in after}
     shown = {n: _of_cause(said) for n, said in short_names(after).items()}
     stems = dict.fromkeys(_stem(n) for n in added if n.endswith("]"))
