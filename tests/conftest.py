@@ -29,9 +29,9 @@ threadpool_limits(1)
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # The files of the longest tests, in the order of their start, so that none of them is left to one process at the end.
-# The first process begins with what needs no kernel (types, servers), while the second compiles those of most runs.
+# The first process begins with what needs no kernel (a server), while the second compiles those of most runs.
 # One file of laws only: it compiles them all, and those that come in the middle of the session find them on the disk.
-FIRST = ("quality/test_lint.py", "faults/test_resume.py", "workers/test_prefect_server.py", "faults/test_damage.py",
+FIRST = ("workers/test_prefect_server.py", "faults/test_resume.py", "faults/test_damage.py",
          "workers/test_dask_executor.py", "laws/test_law_contract.py", "identify/test_imperfect_records.py",
          "diagnose/test_diagnosis_runs.py", "run/test_flow.py", "front_door/test_no_prefect.py",
          "laws/test_user_laws.py", "front_door/test_story.py", "external/test_faults.py",

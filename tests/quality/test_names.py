@@ -1,0 +1,67 @@
+"""A binding is a noun: bare pronouns, participles and adverbs say nothing about the value that they name."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from functools import cache
+from pathlib import Path
+
+from quality.sources import modules
+
+BANNED = {  # as the whole name of a value; the noun is the residual, the candidate, the frame …
+    "found", "own", "one", "told", "left", "before", "after", "said", "given", "shown", "seen", "here", "there", "now",
+    "then", "this", "that", "those", "these", "it", "its", "them", "they", "others", "other", "another", "both", "each",
+    "some", "such", "same", "rest", "whole", "far", "near", "known", "taken", "made", "held", "kept", "asked", "wanted",
+    "sought", "stated", "meant", "done", "gone", "alone", "apart", "again", "also", "already", "always", "enough",
+    "further", "beside", "behind", "ours", "theirs", "mine", "what", "which", "who", "why", "where", "how", "next",
+    "last", "old", "new", "present", "absent", "free", "fixed",
+}
+# Bindings of these names, by room; a number only goes down. The bar is 1 % of all bindings.
+MOST = {
+    "idic.calibrate": 30, "idic.cli": 48, "idic.correlation": 227, "idic.diagnose": 969, "idic.draw": 45,
+    "idic.errors": 4, "idic.experiment_file": 342, "idic.expressions": 1, "idic.fe": 376, "idic.identification": 389,
+    "idic.images": 115, "idic.laws": 185, "idic.measure": 140, "idic.model": 56, "idic.notebook": 39,
+    "idic.parameters": 6, "idic.path_names": 4, "idic.read_once": 2, "idic.readers": 239, "idic.remote_files": 2,
+    "idic.report": 400, "idic.run": 372, "idic.virtual_tests": 36, "idic_flows": 50, "idic_studies": 296,
+}
+
+
+@cache
+def bindings(file: Path) -> Counter:
+    """How often each name is bound in a file: assignments, loops, parameters, imports under another name."""
+    names: Counter = Counter()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            names[node.id] += 1
+        elif isinstance(node, ast.arg):
+            names[node.arg] += 1
+        elif isinstance(node, ast.alias) and node.asname:
+            names[node.asname] += 1
+        elif isinstance(node, ast.ExceptHandler) and node.name:
+            names[node.name] += 1
+    return names
+
+
+def by_room() -> tuple[Counter, Counter]:
+    """Banned and all bindings of each room."""
+    banned, total = Counter(), Counter()
+    for name, file in modules().items():
+        room = ".".join(name.split(".")[:2]) if name.startswith("idic.") else name.split(".")[0]
+        for binding, number in bindings(file).items():
+            total[room] += number
+            banned[room] += number if binding in BANNED else 0
+    return banned, total
+
+
+def test_bindings_are_nouns():
+    banned, _ = by_room()
+    more = {room: number for room, number in banned.items() if number > MOST.get(room, 0)}
+    assert not more, f"name the thing (found, own, one … say nothing): {more}; most: {MOST}"
+
+
+def test_the_rule_sees_every_kind_of_binding(tmp_path):
+    file = tmp_path / "code.py"
+    file.write_text("def f(own):\n    for one in own:\n        found = one\n    a, left = 1, 2\n"
+                    "try:\n    pass\nexcept ValueError as told:\n    pass\n")
+    assert {name for name in bindings(file) if name in BANNED} == {"own", "one", "found", "left", "told"}
