@@ -52,7 +52,7 @@ THIRD_PARTIES = {
     "idic.notebook": {"arviz", "matplotlib", "pandas", "threadpoolctl", "xarray"},
     "idic_flows": {"fastapi", "httpx", "prefect"},
     "idic.cli": {"typer", "rich"},
-    "idic_studies": {"matplotlib", "prefect", "zarr"},
+    "idic_studies": {"matplotlib", "prefect", "threadpoolctl", "tifffile", "zarr"},
 }
 MAX_MODULES, MAX_LINE_SHARE = 16, 0.12  # of a folder, its own files only
 CATALOGUES = {"idic.diagnose.candidates", "idic.laws.plasticity"}  # like things side by side
