@@ -105,11 +105,12 @@ def place_in_words(diagnosis: Diagnosis) -> str | None:
         return None
     mesh, unit = diagnosis.found.experiment.mesh, diagnosis.found.experiment.length_unit
     if len(mismatch.elements) > MAX_PLACE_SHARE * mesh.n_elements:
-        return None if diagnosis.active is None else f"first at {in_words(first_active_place(diagnosis))} {unit}"
+        return (None if diagnosis.active is None else
+                f"first at {in_words(first_active_place(diagnosis), size=mesh.size)} {unit}")
     parts = clusters(mesh, mismatch.place.elements)
     centres = [element_centres(mesh)[part].mean(axis=0) for part in parts
                if len(part) > MIN_CLUSTER_SHARE * len(parts[0])]
-    points = [in_words(centre) for centre in centres[:MAX_PLACES]]
+    points = [in_words(centre, size=mesh.size) for centre in centres[:MAX_PLACES]]
     return f"around {' and '.join(points)} {unit}" + (" and elsewhere" if len(centres) > MAX_PLACES else "")
 
 

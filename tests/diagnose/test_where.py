@@ -333,3 +333,5 @@ def test_transposed_solution_solves_the_transposed_system(widest):
 def test_a_place_is_told_without_the_rounding_of_its_mean():
     assert in_words((6.94e-17, 1.413)) == "(0, 1.41)" and in_words((0.0, 0.0)) == "(0, 0)"
     assert in_words((0.012, 1281.4), (0.004, 3.0)) == "(0.012 ± 0.004, 1281 ± 3)"
+    assert in_words((0.0, -2.78e-17), size=6.0) == "(0, 0)"  # the middle of a body
+    assert in_words((3e-6, -2.78e-17), size=2e-5) == "(3e-06, 0)"  # of a small one

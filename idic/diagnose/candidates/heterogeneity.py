@@ -38,7 +38,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
 
 def _inclusions(situation: Situation, element_set: str) -> Iterator[Variant]:
     places, spacing = grid(situation.experiment.mesh.nodes[nodes_of(situation.experiment.mesh, element_set)][:, :2])
-    dof = f"{element_set}{STIFFNESS_SUFFIX}"
+    dof, body = f"{element_set}{STIFFNESS_SUFFIX}", situation.experiment.mesh.size
     for x, y in places:
         for size in RADII_OVER_SPACING:
             table = {"set": element_set, "form": "inclusion", "centre_mm": [float(x), float(y)],
@@ -47,7 +47,7 @@ def _inclusions(situation: Situation, element_set: str) -> Iterator[Variant]:
                 "value": float(size * spacing), "identify": True,
                 "bounds": [0.1 * float(spacing), 3.0 * float(spacing)]}}
             yield Variant(f"{element_set} is softer or stiffer within {size * spacing:.3g} "
-                          f"{situation.experiment.length_unit} of {in_words((x, y))}",
+                          f"{situation.experiment.length_unit} of {in_words((x, y), size=body)}",
                           _added(situation, table), (dof,), {dof: 1.0}, {dof: PROBE_INCLUSION}, form="inclusion",
                           place=(float(x), float(y)), exact=True, refit=_added(situation, free))
 

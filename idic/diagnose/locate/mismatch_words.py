@@ -56,7 +56,7 @@ def place_words(mismatch: Mismatch, unit: str) -> str | None:
     if not place.has_centre:
         size = " × ".join(f"{length:.3g}" for length in place.extent)
         return f"Place: {len(place.elements)} source elements over {size} {unit}."
-    at = in_words(place.centroid, place.centroid_std)
+    at = in_words(place.centroid, place.centroid_std, float(place.extent.max()))
     return f"Place: {len(place.elements)} source elements, centred at {at} {unit}."
 
 

@@ -11,6 +11,8 @@ from scipy.sparse.csgraph import connected_components
 from idic.diagnose.locate.adjoint_sources import MIN_SOURCE_SHARE, MAX_ELEMENT_P, SourceMap
 from idic.fe import Mesh, cell_type
 
+MAX_ROUNDING_SHARE = 1e-9  # of the size of a body: a coordinate that is smaller is a sum that should be zero
+
 
 @dataclass(frozen=True, eq=False)
 class Place:
@@ -72,9 +74,12 @@ def clusters(mesh: Mesh, elements: np.ndarray) -> list[np.ndarray]:
     return sorted((elements[label == k] for k in np.unique(label)), key=len, reverse=True)
 
 
-def in_words(place, stds=None) -> str:
-    """Coordinates of a place, to three digits but to a whole unit at least, with standard deviations if given."""
-    rounding = 1e-9 * max(abs(x) for x in place)  # of a sum that should be zero
+def in_words(place, stds=None, size: float = 0.0) -> str:
+    """Coordinates of a place, to three digits but to a whole unit at least, with standard deviations if given.
+
+    size : of the body or of a part of it: a coordinate within rounding of zero is zero
+    """
+    rounding = MAX_ROUNDING_SHARE * max(size, *(abs(x) for x in place))
     texts = ["0" if abs(x) <= rounding else f"{x:.3g}" if abs(x) < 999.5 else f"{x:.0f}" for x in place]
     if stds is not None:
         texts = [f"{text} ± {std:.1g}" for text, std in zip(texts, stds, strict=True)]

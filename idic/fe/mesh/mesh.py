@@ -86,6 +86,11 @@ class Mesh:
     def n_elements(self) -> int:
         return sum(block.n_elements for block in self.blocks)
 
+    @property
+    def size(self) -> float:
+        """Largest extent along an axis."""
+        return float(np.ptp(self.nodes, axis=0).max())
+
     def block_of(self, element_index: int) -> Block:
         """The block that holds a global element index."""
         for block in self.blocks:

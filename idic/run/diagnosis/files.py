@@ -94,13 +94,14 @@ def margin_content(margin: Margin) -> dict:
 
 def _left(diagnosis: Diagnosis) -> dict:
     """What the last model leaves on the whole recording: motion, channels."""
-    left = diagnosis.left
+    left, experiment = diagnosis.left, diagnosis.found.experiment
     place = None if diagnosis.residual_after is None else left_place(diagnosis.residual_after, diagnosis.grid)
     return {"motion_px": None if left is None else left.motion_px,
             "motion_z": None if left is None else left.after.excess_z,
             "motion_share": left.share if left is not None and diagnosis.verdict.selected else None,
             "place_mm": None if place is None else place.tolist(),
-            "place": None if place is None else f"around {in_words(place)} {diagnosis.found.experiment.length_unit}",
+            "place": None if place is None else
+            f"around {in_words(place, size=experiment.mesh.size)} {experiment.length_unit}",
             "nearest": _nearest(diagnosis),
             "channels": [{"column": one.column, "z": one.z, "share": one.share, "reading_share": one.reading_share,
                           "significant": one.is_significant, "matters": one.matters} for one in diagnosis.channels]}
