@@ -12,12 +12,13 @@ from threadpoolctl import threadpool_info
 
 PACKAGES = ("numpy", "scipy", "numba", "llvmlite")
 PROCESSORS = Path("/proc/cpuinfo")
+KERNELS = threadpool_info()  # before anything else is loaded: a picture library may bring linear algebra of its own
 
 
 def fingerprint() -> dict:
     """The fingerprint of this machine and environment."""
     kernels = {f"{library['prefix']} {library.get('version')} {library.get('architecture', '')}".strip()
-               for library in threadpool_info() if library["user_api"] == "blas"}
+               for library in KERNELS if library["user_api"] == "blas"}
     return {"processor": _processor(), "python": platform.python_version(),
             "packages": {name: version(name) for name in PACKAGES}, "blas": sorted(kernels)}
 
