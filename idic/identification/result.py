@@ -26,6 +26,7 @@ from idic.identification.parameter_covariance import (
 from idic.identification.discrepancy.normal_equations import DiscrepancySystem
 from idic.identification.discrepancy.variances import Variances, estimate
 from idic.identification.input_noise import gradient_notes, noise_content, noise_notes
+from idic.identification.joint import Joint
 from idic.identification.loop import parameters_at
 from idic.identification.noise.channel_noise import (
     added_spread,
@@ -73,7 +74,7 @@ def at_bound(parameters: ParameterSet) -> dict[str, float]:
 
 def build_result(experiment: Experiment, state: LoopState, point: Evaluation | None, image_noise: float,
                  residual: Mapping, frames: Sequence[Mapping], cost: Mapping,
-                 discrepancy: DiscrepancySystem | str, joint_names: Names | None = None) -> dict:
+                 discrepancy: DiscrepancySystem | str, joint: Joint | None = None) -> dict:
     """The contents of ``RUN/result.json``.
 
     Parameters
@@ -83,7 +84,7 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
     residual : ``image_rms_gv``, ``image_chi2_dof``, ``channel_rms``, ``channel_chi2_dof``
     frames : one mapping per frame: frame, label, status, rms_gv, chi2_dof
     cost : wall_s, forward_s, image_s, peak_rss_mb, forward_runs
-    joint_names : of several experiments together, as for `Analysis`
+    joint : the experiments whose whole this is; None: a single one
     """
     parameters = parameters_at(experiment, state)
     result: dict[str, Any] = {"schema": SCHEMA, "status": state.status, "end": end_entry(state),
@@ -103,9 +104,9 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
               "increments": increments_entry(experiment, state.increments)}
     analysis = None
     if point is not None and point.system is not None:
-        result["notes"] += [*noise_notes(experiment), *gradient_notes(experiment), *strayed(experiment, parameters),
-                            *repeated_readings(experiment)]
-        analysis = Analysis(experiment, parameters, point, image_noise, discrepancy, joint_names)
+        result["notes"] += record_notes(experiment, parameters) if joint is None else joint_record_notes(joint,
+                                                                                                         parameters)
+        analysis = Analysis(experiment, parameters, point, image_noise, discrepancy, joint and joint.names)
         result |= analysis.summary()
         if analysis.channels:
             result["noise"] |= {"channels": channel_noise_content(experiment, analysis.channels)}
@@ -126,6 +127,19 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
         result["notes"] += [*strain_notes(analysis, result["parameters"]), *shift_notes(experiment, parameters,
                                                                                         result["parameters"])]
     return result
+
+
+def record_notes(experiment: Experiment, parameters: ParameterSet) -> list[str]:
+    """Notes on the records of one experiment: its images, the places in its body, the readings of its log."""
+    return [*noise_notes(experiment), *gradient_notes(experiment), *strayed(experiment, parameters),
+            *repeated_readings(experiment)]
+
+
+def joint_record_notes(joint: Joint, parameters: ParameterSet) -> list[str]:
+    """The same of every experiment, each judged by its own frames; parameters : of the whole."""
+    values = parameters.as_values()
+    return [f"{name}: {note}" for name, experiment in joint.experiments.items() for note in
+            record_notes(experiment, experiment.parameters.with_values(joint.values_of(name, values)))]
 
 
 def shift_notes(experiment: Experiment, parameters: ParameterSet, entries: Mapping[str, Mapping]) -> list[str]:

@@ -42,7 +42,7 @@ def joint_result(run: Path, joint: Joint, state: LoopState, point: JointEvaluati
             "wall_s": max(c["wall_s"] for c in costs), "forward_s": max(c["forward_s"] for c in costs),
             "image_s": max(c["image_s"] for c in costs), "peak_rss_mb": max(c["peak_rss_mb"] for c in costs)}
     result = build_result(joint.whole, state, point, noise[next(iter(own))], _residual(own), frames, cost,
-                          discrepancy, joint.names)
+                          discrepancy, joint)
     result["experiments"] = {
         name: {"title": part["title"], "noise": part["noise"], "residual": part["residual"],
                "folder": joint.experiments[name].folder, "report": f"experiments/{name}/report.html"}

@@ -13,7 +13,10 @@ from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.identification import Analysis, Evaluation, TrustRegion, join, start
 from idic.identification.noise.channel_noise import weighted_std
+from idic.identification.result import joint_record_notes
 from idic.identification.step.increments import MAX_COARSE_REJECTIONS, meets_a_jump
+from idic.model import Column
+from idic.run import identify_experiment
 from idic.run.joint_result import derived_of_part
 
 OWN_STRENGTH = """
@@ -43,6 +46,13 @@ def logged(experiment, times, noise_std=None):
     return replace(experiment, times=times, channels=channels)
 
 
+def driven(experiment, course):
+    """The experiment with another motion of its grip."""
+    return replace(experiment, prescribed=tuple(
+        replace(one, drive=replace(one.drive, values=np.asarray(course))) if isinstance(one.drive, Column) else one
+        for one in experiment.prescribed))
+
+
 def test_the_noise_of_a_channel_is_that_of_its_own_experiment(experiment):
     """Logs of 24 and 30 readings, the second over uneven times: by the times of the first its ramp is noise."""
     uneven = np.cumsum(np.random.default_rng(2).uniform(0.2, 1.8, 30))
@@ -53,6 +63,30 @@ def test_the_noise_of_a_channel_is_that_of_its_own_experiment(experiment):
     assert found == [weighted_std(part, 0) for part in parts.values()]
     assert found[2] == 2.5 and max(found[:2]) < 2.0
     assert [channel.noise_std for channel in whole.channels] == [None, None, 2.5]  # no file states it: estimated
+
+
+def test_a_log_is_judged_by_the_grip_of_its_own_experiment(experiment):
+    """Of 24 and 20 frames: by the grip of the other one, a force that was held would be a log that is late."""
+    times = np.arange(24.0)
+    slow, held = logged(experiment, times), logged(experiment, times[:20])
+    stairs = np.repeat(np.arange(8.0), 3)
+    slow = driven(replace(slow, channels=tuple(replace(one, values=stairs) for one in slow.channels)), times)
+    held = driven(replace(held, channels=tuple(replace(one, values=stairs[:20]) for one in held.channels)),
+                  stairs[:20])
+    for parts, of in (({"slow": slow, "held": held}, "slow"), ({"held": held, "slow": slow}, "slow")):
+        whole = join(parts)
+        (note,) = joint_record_notes(whole, whole.whole.parameters)
+        assert note.startswith(f"{of}: force_N: in 16 of the 23 steps in which grip_mm changes")
+
+
+@pytest.mark.slow  # 10 s of CPU time
+def test_a_shorter_experiment_after_a_longer_one_is_identified_with_it(clean, tmp_path):
+    images, force = clean
+    short = Twin(seed=1, grip=Twin.grip[:5], times=Twin.times[:5])
+    paths = [write_folder(tmp_path / "long", Twin(), ELASTIC + GRIPS + FORCE, clean),
+             write_folder(tmp_path / "short", short, ELASTIC + GRIPS + FORCE, (images[:5], force[:5]))]
+    result = identify_experiment(paths, tmp_path / "run")
+    assert result["status"] == "converged" and result["parameters"]["BODY.E"]["std"] > 0.0
 
 
 def test_increments_are_halved_where_they_are_more_than_the_intervals_of_all_experiments(experiment):
