@@ -48,6 +48,7 @@ from idic.parameters import ParameterSet
 
 Names = Mapping[str, Mapping[str, str]]  # {experiment: {its parameter: parameter of the whole}}
 SCHEMA = "idic.result/1"
+WITHOUT_STD = {"correlation": {"names": [], "matrix": []}, "derived": {}}  # of a search that a simulation ended
 MIN_IMITATED_CORRELATION = 0.95  # of an undetermined parameter with its partners; below, the noise hides its effect
 MESH_COUNTED = ("the error by the mesh was estimated by a simulation on a finer one; std counts it (mesh_bias, a part "
                 "of std_model)")
@@ -107,16 +108,16 @@ def build_result(experiment: Experiment, state: LoopState, point: Evaluation | N
         result["notes"] += record_notes(experiment, parameters) if joint is None else joint_record_notes(joint,
                                                                                                          parameters)
         analysis = Analysis(experiment, parameters, point, image_noise, discrepancy, joint and joint.names)
-        result |= analysis.summary()
-        if analysis.channels:
+        result |= analysis.summary() | (WITHOUT_STD if state.failed else {})
+        if analysis.channels and not state.failed:
             result["noise"] |= {"channels": channel_noise_content(experiment, analysis.channels)}
             result["notes"] += channel_noise_notes(experiment, analysis.channels)
-        if experiment.solver is None and (is_raised_by_default(experiment.mesh) or (
+        if not state.failed and experiment.solver is None and (is_raised_by_default(experiment.mesh) or (
                 experiment.n_dim == 3 and (can_raise_order(experiment.mesh) or can_halve(experiment.mesh)))):
             result["notes"].append(MESH_COUNTED if analysis.mesh_bias is not None else MESH_CONTRADICTED
                                    if analysis.mesh_contradicted else MESH_NOT_COUNTED)
     for p in parameters.values():
-        entry = _parameter_entry(p, experiment.parameters, analysis)
+        entry = _parameter_entry(p, experiment.parameters, analysis, state.failed)
         bias = time_bias(experiment, state.increments).get(p.name)
         entry["time_bias"] = None if bias is None or entry["std"] is None else bias / p.factor
         if analysis is not None and p.free and entry["std"] is not None and analysis.mesh_bias is not None:
@@ -171,7 +172,8 @@ def strain_notes(analysis: Analysis, entries: Mapping[str, Mapping]) -> list[str
     return [SMALL_STRAINS.format(", ".join(moved))] if moved else []
 
 
-def _parameter_entry(p, start: ParameterSet, analysis: Analysis | None) -> dict:
+def _parameter_entry(p, start: ParameterSet, analysis: Analysis | None, failed: bool) -> dict:
+    """failed : a simulation ended the search on its way to the minimum: the point has no standard deviation."""
     first = start[p.name]
     entry = {"value": p.shown, "std": None, "std_noise": None, "std_model": None, "systematic_std": None,
              "discretisation_bias": None, "unit": p.unit, "start": first.shown, "free": p.free,
@@ -183,6 +185,8 @@ def _parameter_entry(p, start: ParameterSet, analysis: Analysis | None) -> dict:
         entry["value"] = first.shown
         if p.shown != first.shown:
             entry["value_relative"] = p.shown  # valid in ratio to the other undetermined parameters only
+        return entry
+    if failed:
         return entry
     entry |= {key: value / abs(p.factor) for key, value in analysis.parts(analysis.direction(p.name)).items()
               if value is not None}

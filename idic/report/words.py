@@ -23,7 +23,8 @@ STATUS = {
     "stalled": "Stalled after {n}: no trial step reduced the objective, and the last step was not small.",
     "max_iterations": "Stopped after {n} without convergence.",
     "at_bound": "Stopped after {n} with {which} at its bound: the true value may lie outside.",
-    "forward_failed": "The simulation failed after {n}. The values are those of the last accepted step.",
+    "forward_failed": "The simulation failed after {n}. The values are those of the last accepted step, no "
+                      "minimum: they have no error bars.",
     "interrupted": "Interrupted after {n}. Resume with idic identify --resume.",
 }
 NOISE_SOURCE = {

@@ -47,7 +47,7 @@ def joint_result(run: Path, joint: Joint, state: LoopState, point: JointEvaluati
         name: {"title": part["title"], "noise": part["noise"], "residual": part["residual"],
                "folder": joint.experiments[name].folder, "report": f"experiments/{name}/report.html"}
         for name, part in own.items()}
-    if point is not None and parts is not None:
+    if point is not None and parts is not None and not state.failed:
         result["specimens"] = specimens_content(joint, state, point.parts, noise, parts)
     result["has_force"] = any(part.get("has_force", True) for part in own.values())
     result["sensitivity"] = next(iter(own.values())).get("sensitivity")

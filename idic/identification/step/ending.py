@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from idic.identification.step.proposal import STEP_CLIP, Step
-from idic.identification.step.state import Ending, LoopState
+from idic.identification.step.state import Ending, FORWARD_FAILED, LoopState
 from idic.model import Options
 from idic.parameters import ParameterSet, SmoothnessPrior
 
@@ -87,8 +87,8 @@ def judged_flat(state: LoopState, ending: Ending) -> Ending:
 def failed_simulation(state: LoopState, message: str) -> LoopState:
     """The state that ends at a simulation without equilibrium."""
     where = "at the starting values" if state.accepted is None else "at every shorter step tried"
-    return replace(state, status="forward_failed",
-                   end=Ending("forward_failed", f"the simulation fails {where}{f': {message}' if message else ''}",
+    return replace(state, status=FORWARD_FAILED,
+                   end=Ending(FORWARD_FAILED, f"the simulation fails {where}{f': {message}' if message else ''}",
                               SIMULATION))
 
 

@@ -12,6 +12,7 @@ from idic.correlation import CorrelationSystem
 ORDINARY, GENERALISED, GENERALISED_REJECTED = "ordinary", "generalised", "generalised_rejected"
 AS_GIVEN, COMPARED, OPEN, ENOUGH = "as_given", "compared", "open", "enough"
 AT_LIMIT, FAILED = "at_limit", "failed"
+FORWARD_FAILED = "forward_failed"  # status: a simulation ended the search
 HALF_RATE = 1  # increments per frame of a known simulation that is extrapolated in time with steps of two frames
 
 
@@ -165,6 +166,11 @@ class LoopState:
     @property
     def running(self) -> bool:
         return self.status == "running"
+
+    @property
+    def failed(self) -> bool:
+        """Whether a simulation ended the search: the accepted point is one on the way, no minimum."""
+        return self.status == FORWARD_FAILED
 
     def has_accepted(self, number: int) -> bool:
         """Whether the evaluation `number` is the accepted point."""
