@@ -143,8 +143,29 @@ class ResidualMap:
         return float(np.mean(self.r[self.valid].astype(float)**2 / variance[self.valid]) / noise_std**2)
 
 
+@dataclass(frozen=True, eq=False)
+class ImageMotion:
+    """The motion of one frame in the image, element by element; made once per frame.
+
+    Attributes
+    ----------
+    u : array (n_elements, 2, 8), px
+        Monomial coefficients of the displacement, with the shift of a low-passed pattern.
+    inverse : array (n_elements, 2, 2), det : array (n_elements,)
+        F^-1 and det F, F the deformation gradient in pixel coordinates.
+    blur_maps : array (8, n_pixels), blur_weights : array (n_elements, 8)
+        Derivatives of f and their weights that give it the blur of the frame; both empty without a low-pass.
+    """
+
+    u: np.ndarray
+    inverse: np.ndarray
+    det: np.ndarray
+    blur_maps: np.ndarray
+    blur_weights: np.ndarray
+
+
 def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "frame",
-                exclude: np.ndarray | None = None) -> NodalEquations:
+                    exclude: np.ndarray | None = None) -> NodalEquations:
     """Compare one frame with the reference under a nodal displacement.
 
     Parameters
@@ -158,40 +179,29 @@ def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
     exclude : array of pixel numbers, optional
         Pixels of the map to leave out, e.g. `lost_pixels` of an earlier call.
     """
-    pm = reference.pixel_map
-    layout = reference.layout(brightness)
-    motion = _motion(reference, spline, u_px)
-    inverse, det = _inverse_gradients(reference, motion)
+    pm, layout = reference.pixel_map, reference.layout(brightness)
     valid = _initially_valid(pm.n_pixels, exclude)
-    sums, lost = np.empty((pm.n_elements, N_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
-    image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy,
-               *reference.matching(inverse),
-               layout.mean[layout.patch], motion, spline.coefficients.ravel(), spline.coefficients.shape[1],
-               spline.degree,
-               np.int32(reference.border_px), valid, sums, lost)
-    slot, blocks = _blocks_of_valid(reference, lost, valid)
-    q, data = np.zeros(2 * pm.n_nodes), np.zeros(len(reference.pattern.indices))
-    coupling = np.zeros(len(layout.pattern.indices))
-    _scatter(pm.conn, pm.kind, N_NODES, TRANSFORMS, inverse, sums, slot, reference.blocks.hessian,
-             blocks.hessian, reference.blocks.coupling, blocks.coupling, _centre(reference, layout),
-             reference.pattern.place, reference.pattern.stride, layout.pattern.place, layout.pattern.stride,
-             q, data, coupling)
-    n_dof = 2 * pm.n_nodes
-    matrix = sparse.csr_array((data, reference.pattern.indices, reference.pattern.indptr), shape=(n_dof, n_dof))
-    grey = reference.blocks.grey.copy()
-    grey[slot >= 0] = blocks.grey
-    nb, rr = layout.n_columns, float(sums[:, 16].sum())
-    bb, rb = _brightness_blocks(layout, grey, _centre(reference, layout), sums)
-    squares = _squares_about_mean(bb, rb, rr)
-    hb = sparse.csr_array((n_dof, 0))
-    if nb:
-        hb = sparse.csr_array((coupling, layout.pattern.indices, layout.pattern.indptr), shape=(n_dof, nb))
-    n_lost = int(lost.sum())
-    n_valid = pm.n_pixels - n_lost
-    kappa = float((grey[:, 0] / np.maximum(np.abs(det), 1e-3)).sum() / max(n_valid, 1))
-    lost_pixels = np.flatnonzero(valid == 0) if n_lost else np.zeros(0, dtype=np.int64)
-    return NodalEquations(q, matrix, hb, bb[:nb, :nb], rb[:nb], rr, n_valid, n_lost, lost, lost_pixels,
-                          sums[:, 16].copy(), kappa, squares=squares)
+    motion = image_motion(reference, spline, u_px)  # u(x), F^-1
+    sums, lost = _element_sums(reference, layout, spline, motion, valid)  # r = f - g(x + u), valid without lost pixels
+    blocks = _blocks_of_valid(reference, lost, valid)  # grad f grad f^T of the elements
+    q, H, hb = _nodal_sums(reference, layout, motion, sums, blocks)  # L = N^T F^-T grad f:  q = sum L r, H = sum L L^T
+    bb, rb = _brightness_blocks(layout, blocks.grey, _centre(reference, layout), sums)
+    rr, nb, n_lost = float(sums[:, 16].sum()), layout.n_columns, int(lost.sum())
+    return NodalEquations(
+        q, H, hb, bb[:nb, :nb], rb[:nb], rr, pm.n_pixels - n_lost, n_lost, lost,
+        lost_pixels=np.flatnonzero(valid == 0) if n_lost else np.zeros(0, dtype=np.int64),
+        element_rr=sums[:, 16].copy(),
+        kappa=float((blocks.grey[:, 0] / np.maximum(np.abs(motion.det), 1e-3)).sum() / max(pm.n_pixels - n_lost, 1)),
+        squares=_squares_about_mean(bb, rb, rr))
+
+
+def image_motion(reference: ReferenceImage, spline: Spline, u_px: np.ndarray) -> ImageMotion:
+    """The motion of one frame in the image; u_px : as for `nodal_equations`."""
+    pm = reference.pixel_map
+    u = _motion(reference, spline, u_px)
+    inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
+    inverse_gradients(u, pm.centre, pm.inverse_jacobian, inverse, det)
+    return ImageMotion(u, inverse, det, *reference.matching(inverse))
 
 
 def solve_brightness(equations: NodalEquations) -> BrightnessFit:
@@ -223,11 +233,11 @@ def pixel_residual(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
     pm = reference.pixel_map
     valid = _initially_valid(pm.n_pixels, exclude)
     r, tx, ty = (np.empty(pm.n_pixels, dtype=np.float32) for _ in range(3))
-    motion = _motion(reference, spline, u_px)
-    maps, weights = reference.matching(_inverse_gradients(reference, motion)[0])
-    residual_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, maps, weights, motion, spline.coefficients.ravel(),
-                  spline.coefficients.shape[1], spline.degree, np.int32(reference.border_px), valid, r, tx, ty)
-    return PixelResidual(r, valid.astype(bool), tx, ty, weights)
+    motion = image_motion(reference, spline, u_px)
+    residual_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, motion.blur_maps, motion.blur_weights, motion.u,
+                  spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree,
+                  np.int32(reference.border_px), valid, r, tx, ty)
+    return PixelResidual(r, valid.astype(bool), tx, ty, motion.blur_weights)
 
 
 def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "none",
@@ -245,12 +255,38 @@ def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, br
                        still_gain(reference.lowpass_px), reference.n_images, gain)
 
 
-def _inverse_gradients(reference, motion):
-    """F^-1 (n_elements, 2, 2) and det F (n_elements,) of the elements."""
+def _element_sums(reference: ReferenceImage, layout: Brightness, spline: Spline, motion: ImageMotion,
+                  valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The residual of every pixel, summed over the pixels of each element, and their lost pixels.
+
+    valid : (n_pixels,) uint8, 0 where a pixel takes no part; pixels that leave the frame become 0
+
+    # (n_elements, `N_SUMS`), (n_elements,)
+    """
     pm = reference.pixel_map
-    inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
-    inverse_gradients(motion, pm.centre, pm.inverse_jacobian, inverse, det)
-    return inverse, det
+    sums, lost = np.empty((pm.n_elements, N_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
+    image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, motion.blur_maps,
+               motion.blur_weights, layout.mean[layout.patch], motion.u, spline.coefficients.ravel(),
+               spline.coefficients.shape[1], spline.degree, np.int32(reference.border_px), valid, sums, lost)
+    return sums, lost
+
+
+def _nodal_sums(reference: ReferenceImage, layout: Brightness, motion: ImageMotion, sums: np.ndarray,
+                blocks: ValidBlocks) -> tuple[np.ndarray, sparse.csr_array, sparse.csr_array]:
+    """q, H and hb of `NodalEquations` from the sums of the elements."""
+    pm = reference.pixel_map
+    n_dof = 2 * pm.n_nodes
+    q, data = np.zeros(n_dof), np.zeros(len(reference.pattern.indices))
+    coupling = np.zeros(len(layout.pattern.indices))
+    _scatter(pm.conn, pm.kind, N_NODES, TRANSFORMS, motion.inverse, sums, blocks.slot, reference.blocks.hessian,
+             blocks.hessian, reference.blocks.coupling, blocks.coupling, _centre(reference, layout),
+             reference.pattern.place, reference.pattern.stride, layout.pattern.place, layout.pattern.stride,
+             q, data, coupling)
+    H = sparse.csr_array((data, reference.pattern.indices, reference.pattern.indptr), shape=(n_dof, n_dof))
+    if not layout.n_columns:
+        return q, H, sparse.csr_array((n_dof, 0))
+    return q, H, sparse.csr_array((coupling, layout.pattern.indices, layout.pattern.indptr),
+                                  shape=(n_dof, layout.n_columns))
 
 
 def _motion(reference, spline, u_px):
@@ -277,13 +313,30 @@ def _centre(reference, layout):
     return layout.mean.astype(float)[layout.patch] - reference.level
 
 
-def _blocks_of_valid(reference, lost, valid):
-    """Blocks of the elements that lost pixels, from the other pixels; slot[e] = -1: the block of all pixels holds."""
+@dataclass(frozen=True, eq=False)
+class ValidBlocks:
+    """Sums of f and its gradient over the valid pixels of the elements.
+
+    slot : (n_elements,) place of an element that lost pixels in `hessian` and `coupling`; -1: the block of the
+    reference holds.  hessian, coupling : of the elements that lost pixels.  grey : (n_elements, 3) of all.
+    """
+
+    slot: np.ndarray
+    hessian: np.ndarray
+    coupling: np.ndarray
+    grey: np.ndarray
+
+
+def _blocks_of_valid(reference: ReferenceImage, lost: np.ndarray, valid: np.ndarray) -> ValidBlocks:
+    """Blocks of the elements that lost pixels, from the other pixels."""
     concerned = np.flatnonzero(lost)
     slot = np.full(len(lost), -1, dtype=np.int64)
     slot[concerned] = np.arange(len(concerned))
     relative = reference.f - np.float32(reference.level) if len(concerned) else reference.f
-    return slot, element_blocks(reference.pixel_map, relative, reference.fx, reference.fy, concerned, valid)
+    blocks = element_blocks(reference.pixel_map, relative, reference.fx, reference.fy, concerned, valid)
+    grey = reference.blocks.grey.copy()
+    grey[concerned] = blocks.grey
+    return ValidBlocks(slot, blocks.hessian, blocks.coupling, grey)
 
 
 def _brightness_blocks(layout: Brightness, grey: np.ndarray, centre: np.ndarray,
