@@ -148,8 +148,9 @@ def _example_pages(folder: Path, execute: bool) -> Iterator[str]:
         if execute:
             place = folder / script.stem
             place.mkdir(parents=True)
+            with_idic = os.environ | {"PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])}
             done = subprocess.run([sys.executable, str(script)], cwd=place, check=True, stdout=subprocess.PIPE,
-                                  text=True, encoding="utf-8")
+                                  text=True, encoding="utf-8", env=with_idic)
             parts.append(f"```text\n{done.stdout.rstrip()}\n```")
             parts += [f"![{picture.stem}]({script.stem}/{picture.name})" for picture in sorted(place.glob("*.png"))]
         _write(folder / f"{script.stem}.md", "\n\n".join(parts))
