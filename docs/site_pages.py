@@ -82,7 +82,7 @@ def _with_links(text: str, place: Path, at: Path = Path()) -> str:
         path = os.path.relpath(place / file, ROOT)
         if path in REPOSITORY_PAGES:
             return f"[{label}]({os.path.relpath(REPOSITORY_PAGES[path], at)}.md{'#' + anchor if anchor else ''})"
-        if path == "docs/README.md":
+        if path in ("docs/README.md", "docs/examples/README.md"):  # the index lists the pages of the examples
             return f"[{label}]({os.path.relpath('index.md', at)})"
         if path.startswith("docs/") and Path(path).suffix in (".md", ".png"):
             return f"[{label}]({os.path.relpath(path.removeprefix('docs/'), at)}{'#' + anchor if anchor else ''})"
