@@ -7,6 +7,7 @@ from pathlib import Path
 
 import matplotlib
 import pytest
+from matplotlib import pyplot
 from typer.testing import CliRunner
 
 from idic.cli.app import app
@@ -35,6 +36,8 @@ def commands_in_this_process(monkeypatch):
 
     monkeypatch.setattr(subprocess, "run", command)
     matplotlib.use("Agg")
+    yield
+    pyplot.close("all")
 
 
 @every_example
