@@ -21,9 +21,9 @@ from idic.identification.step.schedule import BLURRED_STAGE, is_continued
 from idic.model import ForwardModel, Stage, build_forward, selected_frames, solve
 from idic.parameters import USUAL_MAX_STEP, Parameter, ParameterSet
 from idic.run import RunStore, SerialRunner
-from idic.run.prepare import ingest, prepare
+from idic.run.prepared.prepare import ingest, prepare
+from idic.run.prepared.session import open_session
 from idic.run.search import SEARCH_FILE, TrialJob, fit_trial, start_values
-from idic.run.session import open_session
 
 TRUTH = {"BODY.E": 2000.0, "BODY.nu": 0.35}
 

@@ -174,9 +174,6 @@ MUTUAL_FOLDERS = {
     ("idic.laws.composed", "idic.laws.plasticity"),
     ("idic.laws.composed", "idic.laws.rate"),
     ("idic.readers", "idic.readers.delimited"),
-    ("idic.run", "idic.run.in_memory"),
-    ("idic.run", "idic.run.judgement"),
-    ("idic.run", "idic.run.recovery"),
     ("idic.virtual_tests", "idic.virtual_tests.stereo"),
     ("idic_studies.cases", "idic_studies.misfit"),
     ("idic_studies.pages", "idic_studies.trial"),
@@ -277,7 +274,7 @@ def test_the_rules_find_an_offender():
     assert not allowed("idic.fe.time_march", "idic.experiment_file.load")
     assert not allowed("idic.fe.time_march", "idic.images.camera")
     assert not allowed("idic.fe.time_march", "idic.laws.elastic")
-    assert not allowed("idic.run.tasks", "idic_flows.identify")
+    assert not allowed("idic.run.prepared.tasks", "idic_flows.identify")
     assert not allowed("idic.report.page", "idic.run.workers.runner")
     assert not allowed("idic.cli.studies_commands", "idic_studies.cases.gallery")
     assert not allowed("idic_flows.public", "idic_studies.flows.study")
