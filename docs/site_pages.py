@@ -40,7 +40,7 @@ PYTHON = {  # title -> modules of the reference
                "idic.measure.fields.free"),
     "Free FE-DIC": ("idic.measure.dic.stack", "idic.measure.dic.frame"),
     "The equation": ("idic.correlation.normal_equations",),
-    "To extend idic": ("idic.laws.core.law", "idic.diagnose.screen.candidate"),
+    "To extend idic": ("idic.laws.core.law", "idic.diagnose.physics.candidate"),
 }
 
 

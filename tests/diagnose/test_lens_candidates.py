@@ -7,8 +7,8 @@ import pytest
 from side_twins import FORCE_NOISE, GRIP, GRIP_NOISE, LENGTH, NOISE, PIXEL, RADIUS, SHAPE, THICKNESS, TIMES, TOML
 from side_twins import TRUTH, WIDTH, Side, refit, screening, truth
 
-from idic.diagnose.screen.candidate import Situation
 from idic.diagnose import candidate_library
+from idic.diagnose.physics.candidate import Situation
 from idic.experiment_file import load_experiment, read_toml
 from idic.fe import nodal_deformation
 from idic.identification import treatments

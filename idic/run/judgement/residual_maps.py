@@ -12,7 +12,7 @@ import numpy as np
 
 from idic.correlation import Reference, ResidualMap, view_of
 from idic.model import Experiment
-from idic.run.context import RunContext, correlation_context
+from idic.run.prepared.context import RunContext, correlation_context
 from idic.run.store.arrays import FrameArrays
 from idic.run.store.layout import BASE, group_name
 from idic.run.store.system_store import load_evaluation

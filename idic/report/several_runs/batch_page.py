@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from idic.model import is_mode
-from idic.report.words import number_text, short_names, with_std
-from idic.report.batch_numbers import in_one_unit
 from idic.report.design.page import short
 from idic.report.figures.style import CYCLE, GREY, Picture, look, new_figure, to_picture
 from idic.report.html import filled_in
+from idic.report.result.words import number_text, short_names, with_std
+from idic.report.several_runs.batch_numbers import in_one_unit
 
 MAX_PANELS = 12  # parameters that the figure shows; the tables have all
 SUBPLOTS_PER_ROW = 3

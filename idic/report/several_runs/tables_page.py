@@ -6,14 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from idic.model import is_mode
-from idic.report.words import between_specimens, result_cautions, result_headline, result_verdict, two_digits, with_std
-from idic.report.batch_page import draw_batch
 from idic.report.figures.matrices import correlation
-from idic.report.fit_words import MAX_P_OF_EQUAL_SPECIMENS, in_words_of
 from idic.report.figures.style import Picture
 from idic.report.html import filled_in
-from idic.report.record import RunRecord
-from idic.report.stress_scale import in_ratios
+from idic.report.result.fit_words import MAX_P_OF_EQUAL_SPECIMENS, in_words_of
+from idic.report.result.record import RunRecord
+from idic.report.result.stress_scale import in_ratios
+from idic.report.result.words import (
+    between_specimens, result_cautions, result_headline, result_verdict, two_digits, with_std,
+)
+from idic.report.several_runs.batch_page import draw_batch
 
 MIN_BOLD_DIFFERENCE_STD = 3.0  # standard deviations of a difference, beyond which it is set in bold
 NONE = "–"

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from idic.correlation import MAX_GRADIENT_NOISE, build_experiment_reference
+from idic.identification.noise.free_residual import free_residual_noise
+from idic.identification.noise.recordings import CONSECUTIVE, FREE_RESIDUAL, STILL, recordings
 from idic.images import (
     Camera, DEGREES, NoiseCovariance, gradient_at_pixels, gradient_noise_share, noise_covariance, pixel_gain,
     prefilter,
 )
-from idic.identification.noise.free_residual import free_residual_noise
-from idic.identification.noise.recordings import CONSECUTIVE, FREE_RESIDUAL, STILL, recordings
 from idic.model import Channel, CorrelatedNoise, Experiment, Noise
 
 MAD_TO_STD = 1.4826  # median absolute deviation -> standard deviation of a normal distribution

@@ -6,7 +6,7 @@ import copy
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from idic.diagnose.screen.candidate import Situation
+from idic.diagnose.physics.candidate import Situation
 from idic.fe import OUTLINE
 from idic.model import Experiment, without_knot
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from idic.correlation import FRICTION, drifting
 from idic.images import PlacedCamera
+from idic.laws import EXPANSION
 from idic.model import (
     Channel, Experiment, TEMPERATURE, TemperatureField, corrections_of, jump_frame, knot_name, without_knot,
 )
-from idic.laws import EXPANSION
 
 TIMED = ("slip", "rotation", "misalignment")  # corrections that may have a course of their own
 SUPPOSED_EXPANSION_PER_K = 1e-5  # 1/K: without a log of the temperature the data give its product with that

@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
-from idic.measure import boundary_start, edge_modes, with_boundary_start
 from idic.identification import Identification, misfit
 from idic.images import Stack, StackView
+from idic.measure import boundary_start, edge_modes, with_boundary_start
 from idic.model import Experiment, FieldPoints, Measured, Noise, pixel_size
 
 MAX_REGISTER_PX = 1.0  # rms of a frame; with more the residual of its image is no error of motion to first order

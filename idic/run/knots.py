@@ -24,8 +24,8 @@ from idic.identification import (
 from idic.laws import RINGS, TERM
 from idic.model import Experiment
 from idic.parameters import ParameterSet, SmoothnessPrior
-from idic.run.context import experiments_of
-from idic.run.in_memory.preparation import prepare_in_memory
+from idic.run.prepared.context import experiments_of
+from idic.run.prepared.in_memory import prepare_in_memory
 from idic.run.runs import SingleRun
 
 Say = Callable[[str], None]

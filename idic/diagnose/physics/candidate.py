@@ -224,8 +224,6 @@ def register(candidate: Candidate) -> Candidate:
     return candidate
 
 
-def candidate_library() -> tuple[Candidate, ...]:
-    """The whole library, in the order of the families."""
-    import idic.diagnose.candidates  # noqa: F401  registers every file of the package
-
+def registered() -> tuple[Candidate, ...]:
+    """The registered candidates, in the order of the families."""
     return tuple(sorted(_REGISTRY.values(), key=lambda c: (list(FAMILIES).index(c.family), c.name)))

@@ -18,9 +18,9 @@ import numpy as np
 from scipy import sparse
 
 from idic.correlation import GreyReference, MeasuredReference, mean_information
-from idic.measure import Regularisation, build_smoother, dic_stack, measured_nodes
 from idic.errors import InputError
 from idic.fe import surface_cells
+from idic.measure import Regularisation, build_smoother, dic_stack, measured_nodes
 from idic.model import Experiment
 
 INTEGRATED, WEIGHTED, UNWEIGHTED = "integrated", "two_step", "two_step_unweighted"

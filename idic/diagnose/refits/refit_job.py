@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from idic.diagnose.refit import EarlyStop, Refit, Start, refit
+from idic.diagnose.refits.refit import EarlyStop, Refit, Start, refit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, JUDGEMENT, thinned
 from idic.identification import ORDINARY

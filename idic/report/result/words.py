@@ -10,10 +10,10 @@ import numpy as np
 from idic.fe import OUTLINE
 from idic.identification import STRESS_UNITS
 from idic.model import in_words, is_mode, motions
-from idic.report.fit_words import (
+from idic.report.result.fit_words import (
     MAX_P_OF_EQUAL_SPECIMENS, NOISE_CHI2, against_free, cluster, images, in_error_bars, noise_chi2, remedies,
 )
-from idic.report.stress_scale import held_stresses, in_ratios
+from idic.report.result.stress_scale import held_stresses, in_ratios
 
 NO_SETS = {"camera", "channel", "boundary", "geometry", "time", "placement"}  # heads of other names
 MIN_SHOWN_PX, MIN_SHOWN_SHARE, MIN_SHOWN_ROUGH = 1e-4, 1e-5, 0.05  # of a discrepancy: less is zero to the reader

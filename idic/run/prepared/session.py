@@ -8,8 +8,8 @@ from pathlib import Path
 
 from idic.identification import checked_sensitivity, choose_sensitivity
 from idic.model import Experiment
-from idic.run.context import RunContext, open_run
-from idic.run.tasks import SimulationJob
+from idic.run.prepared.context import RunContext, open_run
+from idic.run.prepared.tasks import SimulationJob
 from idic.run.workers.dask_settings import cpu_seconds
 from idic.run.workers.runner import TaskRunner
 

@@ -19,8 +19,8 @@ from scipy import sparse
 
 from idic.diagnose.locate.nested_tests import Normal, normal
 from idic.diagnose.residual.evidence import Evidence
+from idic.diagnose.residual.score import NullModel
 from idic.diagnose.residual.subspace import Basis
-from idic.diagnose.screen.score import NullModel
 
 RIDGE_SHARE = 1e-3  # of the mean information of a field: keeps hardly visible fields from growing
 

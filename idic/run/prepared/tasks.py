@@ -19,13 +19,13 @@ from idic.fe import solver_threads
 from idic.identification import HALF_RATE, discrepancy_system, evaluate_at, is_coarse, with_mesh_error
 from idic.model import Stage, tried_increments
 from idic.parameters import ParameterSet
-from idic.run.context import RunContext, correlation_context, open_run
-from idic.run.warm_start import first_order_prediction, repeated, write_without_time_error
+from idic.path_names import path_name
+from idic.run.prepared.context import RunContext, correlation_context, open_run
+from idic.run.prepared.warm_start import first_order_prediction, repeated, write_without_time_error
 from idic.run.store.arrays import FrameArrays, read_array, write_array
 from idic.run.store.checkpoint import to_hex
 from idic.run.store.discrepancy_store import save_discrepancy
 from idic.run.store.layout import BASE, SCRATCH, group_name, local_label, stored_frames
-from idic.path_names import path_name
 from idic.run.store.repeated_arrays import RepeatedReader, RepeatedWriter
 from idic.run.store.run_store import RunStore
 from idic.run.store.system_store import load_evaluation

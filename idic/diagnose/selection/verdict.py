@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.diagnose.channel_left import ChannelLeft
+from idic.diagnose.physics.candidate import Candidate
+from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MIN_EXCESS_Z, ExcessLeft
 from idic.diagnose.residual.heldout import Fit, share_recovered
-from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.select import MAX_HIDDEN_VISIBILITY, MIN_PROBE_Z, Ranked, Screening
 from idic.diagnose.selection.rival import Round
 from idic.parameters import Parameter

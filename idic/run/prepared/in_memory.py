@@ -1,6 +1,6 @@
 """What an identification needs before its first simulation, in memory: noise, a free FE-DIC, starting values.
 
-`idic.run.prepare` and `idic.run.search` do the same with the files of a RUN.
+`idic.run.prepared.prepare` and `idic.run.search` do the same with the files of a RUN.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from idic.measure import DicStack, boundary_start, dic_stack, with_boundary_start
 from idic.identification import (
     coarse_fit, is_two_step, measured_noise, measured_start, motion_in_space, needs_free_dic, needs_motion_in_space,
     regularisation_of, search, wants_search, without_edges,
 )
+from idic.measure import DicStack, boundary_start, dic_stack, with_boundary_start
 from idic.model import Experiment, Noise, build_drives
-from idic.run.prepare import check_before_writing
+from idic.run.prepared.prepare import check_before_writing
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from collections.abc import Collection
 
 import numpy as np
 
+from idic.identification.free_motion.two_step import is_two_step
 from idic.measure import surface_motion, virtual_boundaries
-from idic.identification.two_step import is_two_step
 from idic.model import Experiment, Measured, build_drives, is_stereo, mode_names
 
 

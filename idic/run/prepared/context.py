@@ -13,19 +13,19 @@ import numpy as np
 from idic.correlation import (
     CorrelationContext, Reference, Weights, build_experiment_reference, camera_at, with_all_cameras,
 )
-from idic.measure import BoundaryStart, with_boundary_start
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.identification import is_two_step, measured_reference, seen_in
 from idic.images import Camera
+from idic.measure import BoundaryStart, with_boundary_start
 from idic.model import Experiment, ForwardModel, Stage, build_forward
 from idic.parameters import ParameterSet
+from idic.path_names import path_name
 from idic.remote_files import here
 from idic.run.store.arrays import read_array
 from idic.run.store.camera_groups import group_of, with_stored_images, with_stored_noise
 from idic.run.store.checkpoint import from_hex, load_checkpoint
 from idic.run.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, EXPERIMENTS, FROM_PYTHON
-from idic.path_names import path_name
 from idic.run.store.result_file import RESULT_FILE
 from idic.run.store.run_store import RunStore
 from idic.run.workers.probe import ExperimentToSee

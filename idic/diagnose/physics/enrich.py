@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import Situation
+from idic.diagnose.physics.candidate import Situation
 from idic.laws import EXPANSION, get_law
 from idic.parameters import Parameter
 

@@ -13,7 +13,6 @@ from typing import Any, cast
 import numpy as np
 
 from idic.correlation import build_experiment_reference, camera_at
-from idic.measure import BoundaryStart, boundary_start, virtual_boundaries
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, recorded
 from idic.identification import (
@@ -21,13 +20,14 @@ from idic.identification import (
     needs_motion_in_space, noise_weights, regularisation_of, resolve_stages, without_edges,
 )
 from idic.images import Stack
+from idic.measure import BoundaryStart, boundary_start, virtual_boundaries
 from idic.model import Experiment, Measured, Parametrised, build_drives, build_forward, set_nodes
+from idic.path_names import path_name
 from idic.readers import FieldStack, FileStack, check_stages
 from idic.run.store.arrays import FrameArrays, read_array, write_array
 from idic.run.store.camera_groups import group_of, ingest_all, noise_entry, with_stored_images
 from idic.run.store.checkpoint import save_checkpoint, to_hex
 from idic.run.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA, stored_frames
-from idic.path_names import path_name
 from idic.run.store.run_store import RunStore
 from idic.run.store.stack import Ingested, IngestJob
 from idic.run.workers.runner import TaskRunner
