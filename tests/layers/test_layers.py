@@ -175,8 +175,6 @@ MUTUAL_FOLDERS = {
     ("idic.laws.composed", "idic.laws.rate"),
     ("idic.readers", "idic.readers.delimited"),
     ("idic.virtual_tests", "idic.virtual_tests.stereo"),
-    ("idic_studies.cases", "idic_studies.misfit"),
-    ("idic_studies.pages", "idic_studies.trial"),
 }
 
 

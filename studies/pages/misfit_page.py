@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.report import BLUE, FAINT, GREY, ORANGE, Picture, look, new_figure, to_picture
-from idic_studies.misfit.worlds import RIGHT, WRONG, draw, flow_stress
+from idic_studies.examples.misfit_worlds import RIGHT, WRONG, draw, flow_stress
 from idic_studies.pages.case_record import CaseRecord
 from idic_studies.pages.study_page import Goal, StudyPage, StudySection, Table
 

@@ -1,7 +1,7 @@
 """The misfit study: whether the error bars hold for a slightly wrong model, and stay narrow for a right one.
 
-Every draw of a world has its own error, its own truth and its own noise (`idic_studies.misfit.worlds`). Figures:
-`idic_studies.misfit.page`.
+Every draw of a world has its own error, its own truth and its own noise (`idic_studies.examples.misfit_worlds`).
+Figures: `idic_studies.pages.misfit_page`.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from functools import partial
 from pathlib import Path
 
 from idic.images import ArrayStack
-from idic_studies.misfit.page import draw_misfit
-from idic_studies.misfit.worlds import METAL_SIZE, POLYMER_SIZE, RIGHT, WRONG, Draw, draw, virtual_test
-from idic_studies.cases.open_hole_strip import write_clean
 from idic_studies.cases.realisation import Disturbance
 from idic_studies.cases.study import Case, Rendering, Study
+from idic_studies.examples.misfit_worlds import METAL_SIZE, POLYMER_SIZE, RIGHT, WRONG, Draw, draw, virtual_test
+from idic_studies.examples.open_hole_strip import write_clean
+from idic_studies.pages.misfit_page import draw_misfit
 
 TRUTHS = {"full": 10, "reduced": 5, "sketch": 2}  # of every world: size and sign of its error
 RECORDINGS = {"full": 4, "reduced": 3, "sketch": 1}  # of every truth: noise

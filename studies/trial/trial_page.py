@@ -8,11 +8,11 @@ from pathlib import Path
 
 from idic.run import write_json
 from idic_studies.pages.study_page import StudyPage, StudySection, Table, write_page_files
-from idic_studies.pages.trial_figures import confusion_picture, decoy_picture, place_and_onset
 from idic_studies.trial.evaluation import TrialRecord, evaluated
 from idic_studies.trial.scores import goals
 from idic_studies.trial.seal import Folder, answered, opened
 from idic_studies.trial.strength import STRENGTHS
+from idic_studies.trial.trial_figures import confusion_picture, decoy_picture, place_and_onset
 from idic_studies.trial.world_scores import world_goals
 
 PAGE, RECORDS, SCORES = "trial.html", "records.json", "scores.json"

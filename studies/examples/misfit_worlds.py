@@ -23,11 +23,11 @@ import numpy as np
 
 from idic.fe import Block, Constraints, Mesh, Model, Reaction, Section, make_mesh, march
 from idic.laws import CompiledLaw, compile as compile_law
-from idic_studies.cases.open_hole_strip import HIDDEN_GRIP_MM, POLYMER, POLYMER_TABLE
 from idic.virtual_tests import (
     DEMO_TRUTH, DemoSize, LENGTH, LoggedColumn, RADIUS, THICKNESS, VirtualTest, WIDTH, medium_speckle, strip,
     strip_with_hole,
 )
+from idic_studies.examples.open_hole_strip import HIDDEN_GRIP_MM, POLYMER, POLYMER_TABLE
 
 METAL_SIZE = DemoSize(0.2, (100, 152), (3, 3, 4), (3, 4, 2), (5, 7, 3), 1)
 POLYMER_SIZE = replace(METAL_SIZE, pixel=0.1, shape=(200, 304), user=(8, 10, 5), true=(10, 14, 6))  # the error of both
