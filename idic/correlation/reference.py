@@ -163,7 +163,7 @@ def build_reference(pixel_map: PixelMap, images: np.ndarray | Sequence[np.ndarra
     patch_px : float
         Size of a brightness patch; below 90 px it costs information.
     lowpass_px : float
-        Standard deviation of a Gaussian against aliasing (`idic.images.quality.lowpass`); 0: none.
+        Standard deviation of a Gaussian against aliasing (`idic.images.gaussian_lowpass`); 0: none.
     border_px : int
         Along the borders of the image, left out of every frame; to be left out of the pixel map as well.
     noise_std : float, optional

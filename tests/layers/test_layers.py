@@ -183,7 +183,6 @@ MUTUAL_FOLDERS = {
     ("idic.identification", "idic.identification.step"),
     ("idic.identification", "idic.identification.systematic"),
     ("idic.identification.discrepancy", "idic.identification.systematic"),
-    ("idic.images", "idic.images.quality"),
     ("idic.laws.composed", "idic.laws.plasticity"),
     ("idic.laws.composed", "idic.laws.rate"),
     ("idic.readers", "idic.readers.delimited"),
