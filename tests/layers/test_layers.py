@@ -185,7 +185,6 @@ MUTUAL_FOLDERS = {
     ("idic.identification.discrepancy", "idic.identification.systematic"),
     ("idic.laws.composed", "idic.laws.plasticity"),
     ("idic.laws.composed", "idic.laws.rate"),
-    ("idic.readers", "idic.readers.delimited"),
     ("idic.report", "idic.report.design"),
     ("idic.report", "idic.report.fields"),
     ("idic.report", "idic.report.figures"),
