@@ -191,7 +191,6 @@ MUTUAL_FOLDERS = {
     ("idic.run", "idic.run.in_memory"),
     ("idic.run", "idic.run.judgement"),
     ("idic.run", "idic.run.recovery"),
-    ("idic.virtual_tests", "idic.virtual_tests.stereo"),
     ("idic_studies.cases", "idic_studies.misfit"),
     ("idic_studies.pages", "idic_studies.trial"),
 }

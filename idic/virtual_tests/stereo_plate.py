@@ -14,9 +14,9 @@ from idic.laws import compile as compile_law
 from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads, write_truth
 from idic.virtual_tests.meshes import strip_with_hole, write_inp
 from idic.virtual_tests.render import Sensor, noisy_channel, record
-from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
-from idic.virtual_tests.stereo.rig import Rig, rig, write_calibration
-from idic.virtual_tests.stereo.solid_speckle import SolidSpeckle, solid_speckle
+from idic.virtual_tests.ray_tracing import Scene, traced_image
+from idic.virtual_tests.stereo_rig import Rig, rig, write_calibration
+from idic.virtual_tests.solid_speckle import SolidSpeckle, solid_speckle
 from idic.virtual_tests.virtual_test import DEFAULT_NOISE_SHARE, GREY_LEVELS
 
 LENGTH, WIDTH, RADIUS, THICKNESS = 28.0, 16.0, 3.0, 4.0  # mm

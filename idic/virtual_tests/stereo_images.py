@@ -11,8 +11,8 @@ from idic.fe import Mesh, boundary_faces, face_cells, surface_cells
 from idic.identification import DOT_SIGMA_PER_SPECKLE
 from idic.images import AnyCamera, PlacedCamera
 from idic.virtual_tests.render import Sensor, record
-from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
-from idic.virtual_tests.stereo.solid_speckle import PERIOD_CELLS, SolidSpeckle, solid_speckle
+from idic.virtual_tests.ray_tracing import Scene, traced_image
+from idic.virtual_tests.solid_speckle import PERIOD_CELLS, SolidSpeckle, solid_speckle
 from idic.virtual_tests.virtual_test import GREY_LEVELS, with_contrast
 
 SPECKLE_PX = 1.6       # sigma of the dots in the middle of the image
