@@ -55,7 +55,7 @@ THIRD_PARTIES = {
     "idic_studies": {"matplotlib", "prefect", "zarr"},
 }
 MAX_MODULES, MAX_LINE_SHARE = 16, 0.12  # of a folder, its own files only
-CATALOGUES = {"idic.diagnose.candidates", "idic.laws.plasticity"}  # like things side by side
+CATALOGUES = {"idic.diagnose.candidates"}  # like things side by side
 
 
 MODULES = modules()
@@ -183,8 +183,6 @@ MUTUAL_FOLDERS = {
     ("idic.identification", "idic.identification.step"),
     ("idic.identification", "idic.identification.systematic"),
     ("idic.identification.discrepancy", "idic.identification.systematic"),
-    ("idic.laws.composed", "idic.laws.plasticity"),
-    ("idic.laws.composed", "idic.laws.rate"),
     ("idic.report", "idic.report.design"),
     ("idic.report", "idic.report.fields"),
     ("idic.report", "idic.report.figures"),

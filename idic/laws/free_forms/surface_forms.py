@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.laws.composed.free_curve import Form
+from idic.laws.free_forms.free_curve import Form
 from idic.laws.plasticity.free_locus import POWER, directions
 
 STARTS_OF_EXPONENT = (2.5, 6.0, 12.0)

@@ -18,7 +18,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from idic.laws.composed.free_curve import Form, basis
+from idic.laws.free_forms.free_curve import Form, basis
 
 UNIAXIAL, PURE_SHEAR, EQUIBIAXIAL = RUBBER_TESTS = ("uniaxial", "pure shear", "equibiaxial")
 CHAIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)  # of the inverse Langevin function

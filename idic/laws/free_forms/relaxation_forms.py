@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import scipy
 
-from idic.laws.composed.free_curve import Form
+from idic.laws.free_forms.free_curve import Form
 from idic.laws.rate.free_relaxation import relaxing
 
 LARGEST_ORDER = 0.999  # of a fractional derivative; 1 is the standard linear solid
