@@ -176,8 +176,6 @@ MUTUAL_FOLDERS = {
     ("idic.experiment_file", "idic.experiment_file.pinhole"),
     ("idic.experiment_file", "idic.experiment_file.tables"),
     ("idic.experiment_file.pinhole", "idic.experiment_file.tables"),
-    ("idic.fe", "idic.fe.assembly"),
-    ("idic.fe.assembly", "idic.fe.solver"),
     ("idic.identification", "idic.identification.discrepancy"),
     ("idic.identification", "idic.identification.noise"),
     ("idic.identification", "idic.identification.step"),

@@ -10,7 +10,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe.mesh.element import cell_type, quadrature_rule, shape_functions, shape_gradients
 from idic.fe.mesh.mesh import Mesh
-from idic.fe.model import Constraints, Direction, Model
+from idic.fe.body.model import Constraints, Direction, Model
 
 
 # from sets to dofs and load vectors ---------------------------------------------------------------

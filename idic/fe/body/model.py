@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from idic.errors import InputError
-from idic.fe.assembly.variation import Variation
+from idic.fe.body.variation import Variation
 from idic.fe.mesh.mesh import Mesh, PerMesh, check_elements
 from idic.fe.solver.rigid_motion import free_parts
 from idic.laws import CompiledLaw, MODES

@@ -17,7 +17,7 @@ from idic.fe.assembly.assembly import stretch_changes
 from idic.fe.assembly.assembly import System
 from idic.fe.equilibrium import Converged
 from idic.fe.assembly.point_means import add_carried_values, quotient
-from idic.fe.model import Direction
+from idic.fe.body.model import Direction
 
 
 def surface_rise(system: System, now: Converged, changes: Sequence[np.ndarray],
