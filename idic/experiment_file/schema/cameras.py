@@ -27,7 +27,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from idic.experiment_file.schema_base import Component, Pair, Positive, Strict, as_list, refuse
+from idic.experiment_file.schema.base import Component, Pair, Positive, Strict, as_list, refuse
 
 _TELECENTRIC = ("pixel_size_mm", "origin_px", "origin_mm", "axes", "rotation_deg", "centre_px", "matrix_px_per_unit",
                 "magnification_column", "magnification_knots")

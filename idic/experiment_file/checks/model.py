@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.tables.dofs import is_rate_dependent
 from idic.fe import EXTERNAL, FreePart, Mesh, PerMesh, bodies, dofs_of, face_set_nodes, free_parts, surface_cells
 from idic.images import AnyCamera, gap_mark
-from idic.laws import get_law
+from idic.laws import LawSpec, get_law
 from idic.model import Experiment, Material, Prescribed
+from idic.readers import parse_unit
 
 _MIN_FACE_ON = 1e-6  # of the mean area of a face: less is seen edge-on
 _FRAMES_LOOKED_AT = 5
@@ -216,6 +216,11 @@ def check_times(materials: tuple[Material, ...], times: np.ndarray | None, file)
                              key=f"material.{record.element_set}.law",
                              expected="a column time_s in the log, or frame_interval_s in [experiment]",
                              found="no times", remedy="add the column or the key")
+
+
+def is_rate_dependent(law: LawSpec) -> bool:
+    """Whether a parameter of the law has a unit with time: the frames then need times."""
+    return any((unit := parse_unit(p.unit)) is not None and unit.powers[1] != 0 for p in law.parameters)
 
 
 def check_surface(mesh: Mesh, kind: str, surface: str | None, file, key: str = "experiment.surface") -> None:

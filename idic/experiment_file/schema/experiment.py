@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from idic.experiment_file.schema_base import Positive, Strict, as_list, exactly_one, refuse
+from idic.experiment_file.schema.base import Positive, Strict, as_list, exactly_one, refuse
 
 Frame = Annotated[object, BeforeValidator(lambda value: _frame(value))]
 

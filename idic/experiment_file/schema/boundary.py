@@ -32,7 +32,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from idic.experiment_file.schema_base import (Component, NotNegative, Pair, Positive, Strict, as_list, as_value_table,
+from idic.experiment_file.schema.base import (Component, NotNegative, Pair, Positive, Strict, as_list, as_value_table,
                                               exactly_one, refuse)
 
 

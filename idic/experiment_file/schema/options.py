@@ -23,7 +23,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from idic.experiment_file.schema_base import Pair, Positive, Strict, refuse
+from idic.experiment_file.schema.base import Pair, Positive, Strict, refuse
 
 FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")]  # no folder in it
 

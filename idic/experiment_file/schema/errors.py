@@ -9,9 +9,9 @@ from pathlib import Path
 from pydantic import BaseModel, ValidationError
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_cameras import FurtherCameraTable
-from idic.experiment_file.schema_materials import ParameterTable
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.cameras import FurtherCameraTable
+from idic.experiment_file.schema.materials import ParameterTable
 
 _EXPECTED = {
     "missing": "this key", "string_type": "text in quotes", "float_type": "a number", "int_type": "a whole number",

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
+from idic.experiment_file.checks.model import corners_px, seen_nodes, seen_region, visible_cells
 from idic.images import MIN_TOLD_SHIFT_PX, Stack, shifts
 from idic.model import Experiment
 

@@ -10,12 +10,12 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from idic.experiment_file.schema_base import Strict, refuse
-from idic.experiment_file.schema_boundary import BoundaryTable, ChannelTable, SetTable
-from idic.experiment_file.schema_cameras import CameraTable, FurtherCameraTable
-from idic.experiment_file.schema_experiment import ExperimentTable, SetupTable
-from idic.experiment_file.schema_materials import DofTable, HeterogeneityTable, MaterialTable
-from idic.experiment_file.schema_options import (
+from idic.experiment_file.schema.base import Strict, refuse
+from idic.experiment_file.schema.boundary import BoundaryTable, ChannelTable, SetTable
+from idic.experiment_file.schema.cameras import CameraTable, FurtherCameraTable
+from idic.experiment_file.schema.experiment import ExperimentTable, SetupTable
+from idic.experiment_file.schema.materials import DofTable, HeterogeneityTable, MaterialTable
+from idic.experiment_file.schema.options import (
     CircleTable, DesignTable, ExtensometerTable, LineTable, OptionsTable, ProbeTable, SolverTable, StageTable,
 )
 

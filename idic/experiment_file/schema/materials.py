@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from idic.experiment_file.schema_base import Positive, Strict, as_value_table, refuse
+from idic.experiment_file.schema.base import Positive, Strict, as_value_table, refuse
 
 
 class PriorTable(Strict):
