@@ -160,9 +160,6 @@ MAX_NAMES = {"idic.calibrate": 6, "idic.correlation": 88, "idic.diagnose": 77, "
 MAX_TESTS_PAST_A_DOOR = 263  # files
 MUTUAL_FOLDERS = {
     ("idic", "idic.cli"),
-    ("idic.correlation", "idic.correlation.field"),
-    ("idic.correlation", "idic.correlation.height"),
-    ("idic.correlation", "idic.correlation.pinhole"),
     ("idic.diagnose", "idic.diagnose.discretisation"),
     ("idic.diagnose", "idic.diagnose.residual"),
     ("idic.diagnose", "idic.diagnose.screen"),

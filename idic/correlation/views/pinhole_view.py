@@ -24,7 +24,7 @@ _TANGENTS = PerMesh()
 @dataclass(frozen=True, eq=False)
 class PinholeView:
     """Projection of the motion of the nodes into the images of one pinhole camera; used as
-    `idic.correlation.view.View`.
+    `idic.correlation.views.view.View`.
 
     Attributes
     ----------

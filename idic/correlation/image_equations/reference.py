@@ -71,7 +71,7 @@ class ReferenceImage:
     lowpass_px : float
         Blur of the reference; the frames must have the same.
     blur_column : array (n_pixels,)
-        Minus half the Laplacian of the reference (GV/px²), see `idic.correlation.grey`.
+        Minus half the Laplacian of the reference (GV/px²), see `idic.correlation.image_equations.grey`.
     border_px : int
         Pixels that come closer than this to a border of the image count as outside: splines mirror the image there.
     gradient_noise : float

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from idic.correlation.equations import ColumnSum, FrameEquations, SeenColumns, Weights, added, dense
+from idic.correlation.image_equations.equations import ColumnSum, FrameEquations, SeenColumns, Weights, added, dense
 
 MAX_ROUNDING = 1e-6  # of an eigenvalue that is zero, in sums of single precision over their diagonal
 

@@ -18,11 +18,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.comparison import NodalBasis, at_nodes
-from idic.correlation.frame import (NodalEquations, PixelResidual, ResidualMap, nodal_equations, pixel_residual,
-                                    residual_map)
+from idic.correlation.image_equations.comparison import NodalBasis, at_nodes
+from idic.correlation.image_equations.frame import (
+    NodalEquations, PixelResidual, ResidualMap, nodal_equations, pixel_residual, residual_map,
+)
 from idic.correlation.pixels.pixel_map import PixelMap
-from idic.correlation.reference import ReferenceImage, build_reference
+from idic.correlation.image_equations.reference import ReferenceImage, build_reference
 from idic.images import DEGREES, Spline, blur_column, lowpass_weights, prefilter
 from idic.model import Experiment, Noise
 

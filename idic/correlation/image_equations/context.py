@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.comparison import Reference
-from idic.correlation.equations import Weights
+from idic.correlation.image_equations.comparison import Reference
+from idic.correlation.image_equations.equations import Weights
 from idic.images import AnyCamera
 from idic.model import Experiment
 from idic.parameters import ParameterSet

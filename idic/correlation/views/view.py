@@ -7,8 +7,8 @@
     section   column, row, height          camera at (x, 0); the height is  n u_y / height_unit
 
 ``n`` is the sign of the surface's outward normal: a height is positive where the surface rises towards the camera.
-A camera with a lens has a view of its own, `idic.correlation.pinhole.view`. A cross-section (2D mesh whose `surface` is
-a set of edges) is seen from above: its x runs through the image, its y is the height, and nothing changes along the
+A camera with a lens has a view of its own, `pinhole_view`. A cross-section (2D mesh whose `surface` is a set of edges)
+is seen from above: its x runs through the image, its y is the height, and nothing changes along the
 third direction.
 
 Degrees of freedom of the image kernels are numbered ``n_components * node + component``.
@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.pinhole.view import PinholeView, in_space
+from idic.correlation.views.pinhole_view import PinholeView, in_space
 from idic.errors import InputError
 from idic.fe import Mesh, cell_type
 from idic.images import AnyCamera, Camera, PlacedCamera, fixed_pixel_sensitivity, normal_sign

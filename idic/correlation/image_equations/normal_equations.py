@@ -10,8 +10,8 @@ The frames add, and M dlam = b is the step of the parameters. At small strain F^
 (Neggers, Hoefnagels, Geers, Hild, Roux, Int. J. Numer. Meth. Engng, 2015).
 
 This module holds a row of L for every pixel. The identification computes the same M and b without L: the image kernel
-(`idic.correlation.image_kernel.image_pass`) sums over the pixels of each element, `idic.correlation.frame` carries the
-sums to the nodes. The tests compare the two.
+(`image_kernel.image_pass`) sums over the pixels of each element, `frame` carries the sums to the nodes. The tests
+compare the two.
 """
 
 from __future__ import annotations

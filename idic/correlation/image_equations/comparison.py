@@ -1,6 +1,6 @@
 """The reference image by its kinds: their common protocol, and the nodal basis of grey and height images.
 
-    GreyReference      grey images                                `idic.correlation.grey`
+    GreyReference      grey images                                `idic.correlation.image_equations.grey`
     HeightReference    height images of the surface of a solid    `idic.correlation.height.surface`
     SectionReference   height images of a cross-section           `idic.correlation.height.cross_section`
     MeasuredReference  nodal motion of a free FE-DIC              `idic.correlation.measured`
@@ -18,9 +18,9 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from idic.correlation.equations import BasisEquations, SeenColumns
-from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
-from idic.correlation.height.section_map import SectionMap
+from idic.correlation.image_equations.equations import BasisEquations, SeenColumns
+from idic.correlation.image_equations.frame import FrameGram, NodalEquations, ResidualMap
+from idic.correlation.pixels.section_map import SectionMap
 from idic.correlation.pixels.cells import N_NODES
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.model import Experiment

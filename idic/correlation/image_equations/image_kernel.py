@@ -4,10 +4,10 @@ Where an element is stretched, the residual is that of the reference with the bl
 equation 1.10): eight more products per pixel.
 
 The sums of an element are those of the eight monomials m_k (docs/method.md, equation 3.6) times grad f times r, from
-which `idic.correlation.frame` makes H and q. Within an element, blocks of 256 pixels run through three short loops that
-the compiler vectorises: positions, spline values, sums; float32 within a block, float64 across blocks. A position is an
-integer pixel plus a float32 fraction, relative to a whole-pixel motion of the element: no digits are lost on large
-images. The kernel is serial and free of the interpreter lock: one frame per Python thread.
+which `frame` makes H and q. Within an element, blocks of 256 pixels run through three short loops that the compiler
+vectorises: positions, spline values, sums; float32 within a block, float64 across blocks. A position is an integer
+pixel plus a float32 fraction, relative to a whole-pixel motion of the element: no digits are lost on large images. The
+kernel is serial and free of the interpreter lock: one frame per Python thread.
 """
 
 from __future__ import annotations

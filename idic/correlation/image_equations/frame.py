@@ -2,10 +2,10 @@
 
     r = f - g(x + u),      L = (F^-T grad f) . phi,      brightness columns L = (-f_centred, -1) per patch
 
-docs/method.md, equations 1.2, 1.3, 3.2, 3.3 and 4.3. `idic.correlation.normal_equations` is the same pixel by pixel.
-F is the deformation gradient of each element in pixel coordinates. The convected gradient F^-T grad f is right at
-finite strain and holds no noise of the frame. Brightness is not eliminated here: `idic.correlation.system.eliminate`
-eliminates it together with all other unknowns of the frame.
+docs/method.md, equations 1.2, 1.3, 3.2, 3.3 and 4.3. `normal_equations` is the same pixel by pixel. F is the
+deformation gradient of each element in pixel coordinates. The convected gradient F^-T grad f is right at finite strain
+and holds no noise of the frame. Brightness is not eliminated here: `system.eliminate` eliminates it together with all
+other unknowns of the frame.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import numpy as np
 from numba import njit
 from scipy import sparse
 
-from idic.correlation.image_kernel import N_SUMS, image_pass, residual_pass
+from idic.correlation.image_equations.image_kernel import N_SUMS, image_pass, residual_pass
 from idic.correlation.pixels.blocks import element_blocks
 from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, inverse_gradients
 from idic.correlation.pixels.pixel_map import element_coefficients
-from idic.correlation.reference import Brightness, ReferenceImage
+from idic.correlation.image_equations.reference import Brightness, ReferenceImage
 from idic.images import Spline, matched_gain, noise_gain, still_gain
 
 
