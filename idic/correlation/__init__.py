@@ -15,8 +15,8 @@ simulated motion into motion in the image, `channels` adds forces and gauges, `c
 `shared_noise` closes the sums for the noise of the reference image (docs/method.md, section 7).
 
 Steps 2 to 4 depend on the kind of reference image. `image_equations/comparison` is the protocol of all kinds: grey
-images (`image_equations/grey`), heights of a surface and of a cross-section (`height/`), measured fields (`field/`), the
-motion of a free FE-DIC (`measured`). `experiment_reference` makes the kind that an experiment has.
+images (`image_equations/grey`), heights of a surface and of a cross-section (`height/`), measured fields (`field/`),
+the motion of a free FE-DIC (`measured`). `experiment_reference` makes the kind that an experiment has.
 """
 
 import lazy_loader
