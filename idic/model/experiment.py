@@ -181,7 +181,7 @@ class Heterogeneity:
 
     form : "inclusion" | "void" | "thickness" (a spot, values `amount`, x, y, (z), radius) | "gradient" (values along_x,
     along_y, (along_z)) | "layers" (values stiffness_ratio, period, direction, offset, share). See
-    `idic.fe.assembly.variation`.
+    `idic.fe.body.variation`.
     """
 
     element_set: str

@@ -30,7 +30,7 @@ def test_every_advertised_function_can_be_imported():
 def test_the_help_of_the_package_leads_to_the_equation():
     """`import idic; help(idic)` names the module; the module is short enough to read and names the kernel."""
     page = pydoc.plain(pydoc.render_doc(idic))
-    assert "idic/correlation/normal_equations.py" in page
+    assert "idic/correlation/image_equations/normal_equations.py" in page
     text = (ROOT / "idic" / "correlation" / "normal_equations.py").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 60
-    assert "idic.correlation.image_kernel.image_pass" in text and "docs/method.md" in text
+    assert "idic.correlation.image_equations.image_kernel.image_pass" in text and "docs/method.md" in text

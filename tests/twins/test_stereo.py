@@ -34,7 +34,7 @@ from idic.identification.discrepancy.mesh_error import is_counted, mesh_error
 from idic.images import spline_slopes, spline_values
 from idic.model import Column, build_forward
 from idic.report.evidence.rig import rig_warnings
-from idic.virtual_tests.stereo.plate import REDUCED, TRUTH, Size, plate_test, write_plate
+from idic.virtual_tests.stereo_plate import REDUCED, TRUTH, Size, plate_test, write_plate
 
 SMALL = Size(0.2, (100, 156), (2, 2, 2), (2, 3, 2, 1), (3, 4, 2, 1))
 

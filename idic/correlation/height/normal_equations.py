@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.normal_equations import PixelEquations
+from idic.correlation.image_equations.normal_equations import PixelEquations
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.images import inside, spline_slopes, spline_values
 

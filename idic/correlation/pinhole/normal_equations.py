@@ -7,15 +7,15 @@
 
 P is the projection, J its 2 x 3 Jacobian, dX and dY (3 x 2) the tangents of the surface before and after the motion; t
 is the frame. Everything is exact at every pixel. The identification computes M and b from the images of the nodes
-(`idic.correlation.pinhole.view`) with one F per element (`idic.correlation.frame`); the tests compare the two.
+(`idic.correlation.views.pinhole_view`) with one F per element (`image_equations.frame`); the tests compare the two.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.normal_equations import PixelEquations
-from idic.correlation.pinhole.view import in_space
+from idic.correlation.image_equations.normal_equations import PixelEquations
+from idic.correlation.views.pinhole_view import in_space
 from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, monomial_slopes
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.images import PlacedCamera, inside, spline_slopes, spline_values

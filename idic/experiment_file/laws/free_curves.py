@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema_materials import MaterialTable, SmoothnessTable
+from idic.experiment_file.schema.materials import MaterialTable, SmoothnessTable
 from idic.laws import (
     DEFAULT_KNOTS, FREE_RUBBER, INVARIANTS, KNOTS, OVER, RINGS, ROOT, STRAIN, Smoothness, bends, knots,
     knots_of_rubber, level_names, prior_rows, ring_knots_of, rise, rubber_level_names as rubber_levels,

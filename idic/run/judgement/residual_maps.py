@@ -48,7 +48,7 @@ class PointResiduals:
 
     @property
     def kind(self) -> str:
-        """What the images show (`idic.correlation.view`)."""
+        """What the images show (`idic.correlation.views.view`)."""
         return view_of(self.experiment, self._shared.camera).kind
 
     @cached_property
