@@ -12,7 +12,7 @@ from .diagnosis.where import WhereRecord, pictures
 from .diagnosis.words import heldout_drop, sentence, standing_of, strongest
 from .evidence.check import check, overlay
 from .evidence.cost import expected_cost
-from .evidence.free_dic import FreeMotions, free_motions, noise_floor, seen_by, with_residuals
+from .evidence.free_dic import FreeMotions, free_motions, noise_floor, with_residuals
 from .evidence.hardening import hardening_curves
 from .evidence.law import law_curves
 from .evidence.matrices import shown_step, without_modes
@@ -61,7 +61,7 @@ __all__ = [
     "not_explained", "number_text", "of_fields", "overlay", "parameter_rows", "parts", "parts_of_std", "pictures",
     "plan_sections", "plot_law", "point_maps_of", "practice_of", "readable_unit", "relaxation_curves", "render_batch",
     "render_design", "render_diagnosis_page", "render_page", "render_tables", "residual_png", "residual_window",
-    "result_headline", "result_verdict", "rubber_curves", "said", "scatter", "section_fields", "seen_area", "seen_by",
+    "result_headline", "result_verdict", "rubber_curves", "said", "scatter", "section_fields", "seen_area",
     "sentence", "short", "short_names", "shown_step", "spot_picture", "standing_of", "stress_unit", "strongest",
     "summary", "temperature_factors", "time_label", "to_picture", "treatment_table", "two_digits", "undetermined",
     "virtual_boundaries", "with_profiles", "with_residuals", "with_section_floor", "with_spots", "with_std",
