@@ -8,7 +8,7 @@ import tifffile
 from material_twins import ELASTIC, NULLS, PLASTIC, TOML, TRUTHS, NullModel, expected, write_folder
 from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 
-from idic.diagnose import Ranked, candidate_library, candidate_library as library, residual_evidence
+from idic.diagnose import Ranked, candidate_library, candidates as library, residual_evidence
 from idic.diagnose.physics.candidate import Situation
 from idic.diagnose.refits.refit import warm_start
 from idic.diagnose.residual.heldout import fit, grid_of
