@@ -39,7 +39,7 @@ PYTHON = {  # title -> modules of the reference
     "Fields": ("idic.measure.fields.strain", "idic.measure.fields.series", "idic.measure.fields.readings",
                "idic.measure.fields.free"),
     "Free FE-DIC": ("idic.measure.dic.stack", "idic.measure.dic.frame"),
-    "The equation": ("idic.correlation.image_equations.normal_equations",),
+    "The equation": ("idic.correlation.image_equations.frame",),
     "To extend idic": ("idic.laws.core.law", "idic.diagnose.physics.candidate"),
 }
 

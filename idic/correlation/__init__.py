@@ -1,7 +1,8 @@
 """Correlation of the images with the simulated motion: normal equations M, b and functional of every frame.
 
-The equation, pixel by pixel, is in `image_equations/normal_equations`. A row of pixels passes through five files of the
-compiled route; the last four are in `image_equations/`:
+The function that reads like the equations is `nodal_equations` in `image_equations/frame`; pixel by pixel they stand in
+`tests/correlation/pixel_equations.py`. A row of pixels passes through five files; the last four are in
+`image_equations/`:
 
 1. `pixels/pixel_map`: the element of each pixel and its place in it, found once per mesh and camera.
 2. `reference`: grey value, gradient and element matrices of the reference image, made once.

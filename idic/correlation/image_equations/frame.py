@@ -2,10 +2,10 @@
 
     r = f - g(x + u),      L = (F^-T grad f) . phi,      brightness columns L = (-f_centred, -1) per patch
 
-docs/method.md, equations 1.2, 1.3, 3.2, 3.3 and 4.3. `normal_equations` is the same pixel by pixel. F is the
-deformation gradient of each element in pixel coordinates. The convected gradient F^-T grad f is right at finite strain
-and holds no noise of the frame. Brightness is not eliminated here: `system.eliminate` eliminates it together with all
-other unknowns of the frame.
+docs/method.md, equations 1.2, 1.3, 3.2, 3.3 and 4.3. `tests/correlation/pixel_equations.py` is the same pixel by pixel.
+F is the deformation gradient of each element in pixel coordinates. The convected gradient F^-T grad f is right at
+finite strain and holds no noise of the frame. Brightness is not eliminated here: `system.eliminate` eliminates it
+together with all other unknowns of the frame.
 """
 
 from __future__ import annotations

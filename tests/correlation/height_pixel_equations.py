@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.image_equations.normal_equations import PixelEquations
-from idic.correlation.pixels.pixel_map import PixelMap
+from correlation.pixel_equations import PixelEquations
+from idic.correlation import PixelMap
 from idic.images import inside, spline_slopes, spline_values
 
 

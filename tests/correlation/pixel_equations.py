@@ -9,9 +9,8 @@
 The frames add, and M dlam = b is the step of the parameters. At small strain F^-T grad f is the grad f of the paper
 (Neggers, Hoefnagels, Geers, Hild, Roux, Int. J. Numer. Meth. Engng, 2015).
 
-This module holds a row of L for every pixel. The identification computes the same M and b without L: the image kernel
-(`image_kernel.image_pass`) sums over the pixels of each element, `frame` carries the sums to the nodes. The tests
-compare the two.
+This module holds a row of L for every pixel. The identification computes the same M and b without L
+(`idic.correlation.nodal_equations`). The tests compare the two.
 """
 
 from __future__ import annotations

@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.image_equations.normal_equations import PixelEquations
+from correlation.pixel_equations import PixelEquations
 from idic.correlation.views.pinhole_view import in_space
 from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, monomial_slopes
-from idic.correlation.pixels.pixel_map import PixelMap
+from idic.correlation import PixelMap
 from idic.images import PlacedCamera, inside, spline_slopes, spline_values
 
 
