@@ -39,8 +39,8 @@ PYTHON = {  # title -> modules of the reference
     "Fields": ("idic.measure.fields.strain", "idic.measure.fields.series", "idic.measure.fields.readings",
                "idic.measure.fields.free"),
     "Free FE-DIC": ("idic.measure.dic.stack", "idic.measure.dic.frame"),
-    "The equation": ("idic.correlation.normal_equations",),
-    "To extend idic": ("idic.laws.core.law", "idic.diagnose.screen.candidate"),
+    "The equation": ("idic.correlation.image_equations.frame",),
+    "To extend idic": ("idic.laws.core.law", "idic.diagnose.physics.candidate"),
 }
 
 
@@ -83,7 +83,7 @@ def _with_links(text: str, place: Path, at: Path = Path()) -> str:
         path = os.path.relpath(place / file, ROOT)
         if path in REPOSITORY_PAGES:
             return f"[{label}]({os.path.relpath(REPOSITORY_PAGES[path], at)}.md{'#' + anchor if anchor else ''})"
-        if path == "docs/README.md":
+        if path in ("docs/README.md", "docs/examples/README.md"):  # the index lists the pages of the examples
             return f"[{label}]({os.path.relpath('index.md', at)})"
         if path.startswith("docs/") and Path(path).suffix in (".md", ".png"):
             return f"[{label}]({os.path.relpath(path.removeprefix('docs/'), at)}{'#' + anchor if anchor else ''})"
@@ -149,8 +149,9 @@ def _example_pages(folder: Path, execute: bool) -> Iterator[str]:
         if execute:
             place = folder / script.stem
             place.mkdir(parents=True)
+            with_idic = os.environ | {"PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])}
             done = subprocess.run([sys.executable, str(script)], cwd=place, check=True, stdout=subprocess.PIPE,
-                                  text=True, encoding="utf-8")
+                                  text=True, encoding="utf-8", env=with_idic)
             parts.append(f"```text\n{done.stdout.rstrip()}\n```")
             parts += [f"![{picture.stem}]({script.stem}/{picture.name})" for picture in sorted(place.glob("*.png"))]
         _write(folder / f"{script.stem}.md", "\n\n".join(parts))

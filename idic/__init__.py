@@ -1,8 +1,8 @@
 """Time-resolved integrated digital image correlation: images and forces in, constitutive parameters out.
 
-The equation: `idic/correlation/normal_equations.py` writes the residual f(x) - g(x + u) and its normal equations
-M dlam = b as the paper does (Neggers et al. 2015, equations 6, 7 and 10). The compiled route to the same M and b is
-described in `idic/correlation/__init__.py`; derivations are in docs/method.md.
+The equation: `nodal_equations` in `idic/correlation/image_equations/frame.py` makes the residual f(x) - g(x + u) and
+its normal equations M dlam = b (Neggers et al. 2015, equations 6, 7 and 10). What comes before and after is described
+in `idic/correlation/__init__.py`; derivations are in docs/method.md.
 
 From Python objects: `Experiment` (images, mesh, log, law), `identify` (in memory or into a RUN folder), `load_result`;
 a result has tables and pictures (docs/python.md).

@@ -61,7 +61,8 @@ class Parameter:
         """Change of a linear parameter by a unit of its scaled value.
 
         What a prior states is known: where it is wider than the scale, the unit is `PRIOR_STDS_PER_STEP` of its
-        standard deviations, so that the parameter counts as determined (`idic.identification.parameter_covariance`).
+        standard deviations, so that the parameter counts as determined
+        (`idic.identification.step.parameter_covariance`).
         """
         return max(self.scale, PRIOR_STDS_PER_STEP * (self.prior_std or 0.0))
 

@@ -1,23 +1,26 @@
 from .channels import FRICTION, channel_equations, channel_values, drifting, measured_values
-from .comparison import Reference
-from .context import CorrelationContext, FrameResponse
-from .equations import ColumnSum, FrameEquations, Weights, dense
 from .equations_of_frame import (
-    at_fixed_pixels, correlated_frames, frame_equations, frame_system, global_columns, nodal_gradient, turned_response,
-    with_all_cameras,
+    at_fixed_pixels, correlated_frames, frame_equations, frame_system, global_columns, nodal_gradient,
+    turned_response, with_all_cameras,
 )
 from .experiment_reference import build_experiment_reference, camera_at
 from .field.equations import FieldEquations
 from .field.reference import FieldReference, build_field_reference
-from .frame import NodalEquations, ResidualMap, nodal_equations, residual_map, solve_brightness
-from .grey import GreyReference, blur_bias, frame_spline
 from .height.cross_section import SectionReference, section_equations, section_residual_map
 from .height.section_nodes import section_motion
-from .image_kernel import residual_pass
+from .image_equations.comparison import Reference
+from .image_equations.context import CorrelationContext, FrameResponse
+from .image_equations.equations import ColumnSum, FrameEquations, Weights, dense
+from .image_equations.frame import NodalEquations, ResidualMap, nodal_equations, residual_map, solve_brightness
+from .image_equations.grey import GreyReference, blur_bias, frame_spline
+from .image_equations.image_kernel import residual_pass
+from .image_equations.reference import MAX_GRADIENT_NOISE, ReferenceImage, build_reference
+from .image_equations.system import (
+    CorrelationSystem, FrameRecord, LocalEquations, OpenSums, eliminate, local_covariance, reduce_systems,
+)
 from .measured import MeasuredReference, mean_information
 from .pinhole.agreement import COARSE_PX, Seen, agreements, speckle_agreement
 from .pinhole.texture import MIN_CORRELATION, TexturePair, determined_by_texture, texture_pairs
-from .pinhole.view import PinholeView, in_space, nodal_normals
 from .pixels.cells import CELLS, N_NODES
 from .pixels.pixel_map import PixelMap, build_pixel_map
 from .pixels.projection import NodalField, onto_nodes
@@ -25,12 +28,9 @@ from .placing.contours import Contour, edge_contour, hole_contour
 from .placing.observations import Evidence, Marked, Rim
 from .placing.pose import Pose, fitted_pose, reselected
 from .placing.surface_points import SurfacePoints, surface_points
-from .reference import MAX_GRADIENT_NOISE, ReferenceImage, build_reference
 from .shared_noise import MAX_DENSE_UNKNOWNS, closed_system, generalised_weights, ordinary_variance
-from .system import (
-    CorrelationSystem, FrameRecord, LocalEquations, OpenSums, eliminate, local_covariance, reduce_systems,
-)
-from .view import GREY, SECTION, SPACE, View, is_section, view_of
+from .views.pinhole_view import PinholeView, in_space, nodal_normals
+from .views.view import GREY, SECTION, SPACE, View, is_section, view_of
 
 __all__ = [
     "CELLS", "COARSE_PX", "FRICTION", "GREY", "MAX_DENSE_UNKNOWNS", "MAX_GRADIENT_NOISE", "MIN_CORRELATION", "N_NODES",

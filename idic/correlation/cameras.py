@@ -12,8 +12,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from idic.correlation.equations import BasisEquations, FrameEquations, Weights
-from idic.correlation.system import CorrelationSystem
+from idic.correlation.image_equations.equations import BasisEquations, FrameEquations, Weights
+from idic.correlation.image_equations.system import CorrelationSystem
 
 
 @dataclass(frozen=True)

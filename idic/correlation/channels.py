@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.equations import ChannelEquations
+from idic.correlation.image_equations.context import CorrelationContext, FrameResponse
+from idic.correlation.image_equations.equations import ChannelEquations
 from idic.model import Channel, Experiment, knot_name, way_of
 from idic.parameters import ParameterSet
 

@@ -13,15 +13,15 @@ import numpy as np
 
 from idic.correlation.cameras import joined_equations, unit_weights, with_camera_sums
 from idic.correlation.channels import channel_equations
-from idic.correlation.comparison import NoiseTerms, Reference
-from idic.correlation.context import CorrelationContext, FrameResponse
-from idic.correlation.equations import FrameEquations, SeenColumns
+from idic.correlation.image_equations.comparison import NoiseTerms, Reference
+from idic.correlation.image_equations.context import CorrelationContext, FrameResponse
+from idic.correlation.image_equations.equations import FrameEquations, SeenColumns
 from idic.correlation.experiment_reference import build_experiment_reference, camera_at
 from idic.correlation.field.equations import FieldEquations
 from idic.correlation.field.reference import FieldReference
-from idic.correlation.frame import NodalEquations
-from idic.correlation.system import CorrelationSystem, eliminate
-from idic.correlation.view import view_of
+from idic.correlation.image_equations.frame import NodalEquations
+from idic.correlation.image_equations.system import CorrelationSystem, eliminate
+from idic.correlation.views.view import view_of
 from idic.fe import nodal_deformation
 from idic.images import AnyCamera, PLACEMENT_STEM, PlacedCamera
 from idic.model import Experiment

@@ -8,16 +8,16 @@ from hashlib import blake2b
 import numpy as np
 import scipy
 
-from idic.correlation.comparison import Reference
+from idic.correlation.image_equations.comparison import Reference
 from idic.correlation.field.reference import build_field_reference
-from idic.correlation.grey import grey_reference
+from idic.correlation.image_equations.grey import grey_reference
 from idic.correlation.height.cross_section import SectionReference, build_section_reference
 from idic.correlation.height.gaps import pixels_at_gaps, height_frame
-from idic.correlation.height.section_map import build_section_map
+from idic.correlation.pixels.section_map import build_section_map
 from idic.correlation.height.surface import build_height_reference
 from idic.correlation.pinhole.ray_map import build_ray_map
 from idic.correlation.pixels.pixel_map import PixelMap, build_pixel_map
-from idic.correlation.view import GREY, SECTION, view_of
+from idic.correlation.views.view import GREY, SECTION, view_of
 from idic.errors import InputError
 from idic.fe import surface_cells
 from idic.images import AnyCamera, CAMERA_PARAMETERS, Camera, DEGREES, PLACEMENT_STEM, PlacedCamera

@@ -22,9 +22,9 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from idic.correlation.comparison import NoiseTerms, Reference
-from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap, solve_brightness
-from idic.correlation.grey import GreyReference
+from idic.correlation.image_equations.comparison import NoiseTerms, Reference
+from idic.correlation.image_equations.frame import FrameGram, NodalEquations, ResidualMap, solve_brightness
+from idic.correlation.image_equations.grey import GreyReference
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.model import Experiment
 

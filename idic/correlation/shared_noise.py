@@ -29,10 +29,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.correlation.context import CorrelationContext
-from idic.correlation.equations import Weights, dense
+from idic.correlation.image_equations.context import CorrelationContext
+from idic.correlation.image_equations.equations import Weights, dense
 from idic.correlation.pinhole.texture import texture_equations
-from idic.correlation.system import CorrelationSystem, FrameRecord, LocalEquations, OpenSums, solve_positive
+from idic.correlation.image_equations.system import (
+    CorrelationSystem, FrameRecord, LocalEquations, OpenSums, solve_positive,
+)
 
 # frame-local ones, in one matrix (0.3 GB): beyond, frame by frame, with the same values within rounding
 MAX_DENSE_UNKNOWNS = 6000

@@ -1,36 +1,37 @@
 from .caution_texts import cautions
 from .chain import Diagnosis, SEED, diagnose
-from .courses import SUPPOSED_EXPANSION_PER_K, content
 from .findings import mismatch_content, refitted_form, unexplained
 from .locate.left_place import left_place
 from .locate.mismatch import Mismatch, SelectedEffect
 from .locate.mismatch_words import MOTION, place_words
 from .locate.place import element_centres, in_words
-from .measured_motion import (
-    OutOfRegister, by_motion, holds_motion, image_chi2, may_be_out_of_register, out_of_register, with_edge_modes,
-)
 from .model_change import LawPair, WindowCurve, law_pairs, window_curves
 from .notes import Notes
-from .refit import Refit, identification_at
-from .refit_job import ExperimentSource, RefitJob, run_refit
+from .physics.candidate import Candidate, FAMILIES, MESH_TOO_COARSE, Variant
+from .refits.refit import Refit, identification_at
+from .refits.refit_job import ExperimentSource, RefitJob, run_refit
 from .residual.evidence import Columns, Evidence
 from .residual.excess_left import MIN_EXCESS_Z
 from .residual.heldout import Fit, better_blocks, ratio
 from .residual.margin import Margin, PRACTICAL_MARGIN_PX
+from .residual.measured_motion import (
+    OutOfRegister, by_motion, holds_motion, image_chi2, may_be_out_of_register, out_of_register, with_edge_modes,
+)
 from .residual.residual_evidence import ResidualEvidence, context_of, residual_evidence
 from .residual.residual_maps import map_of_noise, maps_of_evidence, maps_of_identification
+from .residual.score import null_model, score
 from .residual.spots import DUST, LEFT_OUT, LeftOut, MARGIN_PX, PAINT, Spot, find_spots
 from .residual.thinning import JUDGEMENT, thinned
-from .screen.candidate import Candidate, FAMILIES, MESH_TOO_COARSE, Variant, candidate_library
+from .screen.courses import SUPPOSED_EXPANSION_PER_K, content
 from .screen.decoys import decoy_scores
+from .screen.library import candidate_library
 from .screen.misregistration import HIDDEN_BY_MOTION
-from .screen.score import null_model, score
 from .screen.score_columns import ScoreColumn
 from .screen.select import MAX_FAMILYWISE_P, MAX_HIDDEN_VISIBILITY, Ranked, screen_candidates
 from .selection.block_step import holds
 from .selection.rival import NO_CAUSE, Rival, Round
 from .selection.rounds import Stage, silent
-from .verdict import Verdict
+from .selection.verdict import Verdict
 
 __all__ = [
     "DUST", "FAMILIES", "HIDDEN_BY_MOTION", "JUDGEMENT", "LEFT_OUT", "MARGIN_PX", "MAX_FAMILYWISE_P",

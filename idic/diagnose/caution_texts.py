@@ -11,16 +11,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from idic.diagnose.chain import Diagnosis
-from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.discretisation.bricks import reason_against_bricks
 from idic.diagnose.discretisation.combinations import BRICKS, FINITE_STRAINS
 from idic.diagnose.next_test import reason_against_continuation
-from idic.diagnose.refit import MAX_EVALUATIONS, MAX_FAILED_SIMULATIONS
+from idic.diagnose.physics.candidate import MESH_TOO_COARSE
+from idic.diagnose.physics.edits import open_share
+from idic.diagnose.refits.refit import MAX_EVALUATIONS, MAX_FAILED_SIMULATIONS
+from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS_LEFT, MIN_EXCESS_Z, ExcessLeft
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
-from idic.diagnose.screen.candidate import MESH_TOO_COARSE
-from idic.diagnose.screen.edits import open_share
 from idic.diagnose.selection.rival import NO_CAUSE, Round
 from idic.identification import Identification, gripped_ends, z_text
 from idic.laws import get_law

@@ -14,8 +14,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from idic.diagnose.channel_left import MIN_READING_SHARE, ChannelLeft, channels_left
-from idic.diagnose.courses import Course, courses_of
 from idic.diagnose.discretisation.following import is_at
 from idic.diagnose.discretisation.known_error import renewed_error, with_error
 from idic.diagnose.discretisation.neglected import Neglected, neglected
@@ -26,22 +24,25 @@ from idic.diagnose.discretisation.weight import MIN_SHIFT_STD, weighed
 from idic.diagnose.free_form import NEXT_TEST, Base, FreeForm, free_form, has_other_sides, is_offered
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
 from idic.diagnose.locate.mismatch import Mismatch, SelectedEffect, locate
-from idic.diagnose.measured_motion import OutOfRegister
 from idic.diagnose.next_test import next_experiment, unloads
 from idic.diagnose.notes import Notes
+from idic.diagnose.physics.candidate import Candidate
+from idic.diagnose.physics.edits import open_share
 from idic.diagnose.probability import probability
-from idic.diagnose.refit import Refit, identification_at, is_residual_of, refit_residual, residual_from_rest
-from idic.diagnose.refit_job import ExperimentSource, Refits, refit_of_one
+from idic.diagnose.refits.refit import Refit, identification_at, is_residual_of, refit_residual, residual_from_rest
+from idic.diagnose.refits.refit_job import ExperimentSource, Refits, refit_of_one
+from idic.diagnose.residual.channel_left import MIN_READING_SHARE, ChannelLeft, channels_left
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.excess_left import ExcessLeft, effect
 from idic.diagnose.residual.heldout import Fit, fit, grid_of
 from idic.diagnose.residual.margin import ASSUMED, Margin
+from idic.diagnose.residual.measured_motion import OutOfRegister
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.spots import LeftOut
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
-from idic.diagnose.screen.candidate import Candidate, candidate_library
-from idic.diagnose.screen.edits import open_share
+from idic.diagnose.screen.courses import Course, courses_of
+from idic.diagnose.screen.library import candidate_library
 from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.select import Ranked
 from idic.diagnose.screen.situation import situation
@@ -52,7 +53,7 @@ from idic.diagnose.selection.other_axis import fit_from_other_axes, is_another_a
 from idic.diagnose.selection.rival import Round, causes_of
 from idic.diagnose.selection.rounds import (Clock, Group, Setting, Stage, Watch, has_state, null_refit, selected_rounds,
                                             silent, unwatched)
-from idic.diagnose.verdict import Verdict, conclude, is_of_readings
+from idic.diagnose.selection.verdict import Verdict, conclude, is_of_readings
 from idic.errors import NotConverged
 from idic.identification import Identification
 from idic.model import MotionError

@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.locate.mismatch import Mismatch
-from idic.diagnose.refit import Refit
-from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
+from idic.diagnose.physics.candidate import Situation
+from idic.diagnose.physics.enrich import elastic_pair, enriched, has_times, locked, new, plastic_strain, stress_levels
+from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.margin import Margin
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.screen.candidate import Situation
-from idic.diagnose.screen.enrich import elastic_pair, enriched, has_times, locked, new, plastic_strain, stress_levels
 from idic.diagnose.selection.free_model import FreeModel
 from idic.diagnose.selection.rival import Round
-from idic.diagnose.verdict import Verdict
+from idic.diagnose.selection.verdict import Verdict
 from idic.laws import knots, rubber_level_names, weight_names
 from idic.model import Experiment
 

@@ -19,11 +19,11 @@ from itertools import combinations
 import numpy as np
 
 from idic.correlation import FrameResponse, channel_equations, global_columns, turned_response
-from idic.diagnose.refit import Refit, identification_at
-from idic.diagnose.refit_job import ExperimentSource
+from idic.diagnose.refits.refit import Refit, identification_at
+from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.evidence import Columns, Evidence
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence, residual_evidence
-from idic.diagnose.screen.score import null_model, score
+from idic.diagnose.residual.score import null_model, score
 from idic.errors import InputError, NotConverged
 from idic.identification import Identification
 from idic.images import Camera

@@ -22,10 +22,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.diagnose.channel_left import ChannelLeft
+from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MIN_EXCESS_Z, ExcessLeft
 from idic.diagnose.selection.rival import Round
-from idic.diagnose.verdict import Verdict
+from idic.diagnose.selection.verdict import Verdict
 
 STRENGTHS_Z = (3.0, 8.0, 30.0)  # standard deviations of the weakest selected cause (root of `Rival.evidence`)
 P_OF_STRENGTH = (0.7, 0.8, 0.98)

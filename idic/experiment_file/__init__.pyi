@@ -1,15 +1,15 @@
+from .checks.model import corners_px, seen_nodes, seen_region, visible_cells
 from .init import initial_experiment
 from .initial.fields import find_stages
 from .inputs import inputs_of
 from .laws.free_curves import BY_EVIDENCE, NEIGHBOURS, SPECTRUM, SURFACE, StatedCurve, by_evidence
 from .laws.free_surface import KIND, SPREAD
 from .load import ExperimentFolder, load_experiment, load_rendered
-from .model_checks import corners_px, seen_nodes, seen_region, visible_cells
 from .objects import ORIGIN, Objects, from_objects, further_files
 from .recording import Frames
-from .schema import ExperimentFile
-from .schema_experiment import Circle, Points
-from .schema_options import DesignTable
+from .schema.experiment import Circle, Points
+from .schema.experiment_file import ExperimentFile
+from .schema.options import DesignTable
 from .tables.camera_noise import recorded, with_stabilised_images
 from .tables.gauges import gauges
 from .tables.lengths import Lengths

@@ -16,7 +16,7 @@ from idic.experiment_file.laws.softening import softening_notes
 from idic.experiment_file.laws.spectrum import spectrum_notes
 from idic.experiment_file.measured_fields.noise import noise_of_fields, with_depth
 from idic.experiment_file.measured_fields.placement import field_camera, laid_on_outline
-from idic.experiment_file.model_checks import (check_materials, check_supported, check_surface, check_times,
+from idic.experiment_file.checks.model import (check_materials, check_supported, check_surface, check_times,
                                                check_visible, checked_heights)
 from idic.experiment_file.recording import Frames, RecordedFolder
 from idic.experiment_file.tables import boundaries as boundary_tables, dofs
@@ -26,7 +26,7 @@ from idic.experiment_file.tables.further_cameras import further_cameras, with_su
 from idic.experiment_file.tables.gauges import gauges
 from idic.experiment_file.tables.geometry import geometry_of
 from idic.experiment_file.tables.heterogeneities import heterogeneities
-from idic.experiment_file.tables.images_at_rest import told_references
+from idic.experiment_file.checks.images_at_rest import told_references
 from idic.experiment_file.tables.lengths import Lengths, lengths
 from idic.experiment_file.pinhole.pairing import pairing_notes
 from idic.experiment_file.pinhole.lenses import Lenses, camera_tables, check_image, joint_priors, lenses, middle_of

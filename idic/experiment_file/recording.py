@@ -14,10 +14,10 @@ from idic.errors import InputError
 from idic.experiment_file.measured_fields.noise import depth_of
 from idic.experiment_file.measured_fields.placement import grid_of, rigid_is_free
 from idic.experiment_file.measured_fields.stages import field_notes, kept_stages, open_series, stack_of
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_materials import MaterialTable
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.materials import MaterialTable
 from idic.experiment_file.tables.further_cameras import camera_files, camera_images
-from idic.experiment_file.tables.images_at_rest import check_depth
+from idic.experiment_file.checks.images_at_rest import check_depth
 from idic.experiment_file.tables.solver import solver_files
 from idic.experiment_file.tables.temperatures import temperature_images
 from idic.laws import all_laws, code_of, outside_values, source_of

@@ -15,8 +15,8 @@ from pydantic import ValidationError
 
 from idic.errors import InputError
 from idic.experiment_file.laws.composed_law import with_flat_terms
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_errors import input_error, shortened
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.errors import input_error, shortened
 from idic.readers import text_of
 
 EXPERIMENT_FILE = "experiment.toml"

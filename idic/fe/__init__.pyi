@@ -1,8 +1,9 @@
 from .assembly.assembly import (
     Evaluation, System, discretise, evaluate_system, stiffness_times, transposed_stiffness_times,
 )
-from .assembly.variation import Variation
-from .boundary import constrain, dead_pressure, dofs_of, drives_at, face_area, traction
+from .body.boundary import constrain, dead_pressure, dofs_of, drives_at, face_area, traction
+from .body.model import Constraints, Direction, Loads, Model, PathControl, Reaction, Section, validate
+from .body.variation import Variation
 from .conduction import conductance, conducted, unreached, volume
 from .equilibrium import Control, factorise_tangent
 from .external.deck import parse_deck
@@ -32,7 +33,6 @@ from .mesh.refine import can_raise_order, is_raised_by_default, raise_order
 from .mesh.surface_edges import (
     CORNER_COSINE, followed, normal_axis, rim_second_differences, second_difference, seen_first,
 )
-from .model import Constraints, Direction, Loads, Model, PathControl, Reaction, Section, validate
 from .response import Alternative, Responses, first_responses
 from .solver.factorisation_cost import Fill, dissected
 from .solver.linear import Factor, MAX_HALF_BANDWIDTH_OF_BAND_LU, MIN_OPERATIONS_PER_ENTRY

@@ -19,7 +19,7 @@ import numpy as np
 from idic.errors import NotConverged
 from idic.fe.assembly.assembly import evaluate_system, stiffness_times
 from idic.fe.assembly.assembly import Evaluation, System
-from idic.fe.boundary import Drives, with_amplitude
+from idic.fe.body.boundary import Drives, with_amplitude
 from idic.fe.equilibrium import (LINE_SEARCH_PARTS, Control, Converged, Effort, admissible, balance,
                                  factorise_tangent, negligible, where_unbalanced)
 from idic.fe.sensitivity import answer_to_control

@@ -10,7 +10,7 @@ import numpy as np
 from idic.errors import NotConverged
 from idic.fe.assembly.assembly import element_matrices, evaluate_system, stiffness_times, stiffness_values
 from idic.fe.assembly.assembly import Evaluation, System
-from idic.fe.boundary import Drives
+from idic.fe.body.boundary import Drives
 from idic.fe.solver.krylov import correction as iterated
 from idic.fe.solver.linear import Factor, SingularMatrix, factorise
 

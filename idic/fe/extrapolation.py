@@ -23,7 +23,7 @@ import numpy as np
 
 from idic.fe.equilibrium import Control
 from idic.fe.time_march import FrameState, StepList, march
-from idic.fe.model import Direction, Model
+from idic.fe.body.model import Direction, Model
 
 
 def march_extrapolated(model: Model, params: Mapping[str, np.ndarray], times: np.ndarray,

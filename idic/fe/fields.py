@@ -13,7 +13,7 @@ from idic.fe.assembly.point_means import add_point_values, quotient
 from idic.fe.time_march import FrameState, PointValues
 from idic.fe.mesh.element import cell_type, shape_gradients
 from idic.fe.mesh.mesh import Mesh
-from idic.fe.model import Model
+from idic.fe.body.model import Model
 
 QUANTITIES = ("F", "strain", "stress", "plastic_strain")
 

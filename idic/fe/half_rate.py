@@ -18,7 +18,7 @@ import numpy as np
 
 from idic.fe.extrapolation import time_order
 from idic.fe.time_march import FrameState
-from idic.fe.model import Model
+from idic.fe.body.model import Model
 
 Motion = tuple[np.ndarray, np.ndarray]  # (n_nodes, d) mm and channels (n_channels,) of a frame
 

@@ -16,7 +16,7 @@ import numpy as np
 from idic.errors import NotConverged
 from idic.fe.assembly import kernels
 from idic.fe.assembly.assembly import System
-from idic.fe.boundary import Drives
+from idic.fe.body.boundary import Drives
 from idic.fe.equilibrium import Converged, linear_move
 
 MAX_LINEAR_GRADIENT = 0.05  # displacement gradient of the linear answer to the first increment

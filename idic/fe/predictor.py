@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.fe.boundary import Drives
+from idic.fe.body.boundary import Drives
 from idic.fe.equilibrium import Converged
 
 MAX_TURN = 0.1  # part of a drive increment across the last one, up to which u is extrapolated

@@ -26,9 +26,9 @@ from idic.fe.assembly.assembly import (
 )
 from idic.fe.assembly.assembly import System, discretise
 from idic.fe.assembly.linear import kept_response
-from idic.fe.boundary import Drives, drives_at
+from idic.fe.body.boundary import Drives, drives_at
 from idic.fe.equilibrium import kept_factor
-from idic.fe.model import Model
+from idic.fe.body.model import Model
 from idic.fe.sensitivity import answer_to_control
 
 

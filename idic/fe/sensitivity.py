@@ -21,11 +21,11 @@ from idic.fe.assembly.assembly import (
     band_place, force_changes, held_stiffness_times, point_changes, points_of, stiffness_times, stress_variations,
 )
 from idic.fe.assembly.assembly import Evaluation, System
-from idic.fe.assembly.thickness_change import influence_on_rise
-from idic.fe.boundary import drive_changes, pressure_force
+from idic.fe.thickness_change import influence_on_rise
+from idic.fe.body.boundary import drive_changes, pressure_force
 from idic.fe.equilibrium import Converged, consistent_factor
 from idic.fe.solver.linear import Factor
-from idic.fe.model import Direction, Model
+from idic.fe.body.model import Direction, Model
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Influence:
 
     du (n_nodes, d, m) mm per unit of drive or load; forces (n_dof, m) N per unit; factor : the factorisation that it
     was found with, where the stiffness is constant, else None; rise (n_nodes, m) mm per unit, of the seen surface of a
-    sheet (`idic.fe.assembly.thickness_change`), None: not wanted
+    sheet (`idic.fe.thickness_change`), None: not wanted
     """
 
     du: np.ndarray

@@ -18,10 +18,10 @@ import numpy as np
 from idic.errors import NotConverged
 from idic.fe.assembly.assembly import evaluate_system
 from idic.fe.assembly.assembly import System, discretise
-from idic.fe.boundary import drives_at
+from idic.fe.body.boundary import drives_at
 from idic.fe.equilibrium import Control
 from idic.fe.time_march import FrameState, PointValues, StepList, march
-from idic.fe.model import Constraints, Direction, Model, validate
+from idic.fe.body.model import Constraints, Direction, Model, validate
 from idic.fe.sensitivity import check_directions
 
 MAX_BYTES = 3e8  # of the answers and their derivatives

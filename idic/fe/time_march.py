@@ -12,13 +12,13 @@ import numpy as np
 
 from idic.errors import GaveUp, InputError, NotConverged
 from idic.fe.assembly.assembly import System, discretise
-from idic.fe.boundary import drives_at
+from idic.fe.body.boundary import drives_at
 from idic.fe.controlled import solve_controlled
 from idic.fe.equilibrium import Control, Converged, Effort, consistent_factor, serves, solve_increment
 from idic.fe.increment_size import IncrementSize
-from idic.fe.model import Direction, Model, Reaction, validate
+from idic.fe.body.model import Direction, Model, Reaction, validate
 from idic.fe.predictor import WarmStart, extrapolated
-from idic.fe.assembly.thickness_change import surface_rise
+from idic.fe.thickness_change import surface_rise
 from idic.fe.solver.linear import Factor
 from idic.fe.solver.threads import looked_ahead, pool_of_threads
 from idic.fe.sensitivity import Changes, Influence, at_rest, check_directions, differentiate, influence_at

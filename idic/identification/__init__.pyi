@@ -4,15 +4,17 @@ from .discrepancy.mesh_error import LOOSE, MAX_NODES, projection
 from .discrepancy.normal_equations import Component, DiscrepancySystem, discrepancy_system, joined, reason_against
 from .discrepancy.strain_error import with_finite_strains
 from .driver import PointStore, StageHook, describe_evaluation, log_progress, next_local, run_loop
+from .finer_models.real_thickness import can_be_thick, extruded, gripped_ends, thick
+from .finer_models.refinement import RAISED, Refined, carried_local, refined
 from .frame_fit import FrameFit, camera_entries, frame_entries, mean_chi2, residual_summary, used_fits
 from .free_form.evidence import ChosenKnots, choose_knots
 from .free_form.forms import FreeCurve, FreeForm, FreeSpectrum, FreeSurface
-from .free_motion_start import (
+from .free_motion.free_motion_start import (
     measured_nodes, measured_start, motion_in_space, needs_free_dic, needs_motion_in_space, starts_from_dic,
     without_edges,
 )
+from .free_motion.two_step import check_method, is_two_step, measured_reference, regularisation_of
 from .in_memory import Identification, evaluate_at, identify
-from .input_noise import logged_noise, measured_noise, with_measured_noise
 from .joint import Joint, join, joint_names
 from .judgement.local_residual import ElementSums, LocalResidual, element_sums, local_residual
 from .judgement.remedies import Remedy, try_remedies
@@ -21,7 +23,7 @@ from .kept_simulation import response_of
 from .loop import experiment_of, start, trial_states
 from .noise.channel_noise import MIN_STEP_SHARE, repeated_readings
 from .noise.end_noise import with_end_noise
-from .parameter_covariance import covariance, scaled_system, spectrum
+from .noise.input_noise import logged_noise, measured_noise, with_measured_noise
 from .plan.planned_test import (
     DOT_SIGMA_PER_SPECKLE, Plan, VIRTUAL_SPECKLE, image_unit, load_plan, planned_speckle, recorded_or_planned,
 )
@@ -31,6 +33,7 @@ from .specimens.own_values import specimens_content
 from .start_search import FoundStart, StartTrial, search
 from .step.estimator import may_begin_generalised, misfit
 from .step.increments import chooses_increments, path_dependent_laws, planned_increments, rate_dependent_laws
+from .step.parameter_covariance import covariance, scaled_system, spectrum
 from .step.schedule import first_free, seen_in, wants_search
 from .step.stages import resolve_stages
 from .step.state import (
@@ -38,11 +41,8 @@ from .step.state import (
     ORDINARY, ParallelTrial, SchedulePosition, Trial, TrustRegion,
 )
 from .systematic.discretisation import discretisation_bias, is_coarse, time_step_bias, with_mesh_error
-from .systematic.real_thickness import can_be_thick, extruded, gripped_ends, thick
-from .systematic.refinement import RAISED, Refined, carried_local, refined
 from .systematic.spread import Assessment, determined_values, ratios_of, with_bias, with_spread, with_time_bias
 from .systematic.treatments import Treatment, treatments
-from .two_step import check_method, is_two_step, measured_reference, regularisation_of
 from .weights import noise_weights, paper_weights
 
 __all__ = [

@@ -30,8 +30,8 @@ from idic.correlation import (
 from idic.errors import NotConverged
 from idic.fe import Coarse, Control, coarsen
 from idic.identification.driver import MemoryPoints, run_loop
+from idic.identification.free_motion.free_motion_start import measured_start
 from idic.identification.loop import start
-from idic.identification.free_motion_start import measured_start
 from idic.identification.step.schedule import first_free
 from idic.identification.step.state import Evaluation, LoopState
 from idic.model import (

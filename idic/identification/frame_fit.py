@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.correlation import ResidualMap, TexturePair, correlated_frames
-from idic.identification.input_noise import noise_content
+from idic.identification.noise.input_noise import noise_content
 from idic.identification.step.state import Evaluation
 from idic.model import Experiment
 

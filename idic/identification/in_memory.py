@@ -23,11 +23,11 @@ from idic.errors import GaveUp, InputError, NotConverged
 from idic.fe import Control, FrameState
 from idic.identification.discrepancy.normal_equations import DiscrepancySystem, discrepancy_system, reason_against
 from idic.identification.driver import MemoryPoints, next_local, run_loop
+from idic.identification.free_motion.two_step import check_method, is_two_step, measure, measured_reference
 from idic.identification.kept_simulation import Path, PathKeeper, response_of
 from idic.identification.loop import experiment_of, parameters_at, start
 from idic.identification.noise.end_noise import with_end_noise
 from idic.identification.result import build_result
-from idic.identification.systematic.discretisation import is_coarse, with_mesh_error
 from idic.identification.step.state import (
     GENERALISED,
     HALF_RATE,
@@ -38,7 +38,7 @@ from idic.identification.step.state import (
     LoopState,
     Trial,
 )
-from idic.identification.two_step import check_method, is_two_step, measure, measured_reference
+from idic.identification.systematic.discretisation import is_coarse, with_mesh_error
 from idic.identification.weights import noise_weights
 from idic.images import Camera
 from idic.model import Experiment, ForwardModel, build_forward, tried_increments

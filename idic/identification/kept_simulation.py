@@ -1,6 +1,6 @@
 """The simulation of an accepted point, kept in memory: the warm start of the next one, which also spares a repetition.
 
-`idic.run.warm_start` does the same with the files of a RUN.
+`idic.run.prepared.warm_start` does the same with the files of a RUN.
 """
 
 from __future__ import annotations

@@ -14,18 +14,8 @@ from typing import Any
 import numpy as np
 
 from idic.fe import EXTERNAL, can_halve, can_raise_order, is_raised_by_default
-from idic.identification.parameter_covariance import (
-    MAX_UNDETERMINED_SHARE,
-    Scaled,
-    Spectrum,
-    covariance,
-    scaled_system,
-    spectrum,
-    undetermined_share,
-)
 from idic.identification.discrepancy.normal_equations import DiscrepancySystem
 from idic.identification.discrepancy.variances import Variances, estimate
-from idic.identification.input_noise import gradient_notes, noise_content, noise_notes
 from idic.identification.joint import Joint
 from idic.identification.loop import parameters_at
 from idic.identification.noise.channel_noise import (
@@ -37,9 +27,19 @@ from idic.identification.noise.channel_noise import (
     repeated_readings,
     with_channel_noise,
 )
+from idic.identification.noise.input_noise import gradient_notes, noise_content, noise_notes
 from idic.identification.step.ending import end_entry
 from idic.identification.step.estimator import estimator_notes
 from idic.identification.step.increments import increment_notes, increments_entry, time_bias
+from idic.identification.step.parameter_covariance import (
+    MAX_UNDETERMINED_SHARE,
+    Scaled,
+    Spectrum,
+    covariance,
+    scaled_system,
+    spectrum,
+    undetermined_share,
+)
 from idic.identification.step.state import Evaluation, LoopState
 from idic.images import CAMERA_PARAMETERS, PINHOLE_PARAMETERS as LENS_PARAMETERS, PLACED_TURNS
 from idic.laws import get_law

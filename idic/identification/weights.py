@@ -9,7 +9,7 @@ import numpy as np
 
 from idic.correlation import MAX_GRADIENT_NOISE, Weights, build_experiment_reference, ordinary_variance
 from idic.errors import InputError
-from idic.identification.input_noise import gradient_noise, logged_noise
+from idic.identification.noise.input_noise import gradient_noise, logged_noise
 from idic.images import lowpass, noise_share
 from idic.model import Experiment
 

@@ -1,5 +1,8 @@
 from .camera import CAMERA_PARAMETERS, Camera, fixed_pixel_sensitivity, normal_sign
 from .camera_motion import COLUMN, CameraMotion, MAGNIFICATION, ROW, TURN
+from .gaussian_lowpass import (
+    REACH_STDS, blur_column, lowpass, lowpass_weights, mirrored_rim_px, noise_share, still_gain,
+)
 from .interpolate import DEGREES, Spline, evaluate, gradient_at_pixels, noise_gain, noise_gain_1d, prefilter
 from .inverse_mapping import CODES, EDGE_TOLERANCE, MAX_NODES, carry, locate, shape_functions
 from .matched_blur import PIXEL_BLUR_PX, derivative_maps, fineness_of, matched_gain, matching_weights, mean_shift
@@ -14,7 +17,6 @@ from .quality.drift import MIN_TOLD_SHIFT_PX, drift_note, shifts
 from .quality.field_noise import FieldNoise, MIN_POINTS, MIN_STAGES, field_noise
 from .quality.gap_marks import gap_mark
 from .quality.gradient_noise import gradient_noise_share, without_noise
-from .quality.lowpass import REACH_STDS, blur_column, lowpass, lowpass_weights, mirrored_rim_px, noise_share, still_gain
 from .quality.noise import NoiseModel, image_noise, still_noise, still_noise_model
 from .quality.noise_covariance import (
     MARGIN_PX, MIN_GOOD_TILES, NoiseCovariance, TileNoise, coloured, noise_covariance, pixel_gain, pooled, sum_gain,

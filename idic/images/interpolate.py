@@ -14,7 +14,7 @@ from numba import njit
 
 from idic.errors import InputError
 from idic.images.spline_filter import MIRROR_PAD_PX, POLES, filter_in_place
-from idic.images.quality.lowpass import lowpass, lowpass_weights
+from idic.images.gaussian_lowpass import lowpass, lowpass_weights
 from idic.images.taps import weight_polynomials
 
 DEGREES = {"cubic": 3, "quintic": 5}
@@ -55,7 +55,7 @@ def prefilter(image: np.ndarray, degree: int = 3, lowpass_px: float = 0.0) -> Sp
     image : array (ny, nx), any real dtype
     degree : {3, 5}
     lowpass_px : float
-        Standard deviation (px) of a Gaussian against aliasing (`idic.images.quality.lowpass`); 0: none.
+        Standard deviation (px) of a Gaussian against aliasing (`idic.images.gaussian_lowpass`); 0: none.
 
     Raises
     ------

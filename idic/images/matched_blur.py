@@ -23,7 +23,7 @@ from numba import njit
 
 from idic.images.interpolate import prefilter
 from idic.images.spline_filter import MIRROR_PAD_PX
-from idic.images.quality.lowpass import REACH_STDS, lowpass, lowpass_weights
+from idic.images.gaussian_lowpass import REACH_STDS, lowpass, lowpass_weights
 from idic.images.taps import weight_polynomials
 
 PIXEL_BLUR_PX = 12**-0.5  # standard deviation of the area of a pixel

@@ -1,7 +1,7 @@
 """The B-spline of an image by SciPy in double precision: slow, and the reference for the compiled one.
 
 The tests compare `idic.images.interpolate` with it; the equations written out pixel by pixel use it
-(`idic.correlation.normal_equations`). docs/method.md, equation 1.7.
+(`tests/correlation/pixel_equations.py`). docs/method.md, equation 1.7.
 """
 
 from __future__ import annotations

@@ -4,9 +4,7 @@ import lazy_loader
 
 # the laws are registered in this order, which `idic laws` keeps
 from idic.laws import elastic, orthotropic, neo_hookean, mooney_rivlin  # noqa: F401
-from idic.laws.composed import elastoplastic  # noqa: F401
-from idic.laws.plasticity import short_forms  # noqa: F401
-from idic.laws.composed import free_rubber  # noqa: F401
+from idic.laws.composed import elastoplastic, short_forms, free_rubber  # noqa: F401
 from idic.laws.rate import maxwell, free_relaxation, creep  # noqa: F401
 from idic.laws import elastic_damage, nonlinear_elastic  # noqa: F401
 from idic.laws.rate import glassy_polymer  # noqa: F401

@@ -1,12 +1,9 @@
 from .composed.elastoplastic import ELASTOPLASTIC, composed_name
-from .composed.free_curve import ClassicalFit, TERM, basis, between_knots, classical_fits, knots, knots_of, level_names
 from .composed.free_rubber import FREE_RUBBER, INVARIANTS, knots_of_rubber, rubber_level_names
 from .composed.material_card import PROGRAMS, material_card
-from .composed.rubber_forms import RUBBER_TESTS, classical_forms, invariants, stress_matrix
-from .composed.smoothness import OVER, ROOT, STRAIN, Smoothness, bends, rise
 from .composed.terms import (
-    DEFAULT_KNOTS, DEFAULT_RING, GROUPS, KNOTS, LISTS, LOCUS_NAME, PRODUCT_SIGN, REFERENCE, TEMPERATURE_TERMS, TERMS,
-    kinds_of, ring_knots_of, surface_weights, term_of,
+    DEFAULT_KNOTS, DEFAULT_RING, GROUPS, KNOTS, LISTS, LOCUS_NAME, PRODUCT_SIGN, REFERENCE, TEMPERATURE_TERMS,
+    TERMS, kinds_of, ring_knots_of, surface_weights, term_of,
 )
 from .composed.written_terms import WrittenTerm, terms_of
 from .core import point, points, symmetric, tensors
@@ -19,12 +16,17 @@ from .core.point import uniaxial
 from .core.points import compiled_loop, directional_stresses, point_stresses, point_tangents
 from .core.temperature import KELVIN, STEP, factor
 from .core.user_laws import source_of
+from .free_forms.free_curve import (
+    ClassicalFit, TERM, basis, between_knots, classical_fits, knots, knots_of, level_names,
+)
+from .free_forms.relaxation_forms import FORMS, grid_covariance
+from .free_forms.rubber_forms import RUBBER_TESTS, classical_forms, invariants, stress_matrix
+from .free_forms.smoothness import OVER, ROOT, STRAIN, Smoothness, bends, rise
+from .free_forms.surface_forms import FAMILY_ERROR, classical_surfaces, equivalent, knot_stresses, powers
 from .plasticity.free_locus import POWER, RINGS, RING_KNOTS, prior_rows
-from .plasticity.surface_forms import FAMILY_ERROR, classical_surfaces, equivalent, knot_stresses, powers
 from .rate.free_relaxation import (
     DEFAULT_SHARE, DEFAULT_TIMES, FREE_RELAXATION, TIMES, grid, relaxing, times_of, weight_names,
 )
-from .rate.relaxation_forms import FORMS, grid_covariance
 
 __all__ = [
     "DEFAULT_KNOTS", "DEFAULT_RING", "DEFAULT_SHARE", "DEFAULT_TIMES", "ELASTOPLASTIC", "EXPANSION", "FAMILY_ERROR",

@@ -4,7 +4,7 @@ In the order of reading:
 
 ``experiment.py``       the record `Experiment`: images, times, channels, mesh, cameras, materials, boundaries, options
 ``drives.py``           prescribed displacements: logged, fixed, measured (`DriveTable`)
-``boundary_modes.py``   virtual boundaries: shapes along an edge times courses in time; ``mode_names.py``: their names
+``boundary_modes.py``   virtual boundaries: shapes along an edge times courses in time; ``mode_words.py``: their names
 ``corrections.py``      grip slip, grip rotation, machine compliance, misalignment
 ``loads.py``            forces, tractions, pressures (`LoadHistories`)
 ``temperature.py``      the temperature of every node (`NodalTemperature`)
@@ -12,7 +12,7 @@ In the order of reading:
 ``readings.py``         channels that are no reactions (`Readings`)
 ``forward.py``          `ForwardModel`: parameters in; displacements, channels and derivatives of every frame out
 ``black_box.py``        `ExternalForward`: the same with an external solver
-``leading_frames.py``   the experiment up to a frame
+``first_frames.py``   the experiment up to a frame
 """
 
 import lazy_loader

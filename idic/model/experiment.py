@@ -181,7 +181,7 @@ class Heterogeneity:
 
     form : "inclusion" | "void" | "thickness" (a spot, values `amount`, x, y, (z), radius) | "gradient" (values along_x,
     along_y, (along_z)) | "layers" (values stiffness_ratio, period, direction, offset, share). See
-    `idic.fe.assembly.variation`.
+    `idic.fe.body.variation`.
     """
 
     element_set: str
@@ -379,7 +379,7 @@ class Options:
     brightness: str = "frame"  # none | frame | patch
     patch_px: float = 100.0
     defocus: str = "none"  # none | frame: the variance of a blur is an unknown of every frame
-    method: str = "integrated"  # integrated | two_step | two_step_unweighted: see `idic.identification.two_step`
+    method: str = "integrated"  # integrated | two_step | two_step_unweighted (`idic.identification.free_motion`)
     dic_regularisation: str = "auto"  # of free FE-DIC: none | mechanical | gradient; auto: mechanical, two steps none
     weighting: str = "noise"  # noise | paper
     estimator: str = "auto"  # auto | ordinary | generalised least squares: see `idic.identification.step.estimator`

@@ -2,6 +2,7 @@ from .calibration.read import read_calibration
 from .calibration.rig import CameraRig, Conventions
 from .calibration.write import write_rig
 from .delimited.text_files import text_of
+from .delimited.units import column_factor, factor_between, factor_to, parse_unit, unit_in_name
 from .fields.bending import ALLOWED_SHARE, largest_bending
 from .fields.chosen_stages import StageRule, chosen_stages, mean_strain, strain_path
 from .fields.flattened import Flattening
@@ -28,7 +29,6 @@ from .raw_mesh import DIMENSION, RawMesh, to_mesh
 from .region_mesh import roi_mesh
 from .targets.find import KINDS, find_target, kind_of
 from .targets.view import TargetView
-from .units import column_factor, factor_between, factor_to, parse_unit, unit_in_name
 
 __all__ = [
     "ALLOWED_SHARE", "BENDING_DEGREE", "DIMENSION", "KINDS", "LOG_IN_MEMORY", "MESH_IN_MEMORY", "MIN_HOLE",

@@ -15,7 +15,7 @@ from idic.errors import InputError
 from idic.readers.delimited.log_table import Table, read_table
 from idic.readers.delimited.numerals import certain_marks, has_thousands, is_ambiguous, number_in
 from idic.readers.delimited.text_files import text_of
-from idic.readers.units import factor_between, parse_unit, unit_in_name, without_unit
+from idic.readers.delimited.units import factor_between, parse_unit, unit_in_name, without_unit
 
 _MAX_VALUE = 1e60  # absolute; squares of squares stay floats
 _MAX_BEYOND_SHARE = 1e-6  # of the test: an image that is further outside the log is told

@@ -1,5 +1,3 @@
-from .batch_numbers import batch_table, scatter
-from .batch_page import batch_headline, batch_parameters, draw_batch, render_batch
 from .design.figures import PlanPictures
 from .design.page import assumed, design_table, draw_design, parameter_rows, render_design, said, short
 from .design.summary import MIN_CONFUSABLE_CORRELATION, compare, joint_summary, summary
@@ -33,19 +31,21 @@ from .figures.style import (
     BLACK, BLUE, CYCLE, DIVERGING, DPI, FAINT, GREY, MARKERS, ORANGE, Picture, RED, SEQUENTIAL, look, new_figure,
     to_picture,
 )
-from .fit_words import NOISE_CHI2, against_free, in_words_of
 from .html import filled_in
 from .page import all_pictures, draw_sections, in_turn, parts, plan_sections, render_page
-from .record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
 from .residual_image import RANGE, residual_png
-from .stress_scale import held_stresses, in_ratios, stress_unit
-from .tables import all_tables
-from .tables_page import comparison_picture, comparison_tables, joint_page, of_fields, render_tables
-from .treatments import treatment_table
-from .words import (
+from .result.fit_words import NOISE_CHI2, against_free, in_words_of
+from .result.record import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
+from .result.stress_scale import held_stresses, in_ratios, stress_unit
+from .result.words import (
     advice, between_specimens, derived_names, left_out, not_explained, number_text, parts_of_std, readable_unit,
     result_headline, result_verdict, short_names, time_label, two_digits, undetermined, virtual_boundaries, with_std,
 )
+from .several_runs.batch_numbers import batch_table, scatter
+from .several_runs.batch_page import batch_headline, batch_parameters, draw_batch, render_batch
+from .several_runs.tables_page import comparison_picture, comparison_tables, joint_page, of_fields, render_tables
+from .tables import all_tables
+from .treatments import treatment_table
 
 __all__ = [
     "BLACK", "BLUE", "CYCLE", "DIVERGING", "DPI", "EDGE", "FAINT", "GREY", "KNOWN_ERROR_COUNTED", "MARKERS",

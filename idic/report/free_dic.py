@@ -9,7 +9,7 @@ from idic.report.figures import maps
 from idic.report.figures.profiles import is_profile
 from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, look, to_picture
 from idic.report.free_section import free_motion
-from idic.report.record import RunRecord
+from idic.report.result.record import RunRecord
 
 
 def free_dic(record: RunRecord) -> Picture | None:

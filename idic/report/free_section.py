@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from idic.report.figures.maps import noise_units
 from idic.report.figures.profiles import places
 from idic.report.figures.style import BLUE, FAINT, ORANGE, Picture, look, new_figure, to_picture
-from idic.report.record import RunRecord
+from idic.report.result.record import RunRecord
 
 
 def free_motion(record: RunRecord) -> Picture | None:

@@ -9,30 +9,30 @@ from itertools import groupby
 from typing import Any
 
 from idic.model import is_mode
-from idic.report.words import (
-    MAX_CHANNEL_CHI2, NOISE_SOURCE, derived_names, discrepancy_text, hardly_determined, left_open, number_text,
-    parts_of_std, relative_std, result_cautions, result_headline, result_verdict, short_names, two_digits,
-    virtual_boundaries,
-)
 from idic.report.fields.tables import gauge_rows
 from idic.report.fields.viewer import viewer_data
 from idic.report.figures import charts, maps, matrices
 from idic.report.figures.camera_floor import camera_floor
 from idic.report.figures.frame_views import Slide, slides
+from idic.report.figures.hardening import hardening_curve, yield_surface
 from idic.report.figures.mesh_overlay import identified_mesh
 from idic.report.figures.point_maps import point_maps
 from idic.report.figures.profiles import is_profile
+from idic.report.figures.relaxation import relaxation_curve
+from idic.report.figures.rubber import rubber_energy
 from idic.report.figures.style import Picture
-from idic.report.fit_words import against_free, in_words_of, noise_chi2
+from idic.report.figures.temperature_factor import temperature_dependence
 from idic.report.free_dic import free_dic
 from idic.report.html import filled_in
 from idic.report.practice import practice_table
-from idic.report.record import RunRecord
-from idic.report.stress_scale import in_ratios
-from idic.report.figures.hardening import hardening_curve, yield_surface
-from idic.report.figures.relaxation import relaxation_curve
-from idic.report.figures.rubber import rubber_energy
-from idic.report.figures.temperature_factor import temperature_dependence
+from idic.report.result.fit_words import against_free, in_words_of, noise_chi2
+from idic.report.result.record import RunRecord
+from idic.report.result.stress_scale import in_ratios
+from idic.report.result.words import (
+    MAX_CHANNEL_CHI2, NOISE_SOURCE, derived_names, discrepancy_text, hardly_determined, left_open, number_text,
+    parts_of_std, relative_std, result_cautions, result_headline, result_verdict, short_names, two_digits,
+    virtual_boundaries,
+)
 from idic.report.stress_strain import open_curves, stress_strain
 from idic.report.tables import parameter_status
 from idic.report.treatments import treatment_table

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from idic.images import MIN_TOLD_SHIFT_PX
-from idic.report.words import NOISE_SOURCE
-from idic.report.record import Practice, RunRecord
+from idic.report.result.record import Practice, RunRecord
+from idic.report.result.words import NOISE_SOURCE
 
 NOT_STATED = "not stated"
 SETUP = (("specimen", "specimen"), ("machine", "testing machine"), ("camera", "camera"), ("lens", "lens"),

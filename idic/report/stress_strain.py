@@ -6,9 +6,9 @@ import numpy as np
 
 from idic.laws import PRODUCT_SIGN
 from idic.report.figures.style import BLUE, ORANGE, Picture, look, new_figure, to_picture
-from idic.report.record import LawCurve, RunRecord
-from idic.report.stress_scale import stress_unit
-from idic.report.words import two_digits
+from idic.report.result.record import LawCurve, RunRecord
+from idic.report.result.stress_scale import stress_unit
+from idic.report.result.words import two_digits
 
 WIDTH_95 = 1.96
 

@@ -8,7 +8,7 @@ import io
 import numpy as np
 
 from idic.report.fields.tables import gauge_tables
-from idic.report.record import RunRecord
+from idic.report.result.record import RunRecord
 
 PARAMETER_COLUMNS = (
     "name",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from idic.identification import ratios_of
 from idic.model import is_mode
-from idic.report.words import derived_names, number_text, short_names
+from idic.report.result.words import derived_names, number_text, short_names
 
 THE_RUN = "as given"
 NOT_DETERMINED = "not determined"

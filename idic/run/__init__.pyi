@@ -3,7 +3,6 @@ from .batch.runs import BatchJob, BatchOutcome, ERROR, identify_job, identify_wh
 from .batch.starts import with_starts
 from .batch.store import Batch
 from .calibration.run import CalibrationRun, run_calibration
-from .context import RunContext, correlation_context, experiments_of, open_run
 from .design import PAGE_FILE, write_design
 from .diagnosis.diagnose import diagnose, diagnose_run, write_all
 from .diagnosis.files import diagnosis_content, free_parameters
@@ -11,15 +10,18 @@ from .diagnosis.plain import diagnose_plainly
 from .diagnosis.refits import run_refits
 from .diagnosis.source import EditedFolder, open_source
 from .diagnosis.spotless import without_spots
-from .in_memory.knots import chosen_tables
-from .in_memory.preparation import Prepared, prepare_in_memory
 from .joint_run import folders_of, is_joint
 from .judgement.accepted_point import channels_of, refuse_passed_point
 from .judgement.residual_maps import residuals_of
+from .knots import chosen_tables
 from .plain import (
     Console, OpenRun, identify_experiment, identify_on, identify_plainly, on_workers, plan_run, workplace_for,
 )
 from .postprocess import has_force
+from .prepared.context import RunContext, correlation_context, experiments_of, open_run
+from .prepared.in_memory import Prepared, prepare_in_memory
+from .prepared.session import Timing
+from .prepared.tasks import CorrelationJob, SimulationJob
 from .reporting.accepted_residual import accepted_residual
 from .reporting.compare import compare_runs, headlines, write_comparison
 from .reporting.export import export_fields
@@ -27,7 +29,6 @@ from .reporting.law_files import export_laws
 from .reporting.second_process import SecondProcess, drawing_beside
 from .reporting.write import write_report
 from .runs import check_pause
-from .session import Timing
 from .store.arrays import FrameArrays, read_array, write_array
 from .store.clean import clean_run
 from .store.layout import BASE, FROM_PYTHON, chunk_frames, group_name
@@ -38,7 +39,6 @@ from .store.run_store import RunStore
 from .store.stack import ZarrStack, ingest
 from .store.state_file import STATE_FILE
 from .systematic_run import assessed_experiments, systematic
-from .tasks import CorrelationJob, SimulationJob
 from .warm_up import compile_image_kernels, compile_stress_kernel, import_meanwhile
 from .workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from .workers.dask_settings import cpu_seconds, use_one_thread

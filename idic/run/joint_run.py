@@ -18,9 +18,9 @@ from idic.identification import DiscrepancySystem, Evaluation, Joint, LoopState,
 from idic.model import Experiment
 from idic.run.joint_result import JointEvaluation, joint_result, result_of_part
 from idic.run.points import RunPoints, simulate_trials
+from idic.run.prepared.session import Timing
 from idic.run.recovery.recover import finished_result, restored, result_of_state, start_over
 from idic.run.runs import Progress, SingleRun, earlier_run
-from idic.run.session import Timing
 from idic.run.store.checkpoint import load_checkpoint, save_checkpoint
 from idic.run.store.discrepancy_store import load_discrepancy
 from idic.run.store.layout import EXPERIMENTS

@@ -21,8 +21,8 @@ from threadpoolctl import threadpool_limits
 from idic.errors import InputError
 from idic.experiment_file import by_evidence
 from idic.identification import LoopState, log_progress, run_loop
+from idic.run.prepared.session import Timing
 from idic.run.runs import Points, Run, SingleRun, check_pause
-from idic.run.session import Timing
 from idic.run.store.arrays import leave_stuck_io
 from idic.run.store.run_store import RunStore
 from idic.run.workers.dask_executor import default_workers, open_cluster
@@ -166,7 +166,7 @@ def on_workers(planned: Run, place: Workplace, out: str | Path, resume: bool, co
         done = earlier_result(planned, console) if resume and not large else None
         if done is not None:
             return done
-        with place.opened(out, planned.to_see, preload=("idic.run.tasks",)) as runner:
+        with place.opened(out, planned.to_see, preload=("idic.run.prepared.tasks",)) as runner:
             done = earlier_result(planned, console, runner) if large else None
             if done is not None:
                 return done
@@ -240,10 +240,10 @@ def plan_run(paths: Sequence[str | Path], out: str | Path, overrides: Mapping[st
         run = SingleRun(RunStore(out), paths[0], dict(overrides))
         if not by_evidence(run.experiment):
             return run
-        from idic.run.in_memory.knots import with_chosen_knots  # here: most runs begin sooner without
+        from idic.run.knots import with_chosen_knots  # here: most runs begin sooner without
 
         return with_chosen_knots(run, say)
-    from idic.run.in_memory.knots import refuse_evidence
+    from idic.run.knots import refuse_evidence
     from idic.run.joint_run import JointRun
 
     joint = JointRun.planned(paths, out, dict(overrides))

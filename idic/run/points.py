@@ -18,12 +18,12 @@ from idic.identification import (
     trial_states, with_end_noise,
 )
 from idic.model import Experiment, Stage
-from idic.run.context import correlation_context
-from idic.run.prepare import write_description
+from idic.run.prepared.context import correlation_context
+from idic.run.prepared.prepare import write_description
+from idic.run.prepared.session import Session, Timing
+from idic.run.prepared.tasks import CorrelationJob, SimulationJob, correlate, simulate
 from idic.run.search import start_values
-from idic.run.session import Session, Timing
 from idic.run.spool import Spool, open_spool
-from idic.run.tasks import CorrelationJob, SimulationJob, correlate, simulate
 from idic.run.store.arrays import read_array, write_array
 from idic.run.store.layout import BASE, chunk_frames, group_name, local_label
 from idic.run.store.state_file import load_state, save_state

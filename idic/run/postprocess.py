@@ -19,18 +19,18 @@ from idic.identification import (
     ElementSums, Evaluation, FrameFit, LoopState, build_result, camera_entries, element_sums, frame_entries,
     residual_summary, resolve_stages,
 )
-from idic.run.context import RunContext, correlation_context, open_run
+from idic.model import Experiment, Stage
 from idic.run.judgement.accepted_point import channel_table, solver_notes
 from idic.run.judgement.discrepancy import discrepancy_job, discrepancy_of
 from idic.run.judgement.fields import write_fields
 from idic.run.judgement.floor import PointJob
 from idic.run.judgement.judgement import Judgement, judged
-from idic.model import Experiment, Stage
-from idic.run.prepare import read_free_dic
-from idic.run.recovery.recover import EVALUATIONS, START, SYSTEM, remove_damaged_judgement
 from idic.run.judgement.residual_maps import PointResiduals
 from idic.run.judgement.shown_frames import shown_frames
-from idic.run.session import Session, Timing
+from idic.run.prepared.context import RunContext, correlation_context, open_run
+from idic.run.prepared.prepare import read_free_dic
+from idic.run.prepared.session import Session, Timing
+from idic.run.recovery.recover import EVALUATIONS, START, SYSTEM, remove_damaged_judgement
 from idic.run.store.arrays import FrameArrays, write_array
 from idic.run.store.camera_groups import group_of
 from idic.run.store.layout import BASE, chunk_frames, group_name

@@ -18,15 +18,15 @@ from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.identification import LoopState, PointStore, checked_sensitivity, needs_free_dic, resolve_stages
 from idic.model import Experiment
+from idic.path_names import refuse_names_that_are_one
 from idic.report import expected_cost
 from idic.run.points import RunPoints
-from idic.run.prepare import check_before_writing, ingest, prepare
+from idic.run.prepared.prepare import check_before_writing, ingest, prepare
+from idic.run.prepared.session import Timing, open_session
 from idic.run.recovery.recover import finished_result, recover
 from idic.run.recovery.scan import BYTES_FOR_WORKERS, stored_bytes
-from idic.run.session import Timing, open_session
 from idic.run.store.camera_groups import refuse_changed_images
 from idic.run.store.layout import DESCRIPTION
-from idic.path_names import refuse_names_that_are_one
 from idic.run.store.run_store import RunStore
 from idic.run.workers.probe import ExperimentToSee
 from idic.run.workers.runner import TaskRunner

@@ -13,9 +13,9 @@ import numpy as np
 
 from idic.identification import CoarseFit, FoundStart, StartTrial, coarse_fit, first_free, search, wants_search
 from idic.model import Experiment, Measured
-from idic.run.context import open_run
-from idic.run.prepare import read_free_motion, run_free_dic
-from idic.run.session import Session
+from idic.run.prepared.context import open_run
+from idic.run.prepared.prepare import read_free_motion, run_free_dic
+from idic.run.prepared.session import Session
 from idic.run.store.arrays import Damaged, read_array, write_array
 from idic.run.store.checkpoint import to_hex
 from idic.run.store.result_file import write_json

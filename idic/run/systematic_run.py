@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.measure import boundary_start, dic_stack, with_boundary_start
 from idic.errors import InputError, NotConverged
 from idic.experiment_file import load_experiment, locate, read_toml, with_overrides
 from idic.identification import (
@@ -20,14 +19,15 @@ from idic.identification import (
     measured_start, path_dependent_laws, starts_from_dic, time_step_bias, treatments, with_bias, with_spread,
     with_time_bias,
 )
+from idic.measure import boundary_start, dic_stack, with_boundary_start
 from idic.model import Experiment, Measured, is_mode
-from idic.run.context import RunContext, experiments_of, open_run
 from idic.run.joint_run import is_joint
+from idic.run.prepared.context import RunContext, experiments_of, open_run
 from idic.run.store.arrays import read_array
 from idic.run.store.camera_groups import with_stored_images, with_stored_noise
 from idic.run.store.layout import group_name
-from idic.run.store.run_lock import run_lock
 from idic.run.store.result_file import RESULT_FILE, read_result, write_result
+from idic.run.store.run_lock import run_lock
 from idic.run.store.state_file import load_state
 from idic.run.store.system_store import load_evaluation
 from idic.run.workers.probe import ExperimentToSee

@@ -20,7 +20,7 @@ from idic.studies import studies_module
 from idic.virtual_tests.demo import demo
 from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads, write_truth
 from idic.virtual_tests.meshes import write_inp
-from idic.virtual_tests.stereo.plate import write_stereo
+from idic.virtual_tests.stereo_plate import write_stereo
 from idic.virtual_tests.render import Sensor, clean_image, noisy_channel, render
 from idic.virtual_tests.virtual_test import VirtualTest
 

@@ -21,8 +21,8 @@ from idic.readers import parse_unit, unit_in_name
 from idic.identification import chooses_increments, planned_speckle, recorded_or_planned
 from idic.virtual_tests.experiment_files import IMAGES, LOADS, empty_folder, write_images, write_loads, write_truth
 from idic.virtual_tests.render import Sensor, noisy_channel, record, render
-from idic.virtual_tests.stereo.images import common_speckle, traced_images
-from idic.virtual_tests.stereo.solid_speckle import SolidSpeckle
+from idic.virtual_tests.stereo_images import common_speckle, traced_images
+from idic.virtual_tests.solid_speckle import SolidSpeckle
 from idic.virtual_tests.section_images import height_image, roughness, seen_section
 from idic.virtual_tests.virtual_test import medium_speckle, rough_surface, stated_speckle
 

@@ -16,7 +16,7 @@ from idic.identification import DOT_SIGMA_PER_SPECKLE
 from idic.virtual_tests.experiment_files import write_loads, write_truth
 from idic.virtual_tests.meshes import write_inp
 from idic.virtual_tests.render import Sensor, Texture, clean_image, painted
-from idic.virtual_tests.stereo.solid_speckle import SolidSpeckle
+from idic.virtual_tests.solid_speckle import SolidSpeckle
 
 GREY_LEVELS = 256.0  # grey values of 8 bits; other sensors are steps of another size on the same scale
 CONTRAST_SAMPLES = 20_000  # pixels: a standard deviation to 1 %

@@ -25,9 +25,9 @@ import numpy as np
 
 from idic.images import Camera
 from idic.run import identify_experiment
-from idic_studies.cases.open_hole_strip import POLYMER, polymer, write_clean
-from idic_studies.subset_dic import subset_displacements, subset_grid
 from idic.virtual_tests import DemoSize, LENGTH, RADIUS, THICKNESS, WIDTH
+from idic_studies.examples.open_hole_strip import POLYMER, polymer, write_clean
+from idic_studies.subset_dic import subset_displacements, subset_grid
 
 SIZE = DemoSize(0.1, (200, 300), (3, 3, 3), (4, 6, 3), (7, 9, 5), 1)
 FORCE_NOISE_N, GRIP_MM = 1.0, 0.25

@@ -19,9 +19,9 @@ from scipy.ndimage import zoom
 
 from idic.images import PinholeCamera
 from idic.virtual_tests import Sensor, record
-from idic.virtual_tests.stereo.plate import INCREMENTS, Size, plate_test, speckle_of, write_plate
-from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
-from idic.virtual_tests.stereo.rig import Rig, write_calibration
+from idic.virtual_tests.stereo_plate import INCREMENTS, Size, plate_test, speckle_of, write_plate
+from idic.virtual_tests.ray_tracing import Scene, traced_image
+from idic.virtual_tests.stereo_rig import Rig, write_calibration
 
 ENLARGED, NOISE_GV, MANY_FRAMES, MARGIN = 8, 2.0, 20, 4  # MARGIN : px of the traced images
 SHAPE = (125, 250)  # traced; 1000 x 2000 px in the experiment

@@ -10,7 +10,7 @@ import pytest
 from scipy import ndimage
 
 from idic.correlation import N_NODES, build_pixel_map, build_reference, nodal_equations
-from idic.correlation.image_kernel import N_SUMS, image_pass
+from idic.correlation.image_equations.image_kernel import N_SUMS, image_pass
 from idic.correlation.pixels.pixel_map import element_coefficients
 from idic.fe import Block
 from idic.images import Camera, prefilter

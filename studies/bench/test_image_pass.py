@@ -12,7 +12,7 @@ from bench_jobs import best_of
 from scipy import ndimage, sparse
 
 from idic.correlation import build_pixel_map, build_reference, nodal_equations
-from idic.correlation.normal_equations import normal_equations
+from correlation.pixel_equations import normal_equations
 from idic.fe import Block
 from idic.images import Camera, lowpass, prefilter
 

@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from idic_studies.pages.convergence_page import draw_convergence
+from idic.virtual_tests import DEMO_TRUTH as METAL_TRUTH
 from idic_studies.cases.bulge import bulge_study
 from idic_studies.cases.coverage import coverage_study
-from idic_studies.cases.open_hole_strip import NOISE_GV
 from idic_studies.cases.polycarbonate import polycarbonate_study
 from idic_studies.cases.study import Case, Rendering, Study
 from idic_studies.examples.bulge import RMS_UM
 from idic_studies.examples.bulge_model import TRUTH as BULGE_TRUTH
-from idic.virtual_tests import DEMO_TRUTH as METAL_TRUTH
+from idic_studies.examples.open_hole_strip import NOISE_GV
 from idic_studies.examples.polycarbonate_model import TRUTH as POLYCARBONATE_TRUTH
+from idic_studies.pages.convergence_page import draw_convergence
 
 SEED = 1944
 TRIAL_STEPS = 4  # the ordinary step and steps of twice, half and four times its length

@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from idic.images import ArrayStack
-from idic_studies.pages.coverage_page import draw_coverage
-from idic_studies.cases.open_hole_strip import NOISE_GV, POLYMER_TABLE, metal, polymer, write_clean
+from idic.virtual_tests import DEMO_TRUTH, DemoSize, VirtualTest
 from idic_studies.cases.realisation import Disturbance
 from idic_studies.cases.study import Case, Rendering, Study
-from idic.virtual_tests import DEMO_TRUTH, DemoSize, VirtualTest
+from idic_studies.examples.open_hole_strip import NOISE_GV, POLYMER_TABLE, metal, polymer, write_clean
+from idic_studies.pages.coverage_page import draw_coverage
 
 SAME = DemoSize(0.2, (100, 152), (3, 3, 4), (2, 3, 1), (2, 3, 1), 1)
 FOREIGN = replace(SAME, true=(5, 7, 3))

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from functools import cache
 
 from idic.errors import InputError
-from idic_studies.misfit.study import misfit_study
 from idic_studies.cases.bulge import bulge_study
 from idic_studies.cases.convergence import convergence_study
 from idic_studies.cases.coverage import coverage_study
+from idic_studies.cases.misfit import misfit_study
 from idic_studies.cases.polycarbonate import polycarbonate_study
 from idic_studies.cases.study import Study
 from idic_studies.cases.two_step import two_step_study

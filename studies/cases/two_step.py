@@ -13,11 +13,11 @@ from functools import partial
 from pathlib import Path
 
 from idic.images import ArrayStack
-from idic_studies.pages.two_step_page import METHODS, draw_two_step
-from idic_studies.cases.coverage import DISTURBANCE
-from idic_studies.cases.open_hole_strip import metal, write_clean
-from idic_studies.cases.study import Case, Rendering, Study
 from idic.virtual_tests import DEMO_TRUTH, DemoSize
+from idic_studies.cases.coverage import DISTURBANCE
+from idic_studies.cases.study import Case, Rendering, Study
+from idic_studies.examples.open_hole_strip import metal, write_clean
+from idic_studies.pages.two_step_page import METHODS, draw_two_step
 
 SEED = 31000
 DRAWS = {"full": 100, "reduced": 30, "sketch": 3}

@@ -75,7 +75,7 @@ def comparison_lines(comparison: Comparison, limit: int | None) -> list[str]:
 
 def _kept_arrays(file: Path) -> Mapping[str, np.ndarray] | None:
     arrays = file.with_suffix(".npz")
-    return np.load(arrays) if arrays.is_file() else None
+    return np.lib.npyio.NpzFile(arrays, allow_pickle=False) if arrays.is_file() else None
 
 
 def _say(text: str) -> None:

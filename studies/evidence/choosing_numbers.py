@@ -20,8 +20,9 @@ from idic.correlation import build_experiment_reference
 from idic.experiment_file import load_rendered
 from idic.identification import identify
 from idic.images import dense_speckle
+from idic.measure import seen_by
 from idic.run import identify_experiment
-from idic.report import noise_floor, seen_by
+from idic.report import noise_floor
 from idic.virtual_tests import (
     DEMO_TRUTH, LENGTH, RADIUS, REDUCED, WIDTH, painted, strip, strip_with_hole, write_images, write_virtual_model,
 )

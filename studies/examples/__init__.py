@@ -1,4 +1,5 @@
-"""The examples of the paper: bulge test, necking polycarbonate strip and its planned tests (`idic example`).
+"""The examples of the paper: bulge test, necking polycarbonate strip and its planned tests (`idic example`);
+the open-hole strips and the slightly wrong models of the studies.
 
 The tables are those of `idic.virtual_tests.examples`.
 """

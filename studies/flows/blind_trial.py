@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from idic.errors import InputError
-from idic_studies.pages.trial_page import write_trial_page
+from idic.run import TaskRunner, check_scheduler, open_cluster
 from idic_studies.trial.plan import Campaign, Trial
 from idic_studies.trial.seal import REGISTER, Folder, seal, tool_state
 from idic_studies.trial.trial import TrialJob, check_solvers, run_trial
-from idic.run import TaskRunner, check_scheduler, open_cluster
+from idic_studies.trial.trial_page import write_trial_page
 # before Prefect: it reads its settings from the environment
 from idic_flows.settings import connected, flow_server, show_dashboards
 from idic_flows.shown_runner import ShownRunner

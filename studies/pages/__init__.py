@@ -1,1 +1,1 @@
-"""Pages and figures of studies, gallery and blind trial."""
+"""Pages and figures of studies and of the gallery."""

@@ -19,12 +19,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from idic.errors import InputError
-from idic_studies.pages.trial_page import write_trial_page
+from idic.run import use_one_thread
 from idic_studies.trial.plan import Campaign
 from idic_studies.trial.pool import records_of, target_table
 from idic_studies.trial.seal import Folder, seal, tool_state
 from idic_studies.trial.trial import TrialJob, check_solvers, run_trial
-from idic.run import use_one_thread
+from idic_studies.trial.trial_page import write_trial_page
 
 POLL_INTERVAL_S = 0.5
 TRIALS_PER_PROCESS = 20  # a new process returns fragmented memory to the system

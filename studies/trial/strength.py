@@ -1,7 +1,7 @@
 """Strength of an effect, measured on the fit of the wrong model.
 
 The user's model is identified on a test without the effect. The change of image motion and force by the effect is one
-column of the score test (`idic.diagnose.screen.score`), at amplitude one:
+column of the score test (`idic.diagnose.residual.score`), at amplitude one:
 
     seen      size of the part that is not collinear with the identified parameters, in standard deviations of noise
     hidden    1 - visibility: the share of the effect that is collinear with them

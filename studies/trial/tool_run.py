@@ -53,7 +53,7 @@ class FolderSource:
         return replace(stated, noise=self.noise or stated.noise, motion_error=self.motion_error)
 
     def with_measured_noise(self) -> FolderSource:
-        """With the noise that a RUN of this folder would count (`idic.identification.input_noise`)."""
+        """With the noise that a RUN of this folder would count (`idic.identification.noise.input_noise`)."""
         return replace(self, noise=measured_noise(self.load()))
 
     def with_edits(self, edits: Mapping[str, Any]) -> FolderSource:

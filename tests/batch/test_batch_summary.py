@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.run.batch.entries import BatchRun
-from idic.run import Batch, BatchOutcome
-from idic.report.batch_page import _points
 from idic.report import batch_table, scatter
+from idic.report.several_runs.batch_page import _points
+from idic.run import Batch, BatchOutcome
+from idic.run.batch.entries import BatchRun
 
 VALUES = (69.0, 70.0, 72.0)
 

@@ -19,8 +19,8 @@ from idic.experiment_file import load_experiment  # noqa: E402
 from idic.images import ArrayStack  # noqa: E402
 from idic.model import Parametrised, Prescribed, build_drives  # noqa: E402
 from idic.report import undetermined  # noqa: E402
-from idic.run.session import open_session  # noqa: E402
-from idic.run.prepare import check_before_writing  # noqa: E402
+from idic.run.prepared.session import open_session  # noqa: E402
+from idic.run.prepared.prepare import check_before_writing  # noqa: E402
 from idic.run.store.layout import DESCRIPTION, DESCRIPTION_SCHEMA  # noqa: E402
 from idic.run.store.checkpoint import from_hex, load_checkpoint  # noqa: E402
 from idic.run import SerialRunner  # noqa: E402

@@ -20,9 +20,9 @@ from idic.images import rotation_of
 from idic.model import Measured, Parametrised, Prescribed, boundary_parameters, build_drives, set_nodes
 from idic.parameters import ParameterSet
 from idic.report.evidence.rig import rig_warnings
-from idic.virtual_tests.stereo.plate import TRUTH, PlateTest, Size, plate, plate_test, write_plate
-from idic.virtual_tests.stereo.ray_tracing import Scene
-from idic.virtual_tests.stereo.rig import rig
+from idic.virtual_tests.stereo_plate import TRUTH, PlateTest, Size, plate, plate_test, write_plate
+from idic.virtual_tests.ray_tracing import Scene
+from idic.virtual_tests.stereo_rig import rig
 
 SIZE = Size(0.16, (125, 195), (1, 1, 1), (2, 3, 2, 1), (3, 4, 2, 1))
 SMALL = Size(0.2, (100, 156), (2, 2, 2), (2, 3, 2, 1), (3, 4, 2, 1))

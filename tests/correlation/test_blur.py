@@ -5,8 +5,8 @@ import pytest
 from scipy import ndimage
 
 from idic.correlation import GreyReference, build_pixel_map, build_reference, nodal_equations
-from idic.correlation.grey import blur_of_noise, with_blur
-from idic.correlation.system import solve_positive
+from idic.correlation.image_equations.grey import blur_of_noise, with_blur
+from idic.correlation.image_equations.system import solve_positive
 from idic.fe import make_mesh
 from idic.images import Camera, blur_column, lowpass, prefilter
 from idic.model import Noise

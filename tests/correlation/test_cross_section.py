@@ -9,7 +9,7 @@ from section_cases import PIXEL, SHAPE, WIDTH, Surface, camera, layer_mesh, pixe
 
 from idic.correlation.height.cross_section import build_section_reference
 from idic.correlation import section_equations, section_residual_map
-from idic.correlation.height.section_map import RIM_PX, build_section_map
+from idic.correlation.pixels.section_map import RIM_PX, build_section_map
 from idic.errors import InputError
 from idic.images import Camera
 from idic_studies.examples.bulge_mesh import Columns, bulge_mesh

@@ -7,7 +7,7 @@ import pytest
 from pictures import SHAPE, Texture, brightness_columns, make_map
 
 from idic.correlation import GreyReference, build_reference, nodal_equations, residual_map, solve_brightness
-from idic.correlation.normal_equations import normal_equations
+from correlation.pixel_equations import normal_equations
 from idic.errors import InputError
 from idic.images import Camera, prefilter
 

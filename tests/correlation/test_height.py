@@ -6,7 +6,7 @@ from pictures import SHAPE, Texture, make_map
 
 from idic.correlation import solve_brightness
 from idic.correlation.height.gaps import pixels_at_gaps, fill_gaps, height_frame
-from idic.correlation.height.normal_equations import height_normal_equations
+from correlation.height_pixel_equations import height_normal_equations
 from idic.correlation.height.surface import (LEVELLING, build_height_reference, height_residual_map, height_equations,
                                              level_rises)
 from idic.errors import InputError

@@ -7,7 +7,7 @@ import pytest
 from pictures import Texture, make_map, with_middles
 
 from idic.correlation import build_pixel_map, build_reference, nodal_equations, residual_map, solve_brightness
-from idic.correlation.normal_equations import normal_equations
+from correlation.pixel_equations import normal_equations
 from idic.correlation.pixels.cells import monomial_slopes, monomials
 from idic.correlation.pixels.pixel_map import element_coefficients, element_curvature
 from idic.fe import Block

@@ -8,7 +8,7 @@ from pictures import SHAPE, Texture, grid, with_middles
 from surfaces import CAMERA, placed, tube
 
 from idic.correlation import PinholeView, build_reference, nodal_equations, residual_map
-from idic.correlation.pinhole.normal_equations import pinhole_normal_equations
+from correlation.pinhole_pixel_equations import pinhole_normal_equations
 from idic.correlation.pinhole.ray_map import build_ray_map
 from idic.fe import make_mesh, nodal_deformation, surface_cells
 from idic.images import RigidMotion, prefilter

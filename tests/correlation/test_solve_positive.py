@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.correlation.system import solve_positive
+from idic.correlation.image_equations.system import solve_positive
 
 
 def test_unknowns_that_look_alike_share_what_they_explain():

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from test_verdicts import LEFT, POWER, left, ranked, rival, round_of, screening
 
+from idic.diagnose import Variant
 from idic.diagnose.caution_texts import channel_cautions, outline_caution
-from idic.diagnose.channel_left import ChannelLeft
 from idic.diagnose.probability import (P_NONE, P_NONE_BESIDE_A_SCORE, P_OF_STRENGTH, P_UNEXPLAINED, P_WITH_LEFTOVER,
                                        probability)
-from idic.diagnose import Variant
+from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import ExcessLeft
-from idic.diagnose.verdict import conclude
+from idic.diagnose.selection.verdict import conclude
 from idic.report import diagnosis_headline, left_over
-from idic.report.diagnosis.words import is_sure
 from idic.report.diagnosis.not_excluded import hidden_shift, larger_models, probe_words
+from idic.report.diagnosis.words import is_sure
 
 T = 16
 

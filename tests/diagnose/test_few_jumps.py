@@ -12,7 +12,7 @@ from test_revision import chosen, refit, sets, world
 
 import idic
 from idic.diagnose import Variant, candidate_library, identification_at, null_model, residual_evidence, score
-from idic.diagnose.screen.edits import with_correction
+from idic.diagnose.physics.edits import with_correction
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.few_jumps import few_jumps, without_idle_jumps

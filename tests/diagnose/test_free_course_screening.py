@@ -13,9 +13,9 @@ from test_revision import ranked
 
 from idic.diagnose import Columns, Variant, candidate_library, null_model, residual_evidence, score, screen_candidates
 from idic.diagnose.residual.grey_value_effects import LIGHT, columns_of_kind
+from idic.diagnose.residual.score import significances
 from idic.diagnose.screen.effect_sizes import effects
 from idic.diagnose.screen.free_courses import fewest_knots, with_free_courses, with_knots
-from idic.diagnose.screen.score import significances
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.screen.select import proposed
 from idic.diagnose.screen.situation import situation

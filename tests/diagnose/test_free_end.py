@@ -12,8 +12,8 @@ from test_channels_and_headline import CONTENT, TITLES
 
 import idic
 from idic.diagnose import Fit, Refit, candidate_library
+from idic.diagnose.physics.candidate import Situation
 from idic.diagnose.residual.excess_left import ExcessLeft
-from idic.diagnose.screen.candidate import Situation
 from idic.diagnose.selection.free_end import EndMotion, FreeEnd, end_motions, explains_more, may_be_an_end
 from idic.experiment_file import load_experiment, read_toml, with_overrides
 from idic.parameters import Parameter, ParameterSet

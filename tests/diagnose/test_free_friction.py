@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from side_twins import FORCE_NOISE, TIMES, TRUTH, Side, refit, screening, write_folder
 
-from idic.diagnose.courses import courses_of
+from idic.diagnose.screen.courses import courses_of
 from idic.experiment_file import load_experiment
 
 UP = np.where(TIMES < 8.5, 1.0, -1.0) * (TIMES > 0)  # the grip goes up, rests, comes back

@@ -10,8 +10,8 @@ import pytest
 from material_twins import BODY, TIMES, Truth, write_folder
 from side_twins import screening
 
-from idic.diagnose.courses import courses_of
 from idic.diagnose import SUPPOSED_EXPANSION_PER_K
+from idic.diagnose.screen.courses import courses_of
 from idic.diagnose.screen.free_courses import free_edits
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, read_toml

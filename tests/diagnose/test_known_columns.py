@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.diagnose.screen.score import Scores
+from idic.diagnose.residual.score import Scores
 
 
 def test_columns_beside_known_ones_are_tested_as_if_all_were_fitted_together():

@@ -7,15 +7,15 @@ import pytest
 from side_twins import FORCE_NOISE, GRIP, GRIP_NOISE, LENGTH, NOISE, PIXEL, RADIUS, SHAPE, THICKNESS, TIMES, TOML
 from side_twins import TRUTH, WIDTH, Side, refit, screening, truth
 
-from idic.diagnose.screen.candidate import Situation
 from idic.diagnose import candidate_library
+from idic.diagnose.physics.candidate import Situation
 from idic.experiment_file import load_experiment, read_toml
 from idic.fe import nodal_deformation
 from idic.identification import treatments
 from idic.images import PinholeCamera, PlacedCamera, RigidMotion, rotation_of
 from idic.virtual_tests import Sensor, strip_with_hole, write_images, write_inp, write_loads
-from idic.virtual_tests.stereo.images import common_speckle, traced_images
-from idic.virtual_tests.stereo.rig import FROM_ABOVE, write_calibration
+from idic.virtual_tests.stereo_images import common_speckle, traced_images
+from idic.virtual_tests.stereo_rig import FROM_ABOVE, write_calibration
 
 DISTANCE, APPROACH = 300.0, 0.12  # mm; of the specimen at the end
 OF_LENSES = {"specimen_motion", "focal_length", "placement", "lens_distortion"}

@@ -8,11 +8,10 @@ import tifffile
 from material_twins import ELASTIC, NULLS, PLASTIC, TOML, TRUTHS, NullModel, expected, write_folder
 from side_twins import LENGTH, RADIUS, SHAPE, WIDTH, refit, screening
 
-from idic.diagnose import candidate_library as library
-from idic.diagnose.refit import warm_start
+from idic.diagnose import Ranked, candidate_library, candidates as library, residual_evidence
+from idic.diagnose.physics.candidate import Situation
+from idic.diagnose.refits.refit import warm_start
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.diagnose import Ranked, candidate_library, residual_evidence
-from idic.diagnose.screen.candidate import Situation
 from idic.experiment_file import load_experiment, read_toml
 from idic.laws import compile, point_stresses
 from idic.virtual_tests import strip_with_hole, write_inp

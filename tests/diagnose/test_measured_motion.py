@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from material_twins import TRUTHS, write_folder
 
-from idic.diagnose.measured_motion import MOTION_STD_PX
 from idic.diagnose import (
     by_motion, candidate_library, holds_motion, identification_at, may_be_out_of_register, out_of_register,
     residual_evidence, thinned, with_edge_modes,
 )
 from idic.diagnose.residual.heldout import fit, grid_of
+from idic.diagnose.residual.measured_motion import MOTION_STD_PX
 from idic.diagnose.residual.residual_maps import spread
 from idic.diagnose.residual.thinning import CHOICE
 from idic.diagnose.selection.rivals import other_laws

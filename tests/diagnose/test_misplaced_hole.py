@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from side_twins import PIXEL, TRUTH, Side, refit, screening, write_folder
 
-from idic.diagnose.screen.edits import further_dofs
+from idic.diagnose.physics.edits import further_dofs
 from idic.experiment_file import load_experiment, read_toml
 from idic.identification import identify
 

@@ -10,8 +10,8 @@ from side_twins import Side, screening, write_folder
 from typer.testing import CliRunner
 
 from idic.cli.diagnosis_commands import app
-from idic.diagnose.screen import candidate as library
 from idic.diagnose import candidate_library
+from idic.diagnose.physics import candidate as library
 from idic.report import sentence
 
 DOCS = Path(__file__).parents[2] / "docs" / "add-a-candidate.md"

@@ -9,12 +9,11 @@ import pytest
 from experiment_file.small_experiment import load_experiment, write_experiment
 from test_revision import Folder, fit, ranked, refit, screening
 
-from idic.diagnose.courses import Course, courses_of
 from idic.diagnose import Rival, Round, SUPPOSED_EXPANSION_PER_K, ScoreColumn, Variant, candidate_library
+from idic.diagnose.screen.courses import Course, courses_of
 from idic.diagnose.screen.free_courses import free_edits
 from idic.diagnose.selection import own_course
-from idic.diagnose.selection.imitation import MIN_IMITATED_SHARE, with_imitated
-from idic.diagnose.selection.own_course import has_own_course, leaves_something
+from idic.diagnose.selection.own_course import MIN_IMITATED_SHARE, has_own_course, leaves_something, with_imitated
 from idic.experiment_file import read_toml
 from idic.model import KNOTS, nodal_temperature
 

@@ -8,27 +8,27 @@ import numpy as np
 import pytest
 from side_twins import TOML, Side, write_folder
 
-from idic.diagnose.chain import unlimited_excess
-from idic.diagnose.refit import (
-    EarlyStop, GIVEN_UP, MAX_BODY_EVALUATIONS, MIN_BODY_EVALUATIONS, MIN_NULL_SHARE, Start, refit, refit_residual,
-    residual_from_rest, warm_start,
-)
 from idic.diagnose import (
     Candidate, Fit, JUDGEMENT, Ranked, Refit, RefitJob, Rival, Round, Variant, residual_evidence, run_refit,
 )
+from idic.diagnose.chain import unlimited_excess
+from idic.diagnose.refits.refit import (
+    EarlyStop, GIVEN_UP, MAX_BODY_EVALUATIONS, MIN_BODY_EVALUATIONS, MIN_NULL_SHARE, Start, refit, refit_residual,
+    residual_from_rest, warm_start,
+)
+from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.heldout import grid_of, pooled
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE
 from idic.diagnose.selection.both_copies import judged_on_both, undecided
+from idic.diagnose.selection.rival import judge
 from idic.diagnose.selection.rivals import (MAX_PARALLEL_REFITS, alternatives, most_body_evaluations, next_wave,
                                              refitted)
-from idic.diagnose.residual.excess_left import ExcessLeft
-from idic.diagnose.selection.rival import judge
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
 from idic.identification import AcceptedPoint, LoopState, Trial, identify
-from idic.run.diagnosis.refits import RefitStore, job_hash
 from idic.run import run_refits
+from idic.run.diagnosis.refits import RefitStore, job_hash
 from idic.run.diagnosis.source import Source
 
 
@@ -323,7 +323,7 @@ def test_values_of_the_copy_that_judges_count_only_where_a_search_has_left_them(
             progress(LoopState(Trial({}), AcceptedPoint({}, k, phi=10.0 - k)))
         return replace(found, state=replace(found.state, status=status))
 
-    monkeypatch.setattr("idic.diagnose.refit.identify", search)
+    monkeypatch.setattr("idic.diagnose.refits.refit.identify", search)
     starts = [Start("a", experiment, found.parameters.as_values(), borrowed=True)]
     grid = grid_of(residual_evidence(found))
     assert refit("a", starts, {"a": experiment}, found.local, grid).usable is counts
@@ -359,7 +359,7 @@ def test_a_search_is_given_up_when_three_of_its_simulations_failed(failures, lim
         progress(replace(found.state, history=history))
         return found
 
-    monkeypatch.setattr("idic.diagnose.refit.identify", search)
+    monkeypatch.setattr("idic.diagnose.refits.refit.identify", search)
     start = Start("a", experiment, found.parameters.as_values())
     made = refit("damage", [start], {}, found.local, grid_of(residual_evidence(found)), most_evaluations=limit)
     assert made.usable is not told and made.given_up is told
@@ -441,7 +441,7 @@ def test_a_swapped_refit_is_fitted_to_the_copy_that_judges_otherwise(tmp_path, m
     experiment = load_experiment(write_folder(tmp_path / "clean", Side()))
     monkeypatch.setattr(Source, "load", lambda self, edits=None: experiment)
     seen = []
-    monkeypatch.setattr("idic.diagnose.refit_job.refit", lambda name, starts, other, *rest: seen.append(
+    monkeypatch.setattr("idic.diagnose.refits.refit_job.refit", lambda name, starts, other, *rest: seen.append(
         (starts[0].experiment.stack.sign, other["a"].stack.sign)))
     run_refit(job())
     run_refit(job(swapped=True))

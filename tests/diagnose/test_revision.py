@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from idic.diagnose import Diagnosis, Fit, Ranked, Refit, Rival, Round, ScoreColumn, Variant, candidate_library
-from idic.diagnose.refit_job import Told
+from idic.diagnose.refits.refit_job import Told
+from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.revision import (Workplace, earns_its_place, exchangeable, is_needed, min_further_drop,
                                                revised)
-from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, MIN_HELDOUT_DROP
 
 T, RANK = 10, 100

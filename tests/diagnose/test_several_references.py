@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from side_twins import NOISE, Side, write_folder
 
-from idic.diagnose.locate.onset import MotionRecord
 from idic.diagnose import Columns, identification_at, null_model, residual_evidence, score
+from idic.diagnose.locate.noise_draws import recorded_frames
+from idic.diagnose.locate.onset import MotionRecord
 from idic.diagnose.residual.evidence import noise_share
 from idic.diagnose.residual.excess import pixel_tests
 from idic.diagnose.residual.grey_value_effects import columns_of_kind
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.diagnose.residual.noise_draws import recorded_frames
 from idic.diagnose.residual.subspace import gain_and_rank
 from idic.experiment_file import load_experiment
 from idic.images import ArrayStack

@@ -8,9 +8,9 @@ from experiment_file.small_experiment import change, load_experiment, write_expe
 from material_twins import write_folder
 
 import idic
-from idic.run.diagnosis.source import Source
 from idic.run import BASE, RunStore, SerialRunner, group_name, open_source
-from idic.run.prepare import ingest, prepare
+from idic.run.diagnosis.source import Source
+from idic.run.prepared.prepare import ingest, prepare
 
 
 AS_GIVEN = {"options.element_order": "as_given"}

@@ -6,22 +6,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idic.diagnose.caution_texts import (formal_fit, refits_cut_short, refits_given_up, rivals_not_ruled_out,
-                                    search_cautions, softening_caution, too_coarse)
 from idic.diagnose import (
     Diagnosis, Fit, MAX_HIDDEN_VISIBILITY, MESH_TOO_COARSE, Mismatch, Ranked, Refit, Rival, Round, SelectedEffect,
     Variant, candidate_library, refitted_form,
 )
-from idic.diagnose.channel_left import ChannelLeft
+from idic.diagnose.caution_texts import (formal_fit, refits_cut_short, refits_given_up, rivals_not_ruled_out,
+                                    search_cautions, softening_caution, too_coarse)
 from idic.diagnose.findings import acts_everywhere
 from idic.diagnose.locate.nested_tests import KINEMATIC_LEVELS, Level, decide
-from idic.diagnose.refit import GIVEN_UP
-from idic.diagnose.selection.rivals import same_family_rivals
-from idic.diagnose.screen.score import Scores
-from idic.diagnose.screen.select import MIN_SEPARATION_CHI2, Screening
+from idic.diagnose.refits.refit import GIVEN_UP
+from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
+from idic.diagnose.residual.score import Scores
+from idic.diagnose.screen.select import MIN_SEPARATION_CHI2, Screening
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, judge
-from idic.diagnose.verdict import bound_text, conclude
+from idic.diagnose.selection.rivals import same_family_rivals
+from idic.diagnose.selection.verdict import bound_text, conclude
 from idic.parameters import Parameter
 
 T, RANK = 10, 100

@@ -8,6 +8,7 @@ import pytest
 from scipy import sparse, stats
 from side_twins import GRIP, Side, write_folder
 
+from idic.diagnose import Mismatch, SelectedEffect, element_centres, in_words, null_model, residual_evidence
 from idic.diagnose.locate.adjoint_sources import (
     BandFactor,
     draw_residual,
@@ -17,14 +18,13 @@ from idic.diagnose.locate.adjoint_sources import (
 from idic.diagnose.locate.fingerprint import fingerprint
 from idic.diagnose.locate.freedoms import boundary_patterns
 from idic.diagnose.locate.mismatch import locate
-from idic.diagnose import Mismatch, SelectedEffect, element_centres, in_words, null_model, residual_evidence
 from idic.diagnose.locate.nested_tests import normal, level
-from idic.diagnose.locate.tangents import tangents
+from idic.diagnose.locate.noise_draws import free_motion, recorded_frames
 from idic.diagnose.locate.onset import MotionRecord, growing_windows, load_histories, onset, parameter_cusum
 from idic.diagnose.locate.place import clusters
+from idic.diagnose.locate.tangents import tangents
 from idic.diagnose.residual.excess import p_beyond_margin
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.diagnose.residual.noise_draws import free_motion, recorded_frames
 from idic.diagnose.residual.residual_evidence import simulated
 from idic.diagnose.residual.subspace import hats
 from idic.experiment_file import load_experiment

@@ -17,7 +17,7 @@ from idic.diagnose import SelectedEffect, mismatch_content, residual_evidence, u
 from idic.diagnose.locate.mismatch import locate
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.heldout import fit, grid_of
-from idic.diagnose.verdict import conclude
+from idic.diagnose.selection.verdict import conclude
 from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.report import diagnosis_headline, sentence

@@ -10,10 +10,10 @@ import pytest
 from dic_cases import experiment, grid, pictures
 from scipy.ndimage import gaussian_filter
 
-from idic.measure import dic_stack
-from idic.identification.input_noise import noise_content, noise_notes
 from idic.identification import measured_noise
+from idic.identification.noise.input_noise import noise_content, noise_notes
 from idic.images import ArrayStack
+from idic.measure import dic_stack
 from idic.model import Channel, Noise
 
 SHAPE, FRAME, STD, SMOOTHING_PX = (180, 160), (20, 20, 140, 160, 20), 2.0, 0.6

@@ -12,7 +12,7 @@ from section_cases import SHAPE, WIDTH, Surface, camera, layer_mesh, strip_mesh 
 
 from idic.correlation.height.cross_section import build_section_reference  # noqa: E402
 from idic.correlation import section_equations, section_motion  # noqa: E402
-from idic.correlation.height.section_map import build_section_map  # noqa: E402
+from idic.correlation.pixels.section_map import build_section_map  # noqa: E402
 from idic.measure.dic.section import section_nodes, second_difference  # noqa: E402
 from idic.measure import section_field  # noqa: E402
 from idic.fe import make_mesh  # noqa: E402

@@ -11,9 +11,9 @@ from idic.measure.dic.surface_smoothing import surface_smoother
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.fe import face_cells
-from idic.virtual_tests.stereo.plate import PlateTest, Size, plate, write_plate
-from idic.virtual_tests.stereo.ray_tracing import Scene
-from idic.virtual_tests.stereo.rig import rig
+from idic.virtual_tests.stereo_plate import PlateTest, Size, plate, write_plate
+from idic.virtual_tests.ray_tracing import Scene
+from idic.virtual_tests.stereo_rig import rig
 
 SIZE = Size(0.16, (125, 195), (1, 1, 1), (2, 3, 2, 1), (3, 4, 2, 1))
 

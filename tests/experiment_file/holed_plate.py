@@ -10,9 +10,9 @@ import tifffile
 
 from idic.fe import Block, make_mesh
 from idic.virtual_tests import Sensor, grid_cells, write_inp
-from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
-from idic.virtual_tests.stereo.rig import rig, write_calibration
-from idic.virtual_tests.stereo.solid_speckle import solid_speckle
+from idic.virtual_tests.ray_tracing import Scene, traced_image
+from idic.virtual_tests.stereo_rig import rig, write_calibration
+from idic.virtual_tests.solid_speckle import solid_speckle
 
 SHAPE, PIXEL_MM, NOISE_GV, DARK_GV = (160, 240), 0.1, 2.0, 20.0
 HALF = np.array([10.0, 6.0])  # mm

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
+from idic.experiment_file import to_toml, validated, with_overrides
 from idic.experiment_file.laws.composed_law import course_notes
 from idic.experiment_file.laws.softening import softening_notes
 from idic.experiment_file.laws.spectrum import spectrum_notes
 from idic.experiment_file.tables.dofs import material
-from idic.experiment_file import to_toml, validated, with_overrides
 from idic.fe import make_mesh
 from idic.virtual_tests import Patch, mesh_patches
 
@@ -273,7 +273,7 @@ def test_knots_by_evidence_are_the_most_and_the_chosen_ones_replace_them():
     from idic.identification import ChosenKnots
     from idic.laws import Smoothness
     from idic.parameters import ParameterSet
-    from idic.run.in_memory.knots import _with_knots
+    from idic.run.knots import _with_knots
 
     term = {"kind": "free", "knots": "evidence", "range": 0.1, "smoothness": 0.5, "smooth_over": "root"}
     raw = with_overrides(tables(hardening=[term]), None)
@@ -306,7 +306,7 @@ def test_knots_of_a_spectrum_and_a_yield_surface_by_evidence_are_replaced_and_st
     from idic.identification import ChosenKnots
     from idic.laws import Smoothness
     from idic.parameters import ParameterSet
-    from idic.run.in_memory.knots import _with_knots
+    from idic.run.knots import _with_knots
 
     raw = with_overrides({**tables(), "material": {"SPECIMEN": written}}, None)
     table = validated(raw, "e").material["SPECIMEN"]

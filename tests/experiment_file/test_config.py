@@ -341,7 +341,7 @@ def test_two_materials_share_the_mesh_by_position(folder):
 
 
 def test_a_rate_dependent_law_needs_times():
-    from idic.experiment_file.tables.dofs import is_rate_dependent
+    from idic.experiment_file.checks.model import is_rate_dependent
     from idic.laws import get_law
     assert not is_rate_dependent(get_law("elastic")) and not is_rate_dependent(get_law("j2_linear"))
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from idic.errors import InputError
-from idic.experiment_file.schema_materials import MaterialTable
+from idic.experiment_file.schema.materials import MaterialTable
 from idic.experiment_file.tables.dofs import material
 from idic.identification.result import _with_slopes
 from idic.laws import get_law

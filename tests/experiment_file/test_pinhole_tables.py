@@ -12,7 +12,7 @@ from idic.errors import InputError
 from idic.experiment_file import load_experiment
 from idic.images import PinholeCamera, rotation_of
 from idic.model import build_forward, solve
-from idic.virtual_tests.stereo.rig import write_calibration
+from idic.virtual_tests.stereo_rig import write_calibration
 
 SIZE = (50, 60)  # rows, columns of the images of the small experiment
 ROTATION = rotation_of([3.0, -8.0, 2.0]) @ np.diag([1.0, -1.0, -1.0])

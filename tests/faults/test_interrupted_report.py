@@ -14,10 +14,10 @@ from virtual_tests.small_strip import write_small_strip
 
 import idic
 from idic.errors import InputError
-from idic.run.points import RunPoints
-from idic.run.reporting.write import load_record
-from idic.run.session import open_session
 from idic.run import BASE, RunStore, SerialRunner, Timing, group_name, write_array
+from idic.run.points import RunPoints
+from idic.run.prepared.session import open_session
+from idic.run.reporting.write import load_record
 from idic.run.store.state_file import load_state, save_state
 
 

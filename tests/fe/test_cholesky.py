@@ -8,9 +8,9 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 from test_factorisation_cost import brick, dofs_of, plate
 
-from idic.fe.assembly import in_parts, kernels
+from idic.fe.assembly import in_parts
 from idic.fe import Direction, march, solver_threads
-from idic.fe.solver import cholesky, known_pattern, linear
+from idic.fe.solver import cholesky, known_pattern, linear, storage
 
 from fe_bodies import PARAMETERS, body, held, where
 
@@ -27,7 +27,7 @@ def nearly_symmetric(mesh, prescribed=(), skew=0.005, shift=1.0):
     pattern = linear.make_pattern(mesh.nodes, [dofs], np.asarray(prescribed, dtype=int), widest_band=-1)
     values, m = np.zeros(pattern.n_stored), dofs.shape[1]
     root, other = rng.standard_normal((2, len(dofs), m, m))
-    kernels.scatter(root @ root.transpose(0, 2, 1) / m + shift * np.eye(m) + skew * (other - other.transpose(0, 2, 1)),
+    storage.scatter(root @ root.transpose(0, 2, 1) / m + shift * np.eye(m) + skew * (other - other.transpose(0, 2, 1)),
                     pattern.positions(dofs), values)
     return pattern, values, csc_array((values.copy(), pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
 

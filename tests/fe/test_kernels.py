@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from fe_bodies import PARAMETERS, body, faces_where, grid, held, skewed, where
 
-from idic.fe.solver import linear
+from idic.fe.solver import linear, storage
 from idic.fe.assembly import kernels
 from idic.fe.assembly.assembly import stiffness_values
 from idic.fe import Loads, discretise, evaluate_system, stiffness_times
-from idic.fe.boundary import Drives, at_time, pressure_faces, pressure_force, pressure_stiffness
+from idic.fe.body.boundary import Drives, at_time, pressure_faces, pressure_force, pressure_stiffness
 
 KINDS = [("tri3", "plane_stress"), ("quad4", "plane_strain"), ("quad8", "plane_strain"), ("hex8", "solid"),
          ("tet10", "solid")]
@@ -112,7 +112,7 @@ def test_band_and_sparse_factorisations_solve_the_same_system(cell, n):
         assert (pattern.half_bandwidth is None) == (widest < 0)
         values = np.zeros(pattern.n_stored)
         stiffness_values(system, ev)
-        kernels.scatter(ev.groups[0].Ke, pattern.positions(dofs[0]), values)
+        storage.scatter(ev.groups[0].Ke, pattern.positions(dofs[0]), values)
         full = np.zeros((model.n_dof, 3))
         full[pattern.dofs] = linear.factorise(pattern, values).solve(rhs[system.pattern.equation[pattern.dofs]])
         solutions.append(full)
@@ -144,7 +144,7 @@ def test_the_band_LU_solves_with_and_without_row_exchanges(exchanges, half_bandw
     numbers, rhs = np.arange(n), rng.random((n, 2))
     pattern = linear.Pattern(numbers, numbers, half_bandwidth)
     values, places = np.zeros(pattern.n_stored), pattern.positions(numbers[None])
-    kernels.scatter(matrix[None], places, values)
+    storage.scatter(matrix[None], places, values)
     factor = linear.factorise(pattern, values)
     if half_bandwidth:
         assert (factor.exchanges != numbers + 1).any() or not exchanges

@@ -8,8 +8,7 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import SuperLU, splu
 from test_factorisation_cost import brick, dofs_of, plate
 
-from idic.fe.assembly import kernels
-from idic.fe.solver import multifrontal, substitution
+from idic.fe.solver import multifrontal, storage, substitution
 from idic.fe.solver.linear import SingularMatrix, factorise, make_pattern
 from idic.fe import solver_threads
 
@@ -19,7 +18,7 @@ def assembled(mesh, prescribed=(), shift=20.0):
     dofs, rng = dofs_of(mesh), np.random.default_rng(1)
     pattern = make_pattern(mesh.nodes, [dofs], np.asarray(prescribed, dtype=int), widest_band=-1)
     values, m = np.zeros(pattern.n_stored), dofs.shape[1]
-    kernels.scatter(rng.standard_normal((len(dofs), m, m)) + shift * np.eye(m), pattern.positions(dofs), values)
+    storage.scatter(rng.standard_normal((len(dofs), m, m)) + shift * np.eye(m), pattern.positions(dofs), values)
     return pattern, values, csc_array((values.copy(), pattern.indices, pattern.indptr), shape=(pattern.n, pattern.n))
 
 

@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel
 
 from idic.experiment_file import ExperimentFile
-from idic.experiment_file.schema_boundary import SimulatedTable
+from idic.experiment_file.schema.boundary import SimulatedTable
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "experiment-file.md"
 NOT_WRITTEN = {"further_cameras"}  # written as further [[camera]] tables

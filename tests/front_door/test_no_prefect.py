@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("shared_server")
 # they are read, and the end of a run where it is reached
 LATE = ("scipy.interpolate", "scipy.io", "scipy.ndimage", "scipy.optimize", "scipy.spatial", "scipy.special", "h5py",
         "meshio", "cv2", "matplotlib", "pandas", "xarray", "jinja2", "dask", "idic.run.joint_run",
-        "idic.run.postprocess", "idic.report.record")
+        "idic.run.postprocess", "idic.report.result.record")
 WITHOUT = """
     import sys
     from idic.cli import main

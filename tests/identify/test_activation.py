@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from twin_runs import FORCE, GRIPS, TRUTH, Twin, solved, write_folder
 
-from idic.identification.parameter_covariance import Scaled
 from idic.identification.step.activation import MAX_REJECTED_ACTIVATIONS, active_parameters, activation_step
+from idic.identification.step.parameter_covariance import Scaled
 from idic.parameters import Parameter, ParameterSet
 from idic_studies.cases.case import CaseJob, render, run_case
 from idic_studies.cases.store import StudyStore

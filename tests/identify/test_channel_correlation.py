@@ -7,10 +7,10 @@ import pytest
 from scipy.signal import lfilter
 
 from idic.identification import identify, join
-from idic.identification.input_noise import channel_noise, resolution
 from idic.identification.loop import parameters_at
 from idic.identification.noise.channel_correlation import channel_correlation
 from idic.identification.noise.channel_noise import estimated_channel_noise, with_channel_noise
+from idic.identification.noise.input_noise import channel_noise, resolution
 from idic_studies.cases.case import CaseJob, case_experiment, render
 from idic_studies.cases.registry import make_study
 from idic_studies.cases.store import StudyStore

@@ -9,11 +9,11 @@ import idic
 from idic.experiment_file import load_rendered
 from idic.identification import Analysis, Component, DiscrepancySystem, identify, joined, reason_against
 from idic.identification.discrepancy.variances import estimate
-from idic_studies.misfit.study import DISTURBANCE, NOISE_GV
-from idic_studies.misfit.worlds import draw, virtual_test
-from idic_studies.cases.open_hole_strip import write_clean
-from idic_studies.cases.realisation import realisation
 from idic.virtual_tests import write_images
+from idic_studies.cases.misfit import DISTURBANCE, NOISE_GV
+from idic_studies.cases.realisation import realisation
+from idic_studies.examples.misfit_worlds import draw, virtual_test
+from idic_studies.examples.open_hole_strip import write_clean
 
 
 def recorded(folder, world, seed):

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from idic.experiment_file import load_experiment
-from idic.identification.parameter_covariance import without_end_noise
 from idic.identification import evaluate_at, identify
+from idic.identification.step.parameter_covariance import without_end_noise
 from idic.model import Experiment
 from idic_studies.cases.case import with_measured_start
 

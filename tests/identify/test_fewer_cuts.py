@@ -11,10 +11,10 @@ from idic.experiment_file import load_experiment
 from idic.identification import Trial, evaluate_at, identify, start
 from idic.identification.loop import advance
 from idic.identification.step.acceptance import MAX_PHI_RATIO_WITH_FEWER_CUTS
-from idic.run.session import open_session
+from idic.run import SerialRunner
+from idic.run.prepared.session import open_session
 from idic.run.store.state_file import load_state
 from idic.run.store.system_store import load_evaluation
-from idic.run import SerialRunner
 
 
 def known_noise(experiment):

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from idic.identification.parameter_covariance import Scaled
 from idic.identification import FreeCurve, FreeSpectrum, FreeSurface, choose_knots, spectrum
 from idic.identification.step.ending import beyond_bounds
+from idic.identification.step.parameter_covariance import Scaled
 from idic.identification.step.proposal import Step
 from idic.identification.step.rising import in_order
 from idic.laws import Smoothness, basis, bends, equivalent, grid, knots, relaxing

@@ -6,7 +6,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, solved, write_folder
 
 from idic.correlation import MAX_GRADIENT_NOISE, build_experiment_reference
 from idic.experiment_file import load_experiment
-from idic.identification.input_noise import gradient_noise
+from idic.identification.noise.input_noise import gradient_noise
 from idic.images import dense_speckle, lowpass, without_noise
 from idic.images.quality.gradient_noise import radial_spectrum, slope_gain
 

@@ -13,8 +13,8 @@ from height_bodies import RMS, SIZE, TENSION, TRUTH, Roughness, exact_images, pu
 import idic
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.run.prepare import check_before_writing
 from idic.report import check
+from idic.run.prepared.prepare import check_before_writing
 from idic.run.reporting.write import load_record
 from idic.virtual_tests import simulate
 

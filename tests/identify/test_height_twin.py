@@ -10,7 +10,7 @@ from twin_bodies import context, extended, responses
 
 from idic.correlation import frame_equations, view_of
 from idic.correlation.height.gaps import fill_gaps
-from idic.correlation.height.normal_equations import height_normal_equations
+from correlation.height_pixel_equations import height_normal_equations
 from idic.correlation.shared_noise import reference_gram
 from idic.errors import InputError
 from idic.identification import identify

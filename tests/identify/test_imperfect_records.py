@@ -15,8 +15,8 @@ from idic.identification import FrameFit, frame_entries, identify, without_edges
 from idic.identification.result import shift_notes
 from idic.images import Camera
 from idic.model import Column, build_drives, build_forward, solve
-from idic.report.record import FreeFields
 from idic.report import left_out, not_explained
+from idic.report.result.record import FreeFields
 from idic.run import prepare_in_memory
 from idic.run.judgement.free import free_summary
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from idic.identification.parameter_covariance import Scaled
 from idic.identification import spectrum
+from idic.identification.step.parameter_covariance import Scaled
 from idic.identification.step.proposal import propose
 from idic.parameters import Parameter, ParameterSet
 

@@ -11,7 +11,7 @@ from twin_runs import ELASTIC, FORCE, GRIPS, TRUTH, Twin, identify, solved, writ
 from idic.errors import NotConverged
 from idic.identification.step.next_step import MAX_REJECTIONS
 from idic.model import ForwardModel
-from idic.report.words import convergence
+from idic.report.result.words import convergence
 
 WHOLE = ELASTIC + GRIPS + FORCE
 SURE = 4.0  # standard deviations: one draw of noise, some ten parameters looked at; 4 is passed once in 16 000

@@ -13,11 +13,11 @@ from twin_runs import FORCE, GRIPS, Twin, write_folder
 
 from idic.correlation import CorrelationSystem
 from idic.experiment_file import load_experiment
-from idic.identification.parameter_covariance import Scaled
 from idic.identification import Ending, EstimatorChoice, Evaluation, GENERALISED, spectrum, start
 from idic.identification.loop import advance
 from idic.identification.step.increments import KNOWN
 from idic.identification.step.non_smooth import smallest_gradient
+from idic.identification.step.parameter_covariance import Scaled
 from idic.identification.step.state import ENOUGH, GENERALISED_REJECTED
 from idic.model import Measured
 

@@ -10,15 +10,16 @@ from twin_runs import TRUTH, identify, solved
 
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
-from idic.identification import in_memory
-from idic.identification import Evaluation, LoopState, ParallelTrial, Trial, describe_evaluation, trial_states
+from idic.identification import (
+    Evaluation, LoopState, ParallelTrial, Trial, describe_evaluation, in_memory, trial_states,
+)
 from idic.identification.loop import _best, advance
 from idic.identification.step.next_step import MAX_REJECTIONS
 from idic.identification.step.parallel_steps import damping_after
 from idic.model import ForwardModel
-from idic.run.points import RunPoints
-from idic.run.session import open_session
 from idic.run import SerialRunner, Timing
+from idic.run.points import RunPoints
+from idic.run.prepared.session import open_session
 from idic.run.store.state_file import load_state, save_state
 
 FAR = {"BODY.E": 0.3 * TRUTH["E"], "BODY.nu": 0.05}  # more than two steps of 35 % away

@@ -7,7 +7,7 @@ import pytest
 from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
 from idic.run import BASE, FrameArrays, SimulationJob, group_name, open_run, read_array, write_array
-from idic.run.tasks import simulate
+from idic.run.prepared.tasks import simulate
 from idic.run.store.arrays import Damaged
 from idic.run.store.state_file import load_state
 

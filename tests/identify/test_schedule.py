@@ -9,8 +9,8 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, identify, write_folder
 
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.identification.parameter_covariance import Scaled
 from idic.identification import identify as identify_in_memory, resolve_stages, seen_in, spectrum
+from idic.identification.step.parameter_covariance import Scaled
 from idic.identification.step.schedule import strong_directions
 from idic.model import Stage
 

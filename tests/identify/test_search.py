@@ -8,22 +8,22 @@ from twin_runs import ELASTIC, FORCE, GRIPS, Twin, write_folder
 
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
-from idic.identification.coarse import MIN_FRAMES, coarse_frames
 from idic.identification import (
     CoarseFit, StartTrial, coarse_fit, first_free, resolve_stages, search, spectrum, start, wants_search,
 )
-from idic.identification.parameter_covariance import Scaled
+from idic.identification.coarse import MIN_FRAMES, coarse_frames
 from idic.identification.start_search import (
     MAX_NEAR_COARSE_MISFIT, MAX_NEAR_MISFIT, MAX_PROMISING_COARSE_MISFIT, stabilised_start, trial_points,
 )
+from idic.identification.step.parameter_covariance import Scaled
 from idic.identification.step.proposal import propose
 from idic.identification.step.schedule import BLURRED_STAGE, is_continued
 from idic.model import ForwardModel, Stage, build_forward, selected_frames, solve
 from idic.parameters import USUAL_MAX_STEP, Parameter, ParameterSet
-from idic.run.prepare import ingest, prepare
-from idic.run.session import open_session
-from idic.run.search import SEARCH_FILE, TrialJob, fit_trial, start_values
 from idic.run import RunStore, SerialRunner
+from idic.run.prepared.prepare import ingest, prepare
+from idic.run.prepared.session import open_session
+from idic.run.search import SEARCH_FILE, TrialJob, fit_trial, start_values
 
 TRUTH = {"BODY.E": 2000.0, "BODY.nu": 0.35}
 

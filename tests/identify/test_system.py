@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from idic.correlation.equations import BasisEquations, ChannelEquations
+from idic.correlation.image_equations.equations import BasisEquations, ChannelEquations
 from idic.correlation import (
     CorrelationSystem, FrameEquations, Weights, eliminate, generalised_weights, ordinary_variance, reduce_systems,
 )

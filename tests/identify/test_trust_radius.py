@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from idic.identification.parameter_covariance import Scaled
+from idic.identification.step.parameter_covariance import Scaled
 from idic.identification.step.trust_radius import (
     predicted_decrease, radius_after_rejection, radius_after_step, step_length,
 )

@@ -9,9 +9,8 @@ from twin_runs import ELASTIC, FORCE, GRIPS, SHAPE, Twin, clean_images, identify
 from idic.correlation import MeasuredReference, build_experiment_reference
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.identification import in_memory
-from idic.identification.two_step import measure
-from idic.identification import measured_reference
+from idic.identification import in_memory, measured_reference
+from idic.identification.free_motion.two_step import measure
 from idic.images import ArrayStack, lowpass
 from idic.model import build_forward, solve
 from idic.report import render_page

@@ -14,14 +14,13 @@ from twin_bodies import PIXEL, plate
 import idic
 from idic.experiment_file import load_experiment
 from idic.fe import Constraints, Model, Reaction, Section, march
+from idic.identification import in_memory, run_loop
 from idic.images import Camera, dense_speckle
-from idic.identification import in_memory
-from idic.identification import run_loop
 from idic.laws import compile as compile_law
-from idic.run.points import RunPoints
-from idic.run.prepare import ingest, prepare
-from idic.run.session import open_session
 from idic.run import RunStore, SerialRunner, Timing
+from idic.run.points import RunPoints
+from idic.run.prepared.prepare import ingest, prepare
+from idic.run.prepared.session import open_session
 from idic.virtual_tests import Sensor, clean_image, painted, record, write_images, write_inp, write_loads
 
 SHAPE, ORIGIN, THICKNESS = (100, 140), (69.3, 49.6), 1.5

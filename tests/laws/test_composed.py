@@ -9,7 +9,7 @@ from law_paths import follow, random_path
 from idic.errors import InputError
 from idic.laws import point
 from idic.laws import compile, composed_name, get_law
-from idic.laws.plasticity.short_forms import SHORT_FORMS
+from idic.laws.composed.short_forms import SHORT_FORMS
 
 STRAIN = np.linspace(0.0, 0.03, 16)
 E, NU, YIELD = 70e3, 0.3, 200.0

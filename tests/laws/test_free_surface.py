@@ -11,7 +11,7 @@ from idic.laws import (
 )
 from idic.laws.plasticity.free_locus import neighbours
 from idic.report.evidence.yield_surface import std_of, surface_fits
-from idic.laws.plasticity.surface_forms import hill48, hosford
+from idic.laws.free_forms.surface_forms import hill48, hosford
 
 HILL = (1.6, 1.2, 2.0)
 

@@ -5,7 +5,7 @@ import pytest
 from law_paths import follow, random_path
 
 from idic.errors import InputError
-from idic.experiment_file.schema_materials import MaterialTable
+from idic.experiment_file.schema.materials import MaterialTable
 from idic.experiment_file.tables.dofs import material
 from idic.laws import compile, directional_stresses, get_law, law_for, point_stresses, point_tangents
 from idic.laws.core import point

@@ -55,7 +55,7 @@ THIRD_PARTIES = {
     "idic_studies": {"matplotlib", "prefect", "threadpoolctl", "tifffile", "zarr"},
 }
 MAX_MODULES, MAX_LINE_SHARE = 16, 0.12  # of a folder, its own files only
-CATALOGUES = {"idic.diagnose.candidates", "idic.laws.plasticity"}  # like things side by side
+CATALOGUES = {"idic.diagnose.candidates"}  # like things side by side
 
 
 MODULES = modules()
@@ -156,47 +156,8 @@ def test_third_parties_stay_where_they_belong():
 MAX_NAMES = {"idic.calibrate": 6, "idic.correlation": 88, "idic.diagnose": 77, "idic.draw": 7,
              "idic.experiment_file": 39, "idic.fe": 127, "idic.identification": 135, "idic.images": 105,
              "idic.laws": 90, "idic.measure": 39, "idic.model": 64, "idic.notebook": 3, "idic.readers": 82,
-             "idic.report": 126, "idic.run": 100, "idic.virtual_tests": 35}
+             "idic.report": 125, "idic.run": 100, "idic.virtual_tests": 35}
 MAX_TESTS_PAST_A_DOOR = 263  # files
-MUTUAL_FOLDERS = {
-    ("idic", "idic.cli"),
-    ("idic.correlation", "idic.correlation.field"),
-    ("idic.correlation", "idic.correlation.height"),
-    ("idic.correlation", "idic.correlation.pinhole"),
-    ("idic.diagnose", "idic.diagnose.discretisation"),
-    ("idic.diagnose", "idic.diagnose.residual"),
-    ("idic.diagnose", "idic.diagnose.screen"),
-    ("idic.diagnose", "idic.diagnose.selection"),
-    ("idic.diagnose.candidates", "idic.diagnose.screen"),
-    ("idic.diagnose.locate", "idic.diagnose.residual"),
-    ("idic.diagnose.locate", "idic.diagnose.screen"),
-    ("idic.diagnose.residual", "idic.diagnose.screen"),
-    ("idic.experiment_file", "idic.experiment_file.laws"),
-    ("idic.experiment_file", "idic.experiment_file.measured_fields"),
-    ("idic.experiment_file", "idic.experiment_file.pinhole"),
-    ("idic.experiment_file", "idic.experiment_file.tables"),
-    ("idic.experiment_file.pinhole", "idic.experiment_file.tables"),
-    ("idic.fe", "idic.fe.assembly"),
-    ("idic.fe.assembly", "idic.fe.solver"),
-    ("idic.identification", "idic.identification.discrepancy"),
-    ("idic.identification", "idic.identification.noise"),
-    ("idic.identification", "idic.identification.step"),
-    ("idic.identification", "idic.identification.systematic"),
-    ("idic.identification.discrepancy", "idic.identification.systematic"),
-    ("idic.images", "idic.images.quality"),
-    ("idic.laws.composed", "idic.laws.plasticity"),
-    ("idic.laws.composed", "idic.laws.rate"),
-    ("idic.readers", "idic.readers.delimited"),
-    ("idic.report", "idic.report.design"),
-    ("idic.report", "idic.report.fields"),
-    ("idic.report", "idic.report.figures"),
-    ("idic.run", "idic.run.in_memory"),
-    ("idic.run", "idic.run.judgement"),
-    ("idic.run", "idic.run.recovery"),
-    ("idic.virtual_tests", "idic.virtual_tests.stereo"),
-    ("idic_studies.cases", "idic_studies.misfit"),
-    ("idic_studies.pages", "idic_studies.trial"),
-}
 
 
 def statements(file):
@@ -252,15 +213,15 @@ def test_nothing_is_imported_upwards_by_its_name():
 
 
 def test_folders_do_not_import_each_other():
-    """A folder and the one around it are two folders; doors do not count."""
+    """A folder and the one around it are two folders; doors do not count, and `idic.__main__` is on its own."""
     edges = set()
     for name, file in MODULES.items():
         if file.name != "__init__.py":
             for other in own_imports(name, file):
                 there = other if MODULES.get(other, file).name == "__init__.py" else other.rpartition(".")[0]
-                edges.add((name.rpartition(".")[0], there))
+                edges.add((name if name == "idic.__main__" else name.rpartition(".")[0], there))
     mutual = {pair for pair in edges if pair[0] < pair[1] and pair[::-1] in edges}
-    assert mutual == MUTUAL_FOLDERS, "fewer: shorten the list; more: move the module that both need"
+    assert not mutual, "move the module that both need"
 
 
 def test_no_two_files_import_each_other_even_on_a_detour():
@@ -293,7 +254,7 @@ def test_the_rules_find_an_offender():
     assert not allowed("idic.fe.time_march", "idic.experiment_file.load")
     assert not allowed("idic.fe.time_march", "idic.images.camera")
     assert not allowed("idic.fe.time_march", "idic.laws.elastic")
-    assert not allowed("idic.run.tasks", "idic_flows.identify")
+    assert not allowed("idic.run.prepared.tasks", "idic_flows.identify")
     assert not allowed("idic.report.page", "idic.run.workers.runner")
     assert not allowed("idic.cli.studies_commands", "idic_studies.cases.gallery")
     assert not allowed("idic_flows.public", "idic_studies.flows.study")

@@ -378,7 +378,7 @@ def test_a_mirrored_mesh_is_turned_around_and_keeps_its_edges(tmp_path):
 def test_a_set_by_position_does_not_stop_the_only_material_from_meaning_all_elements(tmp_path):
     """A wide band of nodes holds whole elements too; it is still no element set of the mesh."""
     from idic.experiment_file.tables.mesh_sets import with_element_set, with_sets
-    from idic.experiment_file.schema_boundary import SetTable
+    from idic.experiment_file.schema.boundary import SetTable
     from idic.fe import make_mesh
 
     nodes = np.array([[x, y] for y in range(3) for x in range(4)], float)

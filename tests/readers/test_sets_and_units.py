@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from idic.errors import InputError
 from idic.readers import column_factor, factor_between, frame_indices, frame_numbers, parse_unit, where
-from idic.readers.units import suffix_unit
+from idic.readers.delimited.units import suffix_unit
 
 POINTS = np.array([[0.0, -10.0], [3.0, 0.0], [-2.0, 4.0]])
 

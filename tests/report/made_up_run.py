@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.report.record import FrameView, FreeFields, LawCurve, NoiseFloor, Practice
 from idic.report import ChannelRecord, FieldFrames, ResidualMaps, RunRecord, Sensitivities
+from idic.report.result.record import FrameView, FreeFields, LawCurve, NoiseFloor, Practice
 
 NAMES = ("sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus")
 VALUES = (70012.3, 0.3004, 199.8, 2005.0)

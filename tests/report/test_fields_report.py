@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from made_up_run import make_record, make_result
 
-from idic.report.words import hardly_determined
 from idic.report import comparison_tables, in_words_of, render_page, result_headline, undetermined
 from idic.report.figures.point_maps import point_maps, rms
-from idic.report.record import PointMaps
-from idic.run.reporting.compare import _parameter
+from idic.report.result.record import PointMaps
+from idic.report.result.words import hardly_determined
 from idic.run import headlines
+from idic.run.reporting.compare import _parameter
 
 
 @pytest.fixture

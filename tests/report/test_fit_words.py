@@ -8,13 +8,13 @@ import pytest
 from made_up_run import make_record, make_result
 
 from idic.cli.tables import remarks
-from idic.report.words import convergence, discrepancy_text, explained
 from idic.report import (
     advice, against_free, held_stresses, in_ratios, joint_page, render_page, result_headline, result_verdict,
     stress_unit, undetermined,
 )
-from idic.run.joint_result import result_of_part
+from idic.report.result.words import convergence, discrepancy_text, explained
 from idic.run import read_result
+from idic.run.joint_result import result_of_part
 
 CLUSTER = {"is_cluster": True, "chi2": 1.62, "typical_chi2": 1.0, "z": 31.0, "p_value": 0.0, "column": 412.3,
            "row": 88.0,

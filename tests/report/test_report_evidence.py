@@ -152,7 +152,7 @@ def test_a_card_of_a_set_with_any_letters_is_written(run, tmp_path, monkeypatch)
 def test_a_free_hardening_curve_is_drawn_with_its_band_and_the_nearest_forms():
     from idic.laws import classical_fits, knots
     from idic.report.figures.hardening import hardening_curve
-    from idic.report.record import HardeningCurve
+    from idic.report.result.record import HardeningCurve
     from idic.report import RunRecord
 
     p = knots(0.1, 8)

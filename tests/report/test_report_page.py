@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from made_up_run import NAMES, make_curve, make_practice, make_record, make_result
 
-from idic.report import tables
-from idic.report.words import explained, relative_std, result_cautions
 from idic.report import (
-    advice, draw_sections, number_text, render_page, result_headline, result_verdict, short, two_digits, with_std,
+    advice, draw_sections, number_text, render_page, result_headline, result_verdict, short, tables, two_digits,
+    with_std,
 )
 from idic.report.design.words import percent
 from idic.report.figures import charts, maps, matrices
 from idic.report.page import _derived_rows
+from idic.report.result.words import explained, relative_std, result_cautions
 
 BARE = dict(history=(), M=None, reference=None, nodes_px=None, cells=(), times=None, rms_before=None, rms_after=None,
             channels=(), fields=None, sensitivities=None, residuals=None, notes=(), views=(), free=None, curves=(),

@@ -11,8 +11,8 @@ import pytest
 from run.test_flow import shown_by
 
 from idic.errors import NotConverged
-from idic.run.tasks import SimulationReport
 from idic.run import CorrelationJob, SerialRunner, SimulationJob, open_cluster, start_server
+from idic.run.prepared.tasks import SimulationReport
 from idic_flows.job_runs import Budget, JobRuns
 from idic_flows.job_titles import titles_of
 from idic_flows.settings import connected

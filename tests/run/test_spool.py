@@ -9,7 +9,7 @@ from idic.correlation import (
 )
 from idic.correlation import shared_noise
 from idic.correlation.shared_noise import close
-from idic.correlation.system import SharedSums
+from idic.correlation.image_equations.system import SharedSums
 from idic.run import spool
 from idic.run.spool import open_spool
 

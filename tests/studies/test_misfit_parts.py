@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from idic_studies.misfit.page import FLOW_STRESS, PLASTIC_STRAIN, draw_misfit, outcome_of
 from idic.laws import compile as compile_law
-from idic_studies.misfit.worlds import _sections, _truth_of, draw, flow_stress
+from idic_studies.examples.misfit_worlds import _sections, _truth_of, draw, flow_stress
 from idic_studies.pages.case_record import CaseRecord
+from idic_studies.pages.misfit_page import FLOW_STRESS, PLASTIC_STRAIN, draw_misfit, outcome_of
 
 NAMES = ["sheet.E", "sheet.nu", "sheet.yield_stress", "sheet.hardening_modulus"]
 STD = np.array([100.0, 0.01, 2.0, 50.0])

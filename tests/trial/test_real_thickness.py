@@ -6,22 +6,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from idic.diagnose import identification_at, residual_evidence
 from idic.diagnose.caution_texts import untested_thickness
+from idic.diagnose.discretisation.bricks import bricks_of, simulated_sheet, thickness_error
 from idic.diagnose.discretisation.combinations import (BRICKS, FINITE_STRAINS, Combination, drop_by,
                                                        probabilities)
-from idic.diagnose.discretisation.neglected import neglected
 from idic.diagnose.discretisation.following import is_at, moved
-from idic.diagnose.discretisation.bricks import bricks_of, simulated_sheet, thickness_error
+from idic.diagnose.discretisation.neglected import neglected
 from idic.diagnose.discretisation.thickness_error import are_shown, neglected_errors
 from idic.diagnose.discretisation.thickness_std import as_recorded, error_changes, std_factors
 from idic.diagnose.discretisation.turns import TURNED_STD, begun_at, in_turns, sheet_at, turned
 from idic.diagnose.discretisation.weight import MIN_ERROR_CHI2, change_matters, counts, error_column, weighed
-from idic.diagnose import identification_at, residual_evidence
 from idic.diagnose.residual.heldout import grid_of
 from idic.experiment_file import load_rendered
-from idic.identification.systematic.real_thickness import MIDDLE, in_front
-from idic.identification import extruded, identify
 from idic.fe import boundary_faces, check_elements, halve, make_mesh, quadrature_rule, shape_gradients
+from idic.identification import extruded, identify
+from idic.identification.finer_models.real_thickness import MIDDLE, in_front
 from idic.model import Column, Constant, Load, Measured, Parametrised, Prescribed, boundary_parameters, build_forward
 from idic.parameters import ParameterSet
 from idic_studies.trial.scenes.calculix import solve_with_calculix

@@ -6,7 +6,6 @@ import shutil
 import numpy as np
 import pytest
 
-from idic_studies.pages.trial_page import write_trial_page
 from idic_studies.trial.plan import Campaign, scene_of
 from idic_studies.trial.scenes.calculix import solve_with_calculix
 from idic_studies.trial.scenes.effects import EFFECTS
@@ -14,6 +13,7 @@ from idic_studies.trial.scenes.scene import NULLS, Geometry, plain_scene
 from idic_studies.trial.scenes.solve import solve
 from idic_studies.trial.seal import Folder, answered, opened, seal, tool_state
 from idic_studies.trial.trial import TrialJob, run_trial
+from idic_studies.trial.trial_page import write_trial_page
 
 KEYS = ("clean/1", "singles/grip_rotation-concealed-0")
 SEED = 900  # not one of the seeds that scores are reported for

@@ -11,7 +11,7 @@ from strip_twin import marched, pulled, strip_toml, write_recording, write_rest
 
 from idic.images import Camera
 from idic.laws import LawParameter, LawSpec, all_laws, compile, register
-from idic.laws.composed.rubber_forms import CHAIN
+from idic.laws.free_forms.rubber_forms import CHAIN
 from idic.virtual_tests import strip_with_hole
 
 LENGTH, WIDTH, RADIUS, THICKNESS, KAPPA = 24.0, 16.0, 3.0, 2.0, 200.0  # mm, MPa

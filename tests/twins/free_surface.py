@@ -12,7 +12,7 @@ from strip_twin import strip_toml, write_recording, write_rest
 from idic.fe import Constraints, Model, Reaction, Section, march
 from idic.images import Camera
 from idic.laws import compile, equivalent
-from idic.laws.plasticity.surface_forms import hill48
+from idic.laws.free_forms.surface_forms import hill48
 from idic.report.evidence.yield_surface import std_of
 
 THICKNESS, PIXEL, SHAPE = 2.0, 0.16, (150, 200)  # mm, mm, px

@@ -19,8 +19,8 @@ from fe_bodies import grid  # noqa: E402
 from idic.fe import Mesh  # noqa: E402
 from idic.images import PinholeCamera, PlacedCamera, rotation_of  # noqa: E402
 from idic.virtual_tests import Sensor, write_images, write_inp, write_loads  # noqa: E402
-from idic.virtual_tests.stereo.images import common_speckle, traced_images  # noqa: E402
-from idic.virtual_tests.stereo.rig import FROM_ABOVE, write_calibration  # noqa: E402
+from idic.virtual_tests.stereo_images import common_speckle, traced_images  # noqa: E402
+from idic.virtual_tests.stereo_rig import FROM_ABOVE, write_calibration  # noqa: E402
 
 LENGTH, WIDTH, HALF, WAIST = 36.0, 10.0, 3.0, 0.03  # mm; half of the thickness; narrower in the middle by this share
 VALUES = {"E": 70e3, "nu": 0.3, "yield_stress": 250.0, "hardening_modulus": 350.0}  # MPa: necks at a strain of 0.25

@@ -15,9 +15,9 @@ from calculix_solids import pulled, with_surfaces  # noqa: E402
 from fe_bodies import grid  # noqa: E402
 
 from idic.fe import Mesh, face_cells  # noqa: E402
-from idic.virtual_tests.stereo.plate import PlateTest, Size, write_plate  # noqa: E402
-from idic.virtual_tests.stereo.ray_tracing import Scene  # noqa: E402
-from idic.virtual_tests.stereo.rig import rig  # noqa: E402
+from idic.virtual_tests.stereo_plate import PlateTest, Size, write_plate  # noqa: E402
+from idic.virtual_tests.ray_tracing import Scene  # noqa: E402
+from idic.virtual_tests.stereo_rig import rig  # noqa: E402
 
 LENGTH, OUTER, INNER, NOTCH, NOTCH_WIDTH = 28.0, 8.0, 6.5, 0.6, 3.0  # mm; depth and width of the groove
 SEEN_DEG = 60.0  # of the circumference, on both sides of the front

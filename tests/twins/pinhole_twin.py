@@ -9,8 +9,8 @@ from idic.fe import Constraints, Model, Reaction, Section, march
 from idic.images import PinholeCamera, PlacedCamera, RigidMotion, rotation_of
 from idic.laws import compile as compile_law
 from idic.virtual_tests import Sensor, strip_with_hole, write_images, write_inp, write_loads
-from idic.virtual_tests.stereo.images import common_speckle, traced_images
-from idic.virtual_tests.stereo.rig import write_calibration
+from idic.virtual_tests.stereo_images import common_speckle, traced_images
+from idic.virtual_tests.stereo_rig import write_calibration
 
 LENGTH, WIDTH, RADIUS = 28.0, 16.0, 3.0
 TRUTH = {"sheet.E": 70e3, "sheet.nu": 0.3, "sheet.yield_stress": 200.0, "sheet.hardening_modulus": 1500.0}

@@ -25,9 +25,9 @@ from idic.images import ArrayStack
 from idic.model import Experiment, build_forward
 from idic.parameters import JointPrior, ParameterSet
 from idic.virtual_tests import Sensor, record
-from idic.virtual_tests.stereo.plate import (FORCE_NOISE_N, GRIP_NOISE_MM, INCREMENTS, TRUTH, PlateTest, speckle_of,
+from idic.virtual_tests.stereo_plate import (FORCE_NOISE_N, GRIP_NOISE_MM, INCREMENTS, TRUTH, PlateTest, speckle_of,
                                              write_plate)
-from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
+from idic.virtual_tests.ray_tracing import Scene, traced_image
 
 FOCAL_SHARE, ANGLE_DEG = 0.003, 0.1  # standard deviations of the calibration
 MATERIAL = tuple(TRUTH)

@@ -9,7 +9,7 @@ import idic
 from idic.experiment_file import load_experiment
 from idic.identification import FreeSpectrum, choose_knots, evaluate_at
 from idic.laws import grid, grid_covariance, relaxing, weight_names
-from idic.laws.rate.relaxation_forms import mittag_leffler
+from idic.laws.free_forms.relaxation_forms import mittag_leffler
 from idic.run.reporting.write import load_record
 
 pytestmark = pytest.mark.slow

@@ -22,19 +22,19 @@ from idic.correlation import (
 )
 from idic.correlation.pinhole.texture import texture_equations
 from idic.correlation.shared_noise import reference_gram
+from idic.diagnose import candidate_library, identification_at, maps_of_evidence, residual_evidence
 from idic.diagnose.locate.adjoint_sources import image_adjoint
 from idic.diagnose.locate.freedoms import in_images
-from idic.diagnose import candidate_library, identification_at, maps_of_evidence, residual_evidence
+from idic.diagnose.physics.candidate import Situation
 from idic.diagnose.residual.heldout import positions
-from idic.diagnose.screen.candidate import Situation
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, read_toml
-from idic.identification.discrepancy.mesh_error import is_counted, mesh_error
 from idic.identification import identify, noise_weights, refined
+from idic.identification.discrepancy.mesh_error import is_counted, mesh_error
 from idic.images import spline_slopes, spline_values
 from idic.model import Column, build_forward
 from idic.report.evidence.rig import rig_warnings
-from idic.virtual_tests.stereo.plate import REDUCED, TRUTH, Size, plate_test, write_plate
+from idic.virtual_tests.stereo_plate import REDUCED, TRUTH, Size, plate_test, write_plate
 
 SMALL = Size(0.2, (100, 156), (2, 2, 2), (2, 3, 2, 1), (3, 4, 2, 1))
 

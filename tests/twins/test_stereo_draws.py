@@ -9,7 +9,7 @@ from notched_tube import SIZE as TUBE
 from notched_tube import still_tube, write_tube
 from stereo_draws import build_repeats, integrated, scored, without_noise
 
-from idic.virtual_tests.stereo.plate import REDUCED, plate_test, write_plate
+from idic.virtual_tests.stereo_plate import REDUCED, plate_test, write_plate
 
 pytestmark = pytest.mark.slow  # some minutes of processor time each
 N, N_TWO_STEPS = 200, 20

@@ -11,7 +11,7 @@ from wrong_calibration import write_wrongly_calibrated
 
 from idic.experiment_file import load_experiment
 from idic.identification import identify
-from idic.virtual_tests.stereo.plate import REDUCED, plate_test
+from idic.virtual_tests.stereo_plate import REDUCED, plate_test
 
 pytestmark = pytest.mark.slow  # half a minute of processor time each
 N = 30

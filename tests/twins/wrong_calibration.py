@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from idic.virtual_tests.stereo.plate import REDUCED, TRUTH, plate_test, write_plate
+from idic.virtual_tests.stereo_plate import REDUCED, TRUTH, plate_test, write_plate
 
 
 def write_wrongly_calibrated(folder: Path) -> tuple[Path, dict[str, float]]:

@@ -9,9 +9,9 @@ from idic.correlation.pinhole.ray_map import build_ray_map
 from idic.fe import Block, make_mesh
 from idic.images import PinholeCamera, PlacedCamera, rotation_of
 from idic.virtual_tests import Sensor
-from idic.virtual_tests.stereo.ray_tracing import Scene, traced_image
-from idic.virtual_tests.stereo.rig import FROM_ABOVE, rig
-from idic.virtual_tests.stereo.solid_speckle import solid_speckle
+from idic.virtual_tests.ray_tracing import Scene, traced_image
+from idic.virtual_tests.stereo_rig import FROM_ABOVE, rig
+from idic.virtual_tests.solid_speckle import solid_speckle
 
 SHAPE = (60, 90)
 CAMERA = PinholeCamera(1500.0, 1510.0, 46.0, 28.0, skew=0.3, k1=-0.3, p1=1e-3,

@@ -21,8 +21,8 @@ from experiment_file.small_experiment import load_experiment, write_experiment
 
 from idic.errors import InputError, NotConverged
 from idic.readers import open_stack
-from idic.run.prepare import ingest
 from idic.run import JobKillsWorkers, RunStore, SerialRunner, ZarrStack, open_cluster
+from idic.run.prepared.prepare import ingest
 from idic.run.workers.dask_connection import checked_address
 from idic.run.workers.submission import Submission
 from idic.run.workers.task_limits import TaskLimits, task_limits
@@ -147,7 +147,7 @@ def test_the_workers_copy_images_as_one_process_does(cluster, tmp_path, monkeypa
     for k, path in enumerate(paths):
         tifffile.imwrite(path, np.random.default_rng(k).integers(0, 256, (50, 60), dtype=np.uint8))
     experiment = replace(experiment, stack=open_stack(paths))
-    monkeypatch.setattr("idic.run.prepare.BYTES_FOR_WORKERS", 0)
+    monkeypatch.setattr("idic.run.prepared.prepare.BYTES_FOR_WORKERS", 0)
     seen, copies = [], []
     for name, runner in (("one", SerialRunner()), ("workers", cluster)):
         store = RunStore(tmp_path / name)

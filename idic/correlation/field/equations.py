@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.frame import FrameGram, NodalEquations
-from idic.correlation.view import View
+from idic.correlation.image_equations.frame import FrameGram, NodalEquations
+from idic.correlation.views.view import View
 
 
 class KeptProduct:

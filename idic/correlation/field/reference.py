@@ -19,10 +19,10 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.comparison import NodalBasis, NoiseTerms, Reference
+from idic.correlation.image_equations.comparison import NodalBasis, NoiseTerms, Reference
 from idic.correlation.field.equations import FieldEquations, KeptProduct
 from idic.correlation.field.point_map import PointMap, build_point_map
-from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
+from idic.correlation.image_equations.frame import FrameGram, NodalEquations, ResidualMap
 from idic.fe import surface_cells
 from idic.images import Camera
 from idic.model import Depth, Experiment

@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.comparison import NoiseTerms
-from idic.correlation.frame import FrameGram, NodalEquations, ResidualMap
-from idic.correlation.height.section_map import RIM_PX, SectionMap
+from idic.correlation.image_equations.comparison import NoiseTerms
+from idic.correlation.image_equations.frame import FrameGram, NodalEquations, ResidualMap
+from idic.correlation.pixels.section_map import RIM_PX, SectionMap
 from idic.correlation.height.section_nodes import (LEVELLING, ColumnSums, SectionMotion, column_sums, levelling_blocks,
                                                    nodal_sums, section_motion)
 from idic.correlation.height.section_pass import (N_SUMS, from_blocks, poles, section_residuals, section_sums,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.height.section_map import SectionMap
+from idic.correlation.pixels.section_map import SectionMap
 
 LEVELLING = {"none": 0, "frame": 1, "tilt": 3}  # number of columns
 

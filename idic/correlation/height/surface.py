@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.comparison import NodalBasis, at_nodes
-from idic.correlation.frame import NodalEquations, ResidualMap
+from idic.correlation.image_equations.comparison import NodalBasis, at_nodes
+from idic.correlation.image_equations.frame import NodalEquations, ResidualMap
 from idic.correlation.height.gaps import HeightFrame, height_frame
 from idic.correlation.height.surface_blocks import convection, height_blocks, scatter
 from idic.correlation.height.surface_pass import N_HEIGHT_SUMS, height_pass, height_residuals

@@ -3,7 +3,7 @@
     r = f + h - g(x + u)
 
 The blocks of 256 pixels, the integer pixel plus float32 fraction and the splines are those of grey images
-(`idic.correlation.image_kernel`). New are the rise h, the sums against it, and frames with gaps.
+(`idic.correlation.image_equations.image_kernel`). New are the rise h, the sums against it, and frames with gaps.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from idic.correlation.image_kernel import (_FAST, _INT, _ZERO, _cubic_residuals, _drop_lost, _positions,
+from idic.correlation.image_equations.image_kernel import (_FAST, _INT, _ZERO, _cubic_residuals, _drop_lost, _positions,
                                            _quintic_residuals, _split_motion)
 from idic.images import MIRROR_PAD_PX
 

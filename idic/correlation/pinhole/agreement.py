@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from idic.correlation.pinhole.ray_map import build_ray_map
-from idic.correlation.pinhole.view import in_space
+from idic.correlation.views.pinhole_view import in_space
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.errors import InputError
 from idic.fe import Mesh, surface_cells

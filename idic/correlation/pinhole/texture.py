@@ -22,14 +22,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.comparison import at_nodes
-from idic.correlation.context import CorrelationContext
-from idic.correlation.frame import nodal_equations, residual_map
-from idic.correlation.grey import GreyReference
+from idic.correlation.image_equations.comparison import at_nodes
+from idic.correlation.image_equations.context import CorrelationContext
+from idic.correlation.image_equations.frame import nodal_equations, residual_map
+from idic.correlation.image_equations.grey import GreyReference
 from idic.correlation.pinhole.agreement import seen_as_well
 from idic.correlation.pinhole.two_views import columns_between, moves_at_rest, pulled_back, way_between
-from idic.correlation.pinhole.view import in_space
-from idic.correlation.system import CorrelationSystem, solve_positive
+from idic.correlation.views.pinhole_view import in_space
+from idic.correlation.image_equations.system import CorrelationSystem, solve_positive
 from idic.images import Spline, prefilter
 from idic.model import Experiment
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.correlation.context import CorrelationContext
-from idic.correlation.pinhole.view import in_space, solved_at_seen, surface_tangents
+from idic.correlation.image_equations.context import CorrelationContext
+from idic.correlation.views.pinhole_view import in_space, solved_at_seen, surface_tangents
 from idic.correlation.pixels.cells import (N_MONOMIALS, N_NODES, NODE_POINTS, TRANSFORMS, inverse_gradients,
                                            monomials)
 from idic.correlation.pixels.pixel_map import PixelMap

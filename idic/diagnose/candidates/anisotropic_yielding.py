@@ -6,8 +6,8 @@ direction, and 1 in an isotropic sheet. A composed law gets the term, others the
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.enrich import enriched, new
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.enrich import enriched, new
 from idic.laws import ELASTOPLASTIC, composed_name, kinds_of
 
 PROBE_R = 1.4

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import camera_key
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import camera_key
 from idic.images import Camera
 
 MAX_TESTED_FRAMES = 12  # that are tested; the refit frees all of them

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.enrich import (
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.enrich import (
     comes_back,
     elastic_pair,
     enriched,

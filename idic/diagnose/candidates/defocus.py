@@ -10,7 +10,7 @@ known (`idic.diagnose.residual.subpixel_columns`) and does not count.
 from __future__ import annotations
 
 from idic.diagnose.candidates.illumination import courses
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.images import compressed_at
 
 MIN_BLUR_PX2 = 1.0 / 60.0  # a fifth of the variance of a pixel's area; demosaiced and compressed images: up to 0.015

@@ -7,7 +7,7 @@ noise in four pixels and two frames does not occur by chance in any number of pi
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, register
+from idic.diagnose.physics.candidate import Candidate, register
 
 register(Candidate(
     "dust", "camera", "dust on lens or sensor", "the same pattern in the reference image and under it in every frame",

@@ -6,8 +6,8 @@ import copy
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import further_dofs
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import further_dofs
 
 PROBE_FORCE_SHARE = 0.05  # of the largest force, over the test
 ONSETS = (0.2, 0.35, 0.5, 0.65, 0.8)  # of the test, of a drift that begins late

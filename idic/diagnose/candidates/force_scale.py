@@ -6,8 +6,8 @@ indistinguishable in this test, and the visibility of the column is zero.
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import further_dofs
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import further_dofs
 from idic.model import load_stem
 
 PROBE_FORCE_FACTOR = 1.02

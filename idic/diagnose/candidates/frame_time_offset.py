@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import further_dofs
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import further_dofs
 from idic.model import Column
 
 PROBE_INTERVAL_SHARE = 0.05  # of the time between two frames

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import further_dofs
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import further_dofs
 from idic.model import way_of
 
 PROBE_SHARE = 0.02  # of the largest force, or of the force

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.laws import get_law
 
 

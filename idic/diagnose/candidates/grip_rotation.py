@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import driven, with_correction
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import driven, with_correction
 from idic.model import Column, Experiment
 
 PROBE_PX = 0.2

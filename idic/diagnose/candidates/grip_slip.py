@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import driven, with_correction
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import driven, with_correction
 
 ONSETS = (0.0, 0.2, 0.4, 0.6, 0.8)  # of the test
 PROBE_PX = 0.2

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.locate.place import in_words
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.model import nodes_of
 
 MAX_PLACES = 30  # inclusions of the grid, per element set

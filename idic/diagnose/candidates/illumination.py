@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.diagnose.residual.grey_value_effects import LIGHT
 from idic.model import hats, knot_frames
 

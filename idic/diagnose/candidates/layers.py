@@ -14,7 +14,7 @@ import numpy as np
 
 from idic.diagnose.locate.place import element_centres
 from idic.diagnose.locate.stiffness_score import wave_scores
-from idic.diagnose.screen.candidate import MESH_TOO_COARSE, Candidate, Situation, Variant, register
+from idic.diagnose.physics.candidate import MESH_TOO_COARSE, Candidate, Situation, Variant, register
 from idic.fe import cell_type
 from idic.model import nodes_of
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import further_dofs
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import further_dofs
 
 PROBE_CURVATURE = 0.02  # of the force, at its largest
 

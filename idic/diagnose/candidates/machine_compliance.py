@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import channel_unit, driven, with_correction
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import channel_unit, driven, with_correction
 
 PROBE_PX = 0.2
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import camera_key, further_dofs
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import camera_key, further_dofs
 from idic.images import Camera
 from idic.model import Column
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.enrich import enriched, materials_with, new
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.enrich import enriched, materials_with, new
 
 PROBE_LOSS = 0.05  # of the secant stiffness at the largest strain
 

@@ -7,8 +7,8 @@ the orthotropic law with its axis free from there.
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.enrich import elastic_pair, enriched, materials_with, new
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.enrich import elastic_pair, enriched, materials_with, new
 
 PROBE_ANISOTROPY = 0.05  # relative
 AXIAL_ANGLES_DEG = (0.0, 22.5, 45.0, 67.5)  # degrees; 90 degrees further is the other sign

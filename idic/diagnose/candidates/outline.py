@@ -6,8 +6,8 @@ variant; the refit of any frees them all, and together they promise what they ex
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import open_share
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import open_share
 from idic.fe import EDGE_STD_SHARE, OUTLINE, edges_by_name, free_edges
 
 PROBE_SHARE = 0.1  # of the distance of the points

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, register
+from idic.diagnose.physics.candidate import Candidate, register
 
 register(Candidate(
     "paint_loss", "camera", "paint loss", "the pattern of the reference image in every frame",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import further_dofs
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import further_dofs
 from idic.images import Camera
 
 PROBE_SHARE = 0.02  # of the pixel size of the file

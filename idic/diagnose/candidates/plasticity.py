@@ -6,8 +6,8 @@ stress that the points of the body reach, and the tangent after yield is a tenth
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.enrich import (
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.enrich import (
     elastic_pair,
     enriched,
     materials_with,

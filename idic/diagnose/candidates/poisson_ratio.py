@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.enrich import freed
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.enrich import freed
 
 PROBE_POISSON_STEPS = {"nu": 0.02, "nu12": 0.02}  # added
 PROBE_BULK_MODULUS_FACTOR = 1.1  # of a bulk modulus

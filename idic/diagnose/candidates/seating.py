@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import channel_unit, driven, with_correction
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import channel_unit, driven, with_correction
 
 SEATED_SHARES = (0.05, 0.15, 0.4)  # of the largest force: all but 1/e of the way is gone
 PROBE_PX = 0.2

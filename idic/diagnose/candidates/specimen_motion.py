@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from idic.diagnose.candidates.magnification import changing_columns
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.edits import camera_key, further_dofs
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.edits import camera_key, further_dofs
 from idic.images import PLACEMENT_STEM, PlacedCamera
 
 KINDS = ("t_z", "rotation_x", "rotation_y")  # what no motion within a plane shows

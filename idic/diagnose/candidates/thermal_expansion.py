@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
 from idic.laws import EXPANSION
 
 PROBE_EXPANSION_PER_K = 1e-5  # 1/K where the temperature is known

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.screen.candidate import Candidate, Situation, Variant, register
-from idic.diagnose.screen.enrich import enriched, has_times, locked, materials_with, new
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant, register
+from idic.diagnose.physics.enrich import enriched, has_times, locked, materials_with, new
 
 PROBE_RELAXING_SHARE = 0.1  # share of the shear modulus that relaxes
 BRANCH_NUMBERS = (1, 2, 3)

@@ -1,7 +1,7 @@
 """The error of plane stress: what bricks of the specimen's thickness move otherwise than the sheet.
 
 A thick sheet is not in plane stress: a bent beam of bricks, 3 mm wide and 2.8 mm thick, moves by 0.026 px otherwise.
-The test is simulated on bricks of the stated thickness (`idic.identification.systematic.real_thickness`) at the
+The test is simulated on bricks of the stated thickness (`idic.identification.finer_models.real_thickness`) at the
 parameters of a model, with its increments or a few (`idic.diagnose.discretisation.increments`).
 """
 

@@ -18,7 +18,7 @@ import numpy as np
 from idic.diagnose.discretisation.weight import error_column
 from idic.diagnose.residual.evidence import joined
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.screen.score import NullModel, score
+from idic.diagnose.residual.score import NullModel, score
 from idic.model import MotionError
 
 BRICKS, FINITE_STRAINS = "bricks", "finite strains"

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.screen.score import null_model
+from idic.diagnose.residual.score import null_model
 from idic.identification import AcceptedPoint, Identification
 from idic.model import Experiment, build_forward
 from idic.parameters import ParameterSet

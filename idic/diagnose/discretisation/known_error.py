@@ -11,10 +11,10 @@ from idic.diagnose.discretisation.following import at_values, following, moved
 from idic.diagnose.discretisation.mesh_error import brick_mesh_error, motion_error, without_reactions
 from idic.diagnose.discretisation.turns import Begun, in_turns
 from idic.diagnose.discretisation.weight import change_matters, counts, error_column
-from idic.diagnose.refit_job import ExperimentSource
+from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.score import null_model, score
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.screen.score import null_model, score
 from idic.identification import Identification
 from idic.model import MotionError
 

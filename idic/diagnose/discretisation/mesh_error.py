@@ -2,7 +2,7 @@
 
 A mesh that is coarse for its body moves otherwise than the body at the same parameters: by 0.006 px at the notches of
 a strip of rubber, of which a tilted camera explained six standard deviations. At the identified values the test is
-simulated once more on a finer mesh (`idic.identification.systematic.refinement`), with the same increments or a few
+simulated once more on a finer mesh (`idic.identification.finer_models.refinement`), with the same increments or a few
 (`idic.diagnose.discretisation.increments`) and without derivatives. The difference of the two motions and of the
 channels,
 

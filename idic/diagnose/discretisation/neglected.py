@@ -10,7 +10,7 @@ import numpy as np
 
 from idic.diagnose.discretisation.combinations import combinations, probabilities
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.screen.score import null_model
+from idic.diagnose.residual.score import null_model
 from idic.model import MotionError
 
 MIN_NEGLECTED_STD = 0.5  # of a parameter by what is neglected: more is said and counted

@@ -11,18 +11,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idic.diagnose.channel_left import channels_left, excess
 from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.combinations import (BRICKS, FINITE_STRAINS, Combination, best_with, combinations,
                                                         drop_by)
 from idic.diagnose.discretisation.finite_strain_error import finite_strain_error
 from idic.diagnose.discretisation.known_error import error_beside, knowing
 from idic.diagnose.discretisation.turns import in_turns
-from idic.diagnose.refit_job import ExperimentSource
+from idic.diagnose.refits.refit_job import ExperimentSource
+from idic.diagnose.residual.channel_left import channels_left, excess
 from idic.diagnose.residual.heldout import Fit, fit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.score import null_model
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.screen.score import null_model
 from idic.identification import Identification
 from idic.model import MotionError
 

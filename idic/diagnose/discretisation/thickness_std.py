@@ -13,7 +13,7 @@ from idic.diagnose.discretisation.bricks import ErrorChanges, bricks_of, simulat
 from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.screen.score import NullModel, null_model, score
+from idic.diagnose.residual.score import NullModel, null_model, score
 from idic.errors import NotConverged
 from idic.identification import Identification
 

@@ -24,8 +24,8 @@ from idic.diagnose.discretisation.following import at_values, following, moved
 from idic.diagnose.discretisation.thickness_std import taken_back
 from idic.diagnose.residual.heldout import fit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.score import null_model
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.screen.score import null_model
 from idic.errors import NotConverged
 from idic.identification import Identification
 from idic.model import MotionError

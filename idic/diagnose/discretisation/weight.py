@@ -7,7 +7,7 @@ import numpy as np
 from idic.diagnose.locate.freedoms import in_images
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.screen.score import null_model, score
+from idic.diagnose.residual.score import null_model, score
 from idic.model import MotionError
 
 MIN_ERROR_CHI2 = 1.0  # on the whole recording, beside the parameters: one standard deviation of any cause

@@ -24,7 +24,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from idic.diagnose.locate.tangents import Tangent, tangents
 from idic.diagnose.residual.evidence import Evidence, FrameEvidence
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.screen.score import NullModel, symmetric_inverse
+from idic.diagnose.residual.score import NullModel, symmetric_inverse
 from idic.fe import transposed_stiffness_times
 from idic.identification import Identification
 

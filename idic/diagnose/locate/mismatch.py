@@ -9,6 +9,7 @@ import numpy as np
 from idic.diagnose.locate.adjoint_sources import SourceMap, adjoint_source_map
 from idic.diagnose.locate.fingerprint import Fingerprint, fingerprint
 from idic.diagnose.locate.nested_tests import NestedTests, run_nested_tests
+from idic.diagnose.locate.noise_draws import FreeMotion, free_motion
 from idic.diagnose.locate.onset import (
     MotionRecord, Onset, course, growing_windows, load_histories, onset, parameter_cusum,
 )
@@ -16,10 +17,9 @@ from idic.diagnose.locate.place import Place, place_of
 from idic.diagnose.residual.excess import ExcessTest, pixel_tests, power
 from idic.diagnose.residual.heldout import grid_of
 from idic.diagnose.residual.margin import ASSUMED, Margin
-from idic.diagnose.residual.noise_draws import FreeMotion, free_motion
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.score import NullModel, null_model
 from idic.diagnose.residual.subspace import explained, hats
-from idic.diagnose.screen.score import NullModel, null_model
 from idic.identification import Identification
 
 ONSET_GRID_ELEMENTS, EFFECT_GRID_ELEMENTS = 8.0, 4.0  # element sizes between grid points

@@ -30,11 +30,11 @@ from idic.diagnose.locate.freedoms import boundary_fields, boundary_patterns, ca
 from idic.diagnose.locate.tangents import tangents
 from idic.diagnose.residual.evidence import Evidence, FrameEvidence
 from idic.diagnose.residual.excess import p_beyond_margin, margin_chi2
-from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.heldout import grid_of
+from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.score import NullModel, null_model
 from idic.diagnose.residual.subspace import MIN_EIGENVALUE_SHARE, hats
-from idic.diagnose.screen.score import NullModel, null_model
 from idic.identification import Identification
 
 HAT_SPACING_ELEMENTS = 4.0  # element sizes between the grid points of the free motion

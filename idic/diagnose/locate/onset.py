@@ -20,11 +20,11 @@ import numpy as np
 from scipy import stats
 
 from idic.diagnose.locate.nested_tests import half_inverse
+from idic.diagnose.locate.noise_draws import FreeMotion, recorded_frames
 from idic.diagnose.residual.evidence import Evidence, noise_share
 from idic.diagnose.residual.excess import p_beyond_margin, power
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
-from idic.diagnose.residual.noise_draws import FreeMotion, recorded_frames
-from idic.diagnose.screen.score import NullModel, symmetric_inverse
+from idic.diagnose.residual.score import NullModel, symmetric_inverse
 
 MAX_DEPARTURE_P = 1e-3  # family-wise over frames, of the first departure
 MIN_CORNER_FRAMES = 4  # frames in which a corner is tried

@@ -17,7 +17,7 @@ import numpy as np
 from idic.diagnose.locate.adjoint_sources import element_scores, recorded_residual
 from idic.diagnose.locate.tangents import tangents
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.screen.score import null_model
+from idic.diagnose.residual.score import null_model
 from idic.identification import Identification
 
 WINDOW_MARGIN = 0.05  # of the body, beyond its ends, where the window becomes zero

@@ -1,1 +1,1 @@
-"""The residual of a finished identification: whitened, at the nodes, with its excess over noise."""
+"""The residual of a finished identification: at the nodes and in channels, its excess over noise, its score tests."""

@@ -133,7 +133,7 @@ class Evidence:
 
     @property
     def share_back(self) -> float:
-        """c (1 + k/N)^1/2: the factor from white frames to recorded ones (`idic.diagnose.residual.noise_draws`)."""
+        """c (1 + k/N)^1/2: the factor from white frames to recorded ones (`idic.diagnose.locate.noise_draws`)."""
         return self.share * float(np.sqrt(1.0 + np.sum(1.0 / self.kappa) / self.n_images))
 
     @property

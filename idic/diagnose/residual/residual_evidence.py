@@ -173,7 +173,8 @@ class _CameraPasses:
     @property
     def _blur_of_noise(self) -> float:
         """Expected product of the blur's column with the noise of the reference image, which every residual contains,
-        and their sum once for each; it is taken off every frame that is compared (`idic.correlation.grey.with_blur`).
+        and their sum once for each; it is taken off every frame that is compared (`with_blur` of
+        grey images).
         """
         noise = blur_bias(self.context.experiment.noise, self.context.reference)  # type: ignore[arg-type]
         return noise * int((self.shared != 0.0).sum())

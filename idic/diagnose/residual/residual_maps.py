@@ -8,7 +8,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from idic.correlation import CorrelationContext, view_of
-from idic.diagnose.measured_motion import holds_motion
+from idic.diagnose.residual.measured_motion import holds_motion
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, context_of, joined_cameras
 from idic.identification import Identification
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.diagnose.courses import TIMED
-from idic.diagnose.screen.candidate import Variant
+from idic.diagnose.physics.candidate import Variant
+from idic.diagnose.screen.courses import TIMED
 from idic.model import Correction, Experiment, TEMPERATURE, TemperatureField, corrections_of, knot_name, without_knot
 
 Pattern = tuple[str, str, str, str | None]  # node set, component, kind, component that a misalignment moves

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 
 from idic.diagnose.residual.evidence import Columns, Evidence
-from idic.diagnose.screen.score import NullModel, score
+from idic.diagnose.residual.score import NullModel, score
 
 
 @dataclass(frozen=True)

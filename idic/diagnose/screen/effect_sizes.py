@@ -9,8 +9,8 @@ import numpy as np
 
 from idic.diagnose.residual.evidence import Columns, Evidence
 from idic.diagnose.residual.excess import power
+from idic.diagnose.residual.score import Scores
 from idic.diagnose.screen.free_courses import with_knots
-from idic.diagnose.screen.score import Scores
 from idic.diagnose.screen.score_columns import ScoreColumn
 
 

@@ -17,13 +17,13 @@ from itertools import combinations
 from typing import Any
 
 from idic.correlation import FRICTION
-from idic.diagnose.courses import SUPPOSED_EXPANSION_PER_K, TIMED
+from idic.diagnose.physics.candidate import Candidate, Variant
+from idic.diagnose.residual.score import Scores
 from idic.diagnose.residual.thinning import drop_on_copy
-from idic.diagnose.screen.candidate import Candidate, Variant
-from idic.diagnose.screen.score import Scores
+from idic.diagnose.screen.courses import SUPPOSED_EXPANSION_PER_K, TIMED
 from idic.errors import InputError
-from idic.model import Experiment, KNOTS, TEMPERATURE, without_knot
 from idic.laws import EXPANSION
+from idic.model import Experiment, KNOTS, TEMPERATURE, without_knot
 
 MIN_KNOT_CHI2 = 9.0  # drop of chi-square that a knot must bring
 KNOTTED = {"course": "free", "knots": KNOTS}

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from idic.diagnose.physics.candidate import Variant
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
-from idic.diagnose.screen.candidate import Variant
 
 MAX_LOST_CONTRAST_CHI2 = 25.0  # five standard deviations of a gain: more and effects of grey values wait for the motion
 

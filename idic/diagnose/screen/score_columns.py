@@ -19,10 +19,10 @@ from idic.correlation import (
     CorrelationContext, FrameResponse, channel_equations, global_columns, nodal_gradient, turned_response,
 )
 from idic.diagnose.locate.freedoms import in_images
+from idic.diagnose.physics.candidate import Candidate, Variant
 from idic.diagnose.residual.evidence import Columns, joined
 from idic.diagnose.residual.grey_value_effects import columns_of_kind
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.course_columns import timed, times_courses, unit_values
 from idic.errors import NotConverged
 from idic.fe import Alternative, Responses, first_responses

@@ -13,14 +13,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from idic.diagnose.physics.candidate import Candidate, Variant
 from idic.diagnose.residual.evidence import Columns, Evidence
 from idic.diagnose.residual.grey_value_effects import BLUR
 from idic.diagnose.residual.margin import ASSUMED, Margin
+from idic.diagnose.residual.score import Scores, Significance, null_model, score, significances
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR, drop_on_copy
-from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.effect_sizes import columns_together, effects, sum_of
 from idic.diagnose.screen.free_courses import course_stem, fewest_knots
-from idic.diagnose.screen.score import Scores, Significance, null_model, score, significances
 from idic.diagnose.screen.score_columns import ScoreColumn
 from idic.model import TEMPERATURE
 

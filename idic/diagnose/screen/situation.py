@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from idic.diagnose.locate.stiffness_score import stiffness_score
+from idic.diagnose.physics.candidate import Situation
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
-from idic.diagnose.screen.candidate import Situation
 from idic.errors import NotConverged
 from idic.fe import PointValues
 from idic.identification import Identification

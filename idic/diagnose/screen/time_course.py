@@ -21,8 +21,8 @@ from idic.diagnose.residual.excess_left import MAX_INCLUSION_EXCESS_LEFT, Excess
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.score import null_model
 from idic.diagnose.residual.subspace import Grid, gain_and_rank, hats, projected
-from idic.diagnose.screen.score import null_model
 
 GRID_REFINEMENT = 2  # cells of this grid per cell of the free motions: the excess of a cut is narrow
 

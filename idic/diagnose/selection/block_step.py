@@ -26,8 +26,8 @@ import numpy as np
 from idic.diagnose.residual.evidence import Evidence
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.score import NullModel, null_model
 from idic.diagnose.residual.subspace import Grid, gain_and_rank, hats
-from idic.diagnose.screen.score import NullModel, null_model
 
 SQUARES_PER_SIDE = 4  # along the longer side of the visible region
 FITTED_FRAME_SHARES = (0.5, 0.75)  # of the frames that fit; the following ones up to the next part judge

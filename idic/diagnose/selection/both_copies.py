@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.diagnose.refit import Refit
-from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, refit_of_one
+from idic.diagnose.physics.candidate import Variant
+from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits, refit_of_one
 from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.rival import Rival
 from idic.diagnose.selection.rivals import variant_of

@@ -18,14 +18,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from idic.diagnose.refit import Refit, identification_at
-from idic.diagnose.refit_job import ExperimentSource, Refits, refit_of_one
+from idic.diagnose.physics.candidate import Variant
+from idic.diagnose.refits.refit import Refit, identification_at
+from idic.diagnose.refits.refit_job import ExperimentSource, Refits, refit_of_one
 from idic.diagnose.residual.residual_evidence import residual_evidence
+from idic.diagnose.residual.score import Scores, null_model, score
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE, thinned
-from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.screen.free_courses import free_edits
-from idic.diagnose.screen.score import Scores, null_model, score
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.selection.own_course import leaves_something, refitted_as
 from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, Rival, Round

@@ -16,11 +16,11 @@ from typing import Any
 from idic.diagnose.discretisation.combinations import FINITE_STRAINS, combinations, drop_by
 from idic.diagnose.discretisation.finite_strain_error import finite_strain_error
 from idic.diagnose.discretisation.thickness_error import MIN_DROP
-from idic.diagnose.refit import Refit, identification_at, residual_from_rest
-from idic.diagnose.refit_job import ExperimentSource, Refits, refit_of_one
+from idic.diagnose.refits.refit import Refit, identification_at, residual_from_rest
+from idic.diagnose.refits.refit_job import ExperimentSource, Refits, refit_of_one
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.score import null_model
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.screen.score import null_model
 from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, judge
 from idic.diagnose.selection.rivals import edits_of, variant_of

@@ -18,19 +18,19 @@ import numpy as np
 
 from idic.diagnose.locate.freedoms import EDGE_MODE_DEGREE
 from idic.diagnose.locate.mismatch import Mismatch
-from idic.diagnose.refit import Refit
-from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
+from idic.diagnose.physics.candidate import Candidate, Situation
+from idic.diagnose.physics.edits import driven, with_correction
+from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.margin import Margin
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.screen.candidate import Candidate, Situation
-from idic.diagnose.screen.edits import driven, with_correction
 from idic.diagnose.screen.free_courses import KNOTTED
 from idic.diagnose.selection.free_model import FreeModel
 from idic.diagnose.selection.own_course import leaves_something
 from idic.diagnose.selection.rival import (COPIES, MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE,
                                            MIN_SEPARATION_CHI2, Round)
-from idic.diagnose.verdict import MIN_RECOVERED_SHARE
+from idic.diagnose.selection.verdict import MIN_RECOVERED_SHARE
 from idic.model import Column
 from idic.parameters import ParameterSet
 

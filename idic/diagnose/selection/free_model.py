@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from idic.diagnose.refit import Refit
+from idic.diagnose.refits.refit import Refit
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.heldout import share_recovered
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP
-from idic.diagnose.verdict import MIN_RECOVERED_SHARE
+from idic.diagnose.selection.verdict import MIN_RECOVERED_SHARE
 
 
 @dataclass(frozen=True, eq=False)

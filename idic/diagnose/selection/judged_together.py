@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from idic.diagnose.refit import Refit
-from idic.diagnose.refit_job import ExperimentSource
+from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.selection.block_step import BlockJudgement, holds
 from idic.diagnose.selection.own_course import leaves_something

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.diagnose.refit import Refit
-from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
+from idic.diagnose.physics.candidate import Variant
+from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.screen.candidate import Variant
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
 from idic.diagnose.selection.rival import COPIES, Round
 

@@ -4,6 +4,11 @@ Candidates are screened with a few courses: in proportion to the motion or to ti
 on. The cause that is selected keeps its pattern. Where its refit leaves more than noise, its course becomes linear
 between knots (`idic.model.free_course`) and the model is refitted; the copy without a part in the fit decides whether
 that course stays.
+
+A cause with one amplitude per knot follows any function of time. Where the load only grows, that is any function of the
+load: a free drift of the load cell and a stress that bends over the strain leave the same record. A rival that explains
+nearly as much with a course of few unknowns is then not told from it, however large the drop of chi-square by the
+further knots; unless the winner explained more than that rival when its own course had as few.
 """
 
 from __future__ import annotations
@@ -12,18 +17,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.diagnose.courses import course_of
-from idic.diagnose.refit import Refit
-from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
+from idic.diagnose.physics.candidate import Variant
+from idic.diagnose.physics.enrich import comes_back
+from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.screen.candidate import Variant
+from idic.diagnose.screen.courses import course_of
 from idic.diagnose.screen.select import Screening
-from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival
+from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, within_noise
 from idic.diagnose.selection.rivals import edits_of
 from idic.model import without_knot
 
 MIN_LEFT_Z = 3.0  # standard deviations of what a refit leaves in motions or channels
+MIN_IMITATED_SHARE = 0.9  # of the held-out drop of the winner: what the rival leaves would be a flaw of its description
 
 
 def with_own_course(source: ExperimentSource, null: Refit, winner: Rival, screening: Screening, refits: Refits,
@@ -71,3 +78,24 @@ def leaves_something(one: Fit) -> bool:
     """Whether a fit leaves more than noise in motions or channels."""
     channels = float((one.channels**2).sum() - one.channels.size) / np.sqrt(2.0 * max(one.channels.size, 1))
     return max(one.excess_z, channels) > MIN_LEFT_Z
+
+
+def with_imitated(one: Round, u: np.ndarray) -> Round:
+    """The round with the rivals that the free course of its winner imitates among the indistinguishable ones.
+
+    u : (n_frames, n_nodes, dim) simulated motion of the recording, whose way back tells a course from the load
+    """
+    winner = one.winner
+    if winner is None or not has_own_course(winner) or comes_back(u):
+        return one
+    alike = [rival.name for rival in one.rivals
+             if rival.name not in (winner.name, *one.equals) and rival.passes and rival.copies == winner.copies
+             and len(rival.own_unknowns) < len(winner.own_unknowns) and not _is_behind(rival, one.plain)
+             and rival.heldout > MIN_IMITATED_SHARE * winner.heldout]
+    return replace(one, equals=(*one.equals, *dict.fromkeys(alike)))
+
+
+def _is_behind(rival: Rival, plain: Rival | None) -> bool:
+    """Whether the winner was better than this rival with as few unknowns, before its course was freed."""
+    return (plain is not None and plain.copies == rival.copies and plain.evidence > rival.evidence
+            and len(plain.own_unknowns) <= len(rival.own_unknowns) and not within_noise(rival, plain))

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.diagnose.refit import Refit
-from idic.diagnose.refit_job import ExperimentSource, Refits
+from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit_job import ExperimentSource, Refits
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.selection.own_course import leaves_something, refitted_as
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival

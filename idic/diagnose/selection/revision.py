@@ -18,19 +18,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.diagnose.channel_left import explains_a_channel
-from idic.diagnose.refit import Refit
-from idic.diagnose.refit_job import ExperimentSource, Refits
+from idic.diagnose.physics.candidate import Candidate
+from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit_job import ExperimentSource, Refits
+from idic.diagnose.residual.channel_left import explains_a_channel
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.selection.rivals import edits_of, refit_of_candidate
-from idic.diagnose.screen.candidate import Candidate
-from idic.diagnose.screen.select import Ranked, Screening
-from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
+from idic.diagnose.screen.select import MIN_SEPARATION_CHI2, Ranked, Screening
 from idic.diagnose.selection.few_jumps import with_few_jumps
 from idic.diagnose.selection.own_course import has_own_course, with_own_course
 from idic.diagnose.selection.own_scale import with_own_scale
 from idic.diagnose.selection.rival import MIN_DROP_DIFFERENCE, MIN_FURTHER_SHARE, MIN_HELDOUT_DROP, Rival, Round
+from idic.diagnose.selection.rivals import edits_of, refit_of_candidate
 from idic.model import jump_frame
 
 MAX_EXCHANGES = 2  # rivals that are tried in the place of one cause

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from idic.diagnose.refit import Refit
-from idic.diagnose.refit_job import ExperimentSource
+from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.heldout import Fit, pooled
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2, Ranked, Screening
 from idic.diagnose.selection.block_step import BlockJudgement

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from idic.diagnose.refit import (MAX_BODY_EVALUATIONS, MAX_STARTS, MIN_BODY_EVALUATIONS, EarlyStop, Refit,
+from idic.diagnose.physics.candidate import Candidate, Variant
+from idic.diagnose.refits.refit import (MAX_BODY_EVALUATIONS, MAX_STARTS, MIN_BODY_EVALUATIONS, EarlyStop, Refit,
                                  warm_start)
-from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits
+from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.subspace import Grid
-from idic.diagnose.screen.candidate import Candidate, Variant
 from idic.diagnose.screen.select import MAX_SHORTLIST, Ranked, Screening
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival
 

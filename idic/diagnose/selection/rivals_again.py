@@ -22,8 +22,8 @@ import numpy as np
 from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
-from idic.diagnose.refit import Refit, identification_at, residual_from_rest
-from idic.diagnose.refit_job import ExperimentSource, Refits, refit_of_one
+from idic.diagnose.refits.refit import Refit, identification_at, residual_from_rest
+from idic.diagnose.refits.refit_job import ExperimentSource, Refits, refit_of_one
 from idic.diagnose.residual.heldout import fit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.selection.finite_strains import finite

@@ -12,24 +12,24 @@ from functools import partial
 import numpy as np
 
 from idic.correlation import FrameResponse
-from idic.diagnose.channel_left import smallest_reading
 from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.discretisation.thickness_error import with_bricks
 from idic.diagnose.discretisation.weight import change_matters, error_column, followed
-from idic.diagnose.measured_motion import MAX_REGISTER_PX, holds_motion
-from idic.diagnose.refit import Refit, identification_at, is_residual_of, residual_from_rest
-from idic.diagnose.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
+from idic.diagnose.physics.candidate import Candidate
+from idic.diagnose.refits.refit import Refit, identification_at, is_residual_of, residual_from_rest
+from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
+from idic.diagnose.residual.channel_left import smallest_reading
 from idic.diagnose.residual.evidence import Columns
 from idic.diagnose.residual.excess import power
 from idic.diagnose.residual.excess_left import effect
 from idic.diagnose.residual.heldout import fit
 from idic.diagnose.residual.margin import ASSUMED, Margin
+from idic.diagnose.residual.measured_motion import MAX_REGISTER_PX, holds_motion
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subpixel_columns import RELATIVE_STD, subpixel_columns
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
-from idic.diagnose.screen.candidate import Candidate
 from idic.diagnose.screen.free_courses import with_free_courses
 from idic.diagnose.screen.local_residual import local_residual_tests
 from idic.diagnose.screen.misregistration import reason_to_wait
@@ -38,11 +38,10 @@ from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, scree
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.block_step import judged_by_step
 from idic.diagnose.selection.both_copies import judged_on_both, undecided
-from idic.diagnose.selection.imitation import with_imitated
 from idic.diagnose.selection.few_jumps import with_few_jumps, without_idle_jumps
 from idic.diagnose.selection.finite_strains import with_finite_strains_counted
 from idic.diagnose.selection.judged_together import Doubted, Last, judged_alone, judged_together
-from idic.diagnose.selection.own_course import with_own_course
+from idic.diagnose.selection.own_course import with_imitated, with_own_course
 from idic.diagnose.selection.own_scale import with_own_scale
 from idic.diagnose.selection.revision import Workplace, earns_its_place, revised
 from idic.diagnose.selection.rival import Rival, Round, causes_of, judge

@@ -11,7 +11,7 @@ identified and starting on the straight line of slope H (MPa); s3 = ... gives on
 
 become ``free_rubber(8+3)`` with I1_range and the derivatives I1_g1 ... I1_g8 (MPa) of the energy, identified and
 starting as neo-Hooke's law with C10; I2, which may be left out, starts with C01 = 0. ``knots = "evidence"``, also of a
-spectrum's ``times`` and of a yield surface, is the largest number, of which `idic.run.in_memory.knots` leaves what the
+spectrum's ``times`` and of a yield surface, is the largest number, of which `idic.run.knots` leaves what the
 data ask for; ``smoothness`` scales the prior,
 ``smooth_over = "root"`` states it over the root of the plastic strain.
 """
@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema_materials import MaterialTable, SmoothnessTable
+from idic.experiment_file.schema.materials import MaterialTable, SmoothnessTable
 from idic.laws import (
     DEFAULT_KNOTS, FREE_RUBBER, INVARIANTS, KNOTS, OVER, RINGS, ROOT, STRAIN, Smoothness, bends, knots,
     knots_of_rubber, level_names, prior_rows, ring_knots_of, rise, rubber_level_names as rubber_levels,

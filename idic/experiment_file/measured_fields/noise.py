@@ -11,7 +11,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.measured_fields.stages import side_seen
-from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.images import FieldNoise, field_noise
 from idic.model import CorrelatedNoise, Depth, FieldPoints, Noise
 from idic.readers import FieldStack, MeasuredPoints, UM_PER_MM, largest_change

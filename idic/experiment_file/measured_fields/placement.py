@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.fe import Mesh, surface_cells
 from idic.images import Camera
 from idic.model import Depth, FieldPoints

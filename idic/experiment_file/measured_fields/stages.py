@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_experiment import ExperimentTable, StagesTable
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.experiment import ExperimentTable, StagesTable
 from idic.model import FieldPoints
 from idic.readers import (
     ALLOWED_SHARE, FieldSeries, FieldStack, Flattening, StageRule, chosen_stages, largest_bending, matching_files,

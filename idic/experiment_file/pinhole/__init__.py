@@ -1,2 +1,2 @@
-"""Perspective (pinhole) cameras in an experiment file: calibration, placement of the mesh, degrees of freedom,
+"""Perspective (pinhole) cameras in an experiment file: calibration, placement of the mesh,
 pairing of images."""

@@ -10,8 +10,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_cameras import CameraTable
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.cameras import CameraTable
 from idic.experiment_file.pinhole.alignment import Clicks, aligned
 from idic.fe import Mesh
 from idic.images import INTRINSIC_PARAMETERS, PINHOLE_PARAMETERS as LENS_PARAMETERS, PinholeCamera, PlacedCamera

@@ -19,7 +19,7 @@ from idic.correlation import (
 from idic.errors import InputError
 from idic.experiment_file.pinhole.alignment import Clicks
 from idic.experiment_file.pinhole.alignment_start import starts
-from idic.experiment_file.schema_cameras import AlignmentTable
+from idic.experiment_file.schema.cameras import AlignmentTable
 from idic.fe import Mesh, surface_cells
 from idic.images import PLACEMENT_STEM, PlacedCamera, RIGID
 from idic.parameters import JointPrior

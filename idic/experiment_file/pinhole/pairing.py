@@ -9,7 +9,7 @@ import numpy as np
 
 from idic.correlation import COARSE_PX, MIN_CORRELATION, Seen, agreements, speckle_agreement
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.fe import Mesh
 from idic.images import PlacedCamera, Stack
 from idic.model import FurtherCamera

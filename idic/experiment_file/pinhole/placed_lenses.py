@@ -10,7 +10,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.experiment_file.pinhole.lenses import Lenses, camera_tables, check_image
 from idic.experiment_file.pinhole.measured_alignment import Eye, placed_by_images
-from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.fe import Mesh
 from idic.images import Stack
 from idic.readers import matching_files, open_stack

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_boundary import (BoundaryTable, ChannelTable, ControlTable, DriveTable,
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.boundary import (BoundaryTable, ChannelTable, ControlTable, DriveTable,
                                                   LoadTable)
 from idic.experiment_file.tables.corrections import (
     Place, corrections, counted_in_frames, free_course, of_what, times_or_frames,

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema_cameras import CameraTable
+from idic.experiment_file.schema.cameras import CameraTable
 from idic.images import (
     AnyCamera, COLUMN, CameraMotion, MAGNIFICATION, PLACEMENT_STEM, PlacedCamera, RIGID, RIGID_UNITS, ROW, RigidMotion,
     TURN,

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.model_checks import corners_px, seen_nodes, seen_region, visible_cells
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_cameras import NoiseModelTable
-from idic.experiment_file.tables.images_at_rest import check_exposures
+from idic.experiment_file.checks.model import corners_px, seen_nodes, seen_region, visible_cells
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.cameras import NoiseModelTable
+from idic.experiment_file.checks.images_at_rest import check_exposures
 from idic.fe import Mesh
 from idic.images import (
     Camera, NoiseModel, StabilisedStack, Stabiliser, Stack, drift_note, still_noise, still_noise_model,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema_boundary import CorrectionTable
+from idic.experiment_file.schema.boundary import CorrectionTable
 from idic.fe import Mesh
 from idic.model import (
     Column, Constant, Correction, KNOTS, along_the_motion, end_sign, hats, knot_frames, reach, slip_course,

@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_materials import DofTable, MaterialTable, ParameterTable
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.materials import DofTable, MaterialTable, ParameterTable
 from idic.experiment_file.tables.camera_motion import motion_parameters
-from idic.experiment_file.pinhole.dofs import lens_dofs, placement_dofs
+from idic.experiment_file.tables.lens_dofs import lens_dofs, placement_dofs
 from idic.experiment_file.tables.solver import foreign_material
 from idic.fe import EXTERNAL
 from idic.images import AnyCamera, CAMERA_PARAMETERS, PlacedCamera
@@ -23,7 +23,7 @@ from idic.model import (
     way_of,
 )
 from idic.parameters import Parameter
-from idic.readers import factor_between, parse_unit
+from idic.readers import factor_between
 
 CAMERA_MAX_STEP = 3.5  # units of a camera's scales: 10 px at the corner of the image
 
@@ -69,11 +69,6 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
         made.append(_parameter(f"{name}.{EXPANSION.name}", EXPANSION, table.parameters[EXPANSION.name], file,
                                f"{key}.{EXPANSION.name}"))
     return Material(name, law.name, kinematics), made, notes
-
-
-def is_rate_dependent(law: LawSpec) -> bool:
-    """Whether a parameter of the law has a unit with time: the frames then need times."""
-    return any((unit := parse_unit(p.unit)) is not None and unit.powers[1] != 0 for p in law.parameters)
 
 
 def _law(name: str, parameters: Iterable[str], file, key) -> LawSpec:

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.model_checks import (check_surface, check_visible, corners_px, seen_nodes, seen_region,
+from idic.experiment_file.checks.model import (check_surface, check_visible, corners_px, seen_nodes, seen_region,
                                                visible_cells)
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_cameras import FurtherCameraTable
-from idic.experiment_file.tables.images_at_rest import check_depth, check_exposures
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.cameras import FurtherCameraTable
+from idic.experiment_file.checks.images_at_rest import check_depth, check_exposures
 from idic.experiment_file.tables.lengths import Lengths, further_camera
 from idic.experiment_file.tables.mesh_sets import with_edge_set
 from idic.experiment_file.pinhole.lenses import Lenses, calibration_files, check_image

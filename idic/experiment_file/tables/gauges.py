@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.fe import Mesh, interpolation, surface_cells
 from idic.images import Camera
 from idic.model import Gauge, KINDS

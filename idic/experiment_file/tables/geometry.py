@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile
+from idic.experiment_file.schema.experiment_file import ExperimentFile
 from idic.fe import (
     Hole, Mesh, Morph, OUTLINE, admissible, edges_by_name, find_holes, free_edges, on_circle, outward_velocity,
     velocities,

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_materials import HeterogeneityTable, ParameterTable
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.materials import HeterogeneityTable, ParameterTable
 from idic.fe import Mesh
 from idic.model import Heterogeneity, nodes_of
 from idic.parameters import Parameter

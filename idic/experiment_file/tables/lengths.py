@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_cameras import FurtherCameraTable
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.cameras import FurtherCameraTable
 from idic.images import AnyCamera, Camera, PlacedCamera
 from idic.readers import factor_between
 

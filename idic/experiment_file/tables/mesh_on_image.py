@@ -10,8 +10,8 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file.measured_fields.placement import grid_of
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_experiment import MeshTable
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.experiment import MeshTable
 from idic.experiment_file.tables.lengths import Lengths
 from idic.fe import Mesh, OUTLINE
 from idic.images import Camera, Stack

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema_boundary import SetTable
+from idic.experiment_file.schema.boundary import SetTable
 from idic.fe import Mesh, boundary_edges, boundary_faces, face_set_nodes
 from idic.readers import where
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_materials import MaterialTable
-from idic.experiment_file.schema_options import SolverTable
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.materials import MaterialTable
+from idic.experiment_file.schema.options import SolverTable
 from idic.fe import (
     ABAQUS_TYPES, EXTERNAL, ExternalSetup, LOG_FILE, REASON_FILE, check_environment, find_program, parse_deck,
 )

@@ -18,8 +18,8 @@ import numpy as np
 
 from idic.correlation import NodalField, onto_nodes
 from idic.errors import InputError
-from idic.experiment_file.schema import ExperimentFile
-from idic.experiment_file.schema_boundary import TemperatureTable
+from idic.experiment_file.schema.experiment_file import ExperimentFile
+from idic.experiment_file.schema.boundary import TemperatureTable
 from idic.experiment_file.tables.boundaries import Context, logged
 from idic.experiment_file.tables.lengths import Lengths, maps_a_plane
 from idic.fe import Mesh, conducted, surface_cells, unreached

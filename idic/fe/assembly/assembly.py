@@ -10,12 +10,13 @@ import numpy as np
 from idic.errors import InputError
 from idic.fe.assembly import expansion, in_parts, kernels, kernels_solid, locking
 from idic.fe.assembly.linear import KeptResponse, LinearResponse, kept_response
-from idic.fe.assembly.variation import factor_of
-from idic.fe.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
+from idic.fe.body.variation import factor_of
+from idic.fe.body.boundary import Drives, PressureFaces, pressure_faces, pressure_force, pressure_stiffness
+from idic.fe.solver import storage
 from idic.fe.solver.known_pattern import known_pattern
 from idic.fe.solver.linear import Pattern
 from idic.fe.mesh.element import quadrature_rule, shape_gradients
-from idic.fe.model import Model, Section, uses_mean_dilatation
+from idic.fe.body.model import Model, Section, uses_mean_dilatation
 from idic.laws import CompiledLaw, LawSpec, element_sizes
 
 
@@ -343,9 +344,9 @@ def stiffness_values(system: System, ev: Evaluation) -> np.ndarray:
     values = np.zeros(system.pattern.n_stored)
     for group, g in zip(system.groups, ev.groups, strict=True):
         element_matrices(group, g)
-        kernels.scatter(g.Ke, group.positions, values)
+        storage.scatter(g.Ke, group.positions, values)
     for K, positions in zip(ev.pressure_K, system.pressure_positions, strict=True):
-        kernels.scatter(K, positions, values)
+        storage.scatter(K, positions, values)
     return values
 
 

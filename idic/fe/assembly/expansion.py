@@ -23,7 +23,7 @@ import numpy as np
 
 from idic.fe.assembly import in_parts
 from idic.fe.mesh.element import quadrature_rule, shape_functions
-from idic.fe.model import Direction, Model
+from idic.fe.body.model import Direction, Model
 from idic.laws import CompiledLaw, directional_stresses, point_stresses, point_tangents
 
 

@@ -7,17 +7,9 @@ versions are in ``tests/fe/test_kernels.py``.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
-
-def kernel(function):
-    """Compile on first use: serial, ``nogil``, with numba's disk cache where there is a place for it."""
-    options = {"nogil": True, "error_model": "numpy"}
-    try:
-        return numba.njit(cache=True, **options)(function)
-    except RuntimeError:  # nowhere to write
-        return numba.njit(**options)(function)
+from idic.fe.solver.compilation import kernel
 
 
 @kernel
@@ -166,17 +158,6 @@ def element_stiffness_plane(grads, weights, A, Ke):
 
 
 @kernel
-def scatter(Ke, positions, values):
-    """Add element matrices into the stored values of the global matrix."""
-    for e in range(Ke.shape[0]):
-        for i in range(Ke.shape[1]):
-            for j in range(Ke.shape[2]):
-                place = positions[e, i, j]
-                if place >= 0:
-                    values[place] += Ke[e, i, j]
-
-
-@kernel
 def add_stiffness_times(Ke, element_dofs, fields, out):
     """out += K fields by element matrices, all dofs; fields and out (n_dof, m)."""
     n_el, size = element_dofs.shape
@@ -189,35 +170,3 @@ def add_stiffness_times(Ke, element_dofs, fields, out):
                 if value != 0.0:
                     for i in range(size):
                         out[element_dofs[e, i], k] += Ke[e, i, j] * value
-
-
-@kernel
-def places_in_band(equations, half_bandwidth, places):
-    """Place of each element matrix entry in LAPACK band storage (flat, column by column), -1 where prescribed."""
-    rows_stored = 3 * half_bandwidth + 1
-    for e in range(equations.shape[0]):
-        for i in range(equations.shape[1]):
-            for j in range(equations.shape[1]):
-                row, col = equations[e, i], equations[e, j]
-                places[e, i, j] = -1
-                if row >= 0 and col >= 0:
-                    places[e, i, j] = 2 * half_bandwidth + row - col + rows_stored * col
-
-
-@kernel
-def places_in_columns(equations, indptr, indices, places):
-    """Place of each element matrix entry among compressed columns with sorted rows, -1 where prescribed."""
-    for e in range(equations.shape[0]):
-        for i in range(equations.shape[1]):
-            for j in range(equations.shape[1]):
-                row, col = equations[e, i], equations[e, j]
-                places[e, i, j] = -1
-                if row >= 0 and col >= 0:
-                    low, high = indptr[col], indptr[col + 1] - 1
-                    while low < high:
-                        middle = (low + high) // 2
-                        if indices[middle] < row:
-                            low = middle + 1
-                        else:
-                            high = middle
-                    places[e, i, j] = low

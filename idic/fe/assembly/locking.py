@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.fe.assembly.kernels import kernel
+from idic.fe.solver.compilation import kernel
 
 
 @kernel

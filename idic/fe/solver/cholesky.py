@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.fe.assembly.kernels import kernel
+from idic.fe.solver.compilation import kernel
 from idic.fe.solver.lapack import factorise_lower, solve_triangle, subtract_square
 from idic.fe.solver.multifrontal import Elimination, Front, columns, eliminated, independent_parts
 from idic.fe.solver.threads import pool_of_threads

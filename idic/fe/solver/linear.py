@@ -17,8 +17,7 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from idic.fe.solver import cholesky, dissection, krylov, multifrontal, substitution
-from idic.fe.assembly import kernels
+from idic.fe.solver import cholesky, dissection, krylov, multifrontal, storage, substitution
 from idic.fe.solver.lapack import factorise_band, solve_band
 
 MAX_HALF_BANDWIDTH_OF_BAND_LU = {2: 180, 3: 400}  # by dimension; beyond, fronts are faster (10 000 dofs)
@@ -97,9 +96,9 @@ class Pattern:
         equations = np.ascontiguousarray(self.equation[element_dofs])
         places = np.empty((*equations.shape, equations.shape[1]), dtype=np.int64)
         if self.half_bandwidth is not None:
-            kernels.places_in_band(equations, self.half_bandwidth, places)
+            storage.places_in_band(equations, self.half_bandwidth, places)
         else:
-            kernels.places_in_columns(equations, self.indptr, self.indices, places)
+            storage.places_in_columns(equations, self.indptr, self.indices, places)
         return places
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dlaswp
 
-from idic.fe.assembly.kernels import kernel
+from idic.fe.solver.compilation import kernel
 from idic.fe.solver.lapack import LUOfFront, product, solve_triangle
 from idic.fe.solver.threads import pool_of_threads
 

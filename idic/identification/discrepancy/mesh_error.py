@@ -20,7 +20,7 @@ from scipy.sparse.linalg import splu
 
 from idic.errors import NotConverged
 from idic.fe import Control, Mesh, can_halve, can_raise_order, quadrature_rule, shape_functions, shape_gradients
-from idic.identification.systematic.refinement import carried_local, refined
+from idic.identification.finer_models.refinement import carried_local, refined
 from idic.model import Experiment, ForwardModel, build_drives, build_forward
 from idic.parameters import ParameterSet
 

@@ -26,8 +26,8 @@ from idic.identification.discrepancy.fields import (
 )
 from idic.identification.discrepancy.mesh_error import MeshError, is_counted, mesh_error
 from idic.identification.discrepancy.strain_error import strain_error
+from idic.identification.free_motion.two_step import is_two_step
 from idic.identification.step.state import Evaluation
-from idic.identification.two_step import is_two_step
 from idic.model import Experiment, ForwardModel
 from idic.parameters import ParameterSet
 

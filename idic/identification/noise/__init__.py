@@ -1,1 +1,1 @@
-"""Correlated noise of channels, estimated from the channel residuals of an identification."""
+"""Noise of cameras and channels: from the recording, and from the residuals of an identification."""

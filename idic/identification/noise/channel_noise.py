@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from idic.correlation import CorrelationSystem
-from idic.identification.parameter_covariance import scaled_system
-from idic.identification.input_noise import logged_noise
 from idic.identification.noise.channel_correlation import ChannelNoise, channel_correlation
+from idic.identification.noise.input_noise import logged_noise
+from idic.identification.step.parameter_covariance import scaled_system
 from idic.identification.step.state import Evaluation
 from idic.model import Column, Experiment
 from idic.parameters import ParameterSet

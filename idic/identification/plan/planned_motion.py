@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from idic.measure import boundary_start, dic_stack, with_boundary_start
 from idic.errors import InputError
 from idic.experiment_file import ExperimentFile
+from idic.identification.free_motion.free_motion_start import measured_start
+from idic.measure import boundary_start, dic_stack, with_boundary_start
 from idic.model import COMPONENTS, Experiment, Measured, Parametrised, Prescribed, build_drives, set_nodes
-from idic.identification.free_motion_start import measured_start
 
 Courses = Mapping[str, Sequence[Sequence[float]]]
 

@@ -1,1 +1,1 @@
-"""Step control of the identification: proposal, trust radius, acceptance, schedule, choice of the estimator."""
+"""Step control of the identification, its choice of the estimator, and the covariance of the parameters."""

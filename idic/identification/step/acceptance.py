@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from idic.correlation import CorrelationSystem
-from idic.identification.parameter_covariance import Scaled, covariance, scaled_system, spectrum
+from idic.identification.step.parameter_covariance import Scaled, covariance, scaled_system, spectrum
 from idic.identification.step.stages import stage_parameters
 from idic.identification.step.state import Evaluation, LoopState
 from idic.model import Experiment, Stage

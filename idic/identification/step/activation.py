@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from idic.identification.parameter_covariance import MAX_DETERMINED_STD, Scaled
+from idic.identification.step.parameter_covariance import MAX_DETERMINED_STD, Scaled
 from idic.parameters import ParameterSet
 
 MAX_REJECTED_ACTIVATIONS = 2

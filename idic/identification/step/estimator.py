@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from idic.errors import InputError
-from idic.identification.parameter_covariance import (
+from idic.identification.step.parameter_covariance import (
     MAX_UNDETERMINED_SHARE, covariance, scaled_system, spectrum, undetermined_share,
 )
 from idic.identification.step.state import GENERALISED, GENERALISED_REJECTED, ORDINARY, Evaluation

@@ -30,8 +30,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.identification.parameter_covariance import covariance, spectrum
 from idic.identification.step.acceptance import scaled_at
+from idic.identification.step.parameter_covariance import covariance, spectrum
 from idic.identification.step.proposal import Step
 from idic.identification.step.settled import negligible
 from idic.identification.step.stages import stage_parameters

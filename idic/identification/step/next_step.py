@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.identification.parameter_covariance import Scaled, Spectrum, covariance, spectrum
 from idic.identification.step.acceptance import scaled_at
 from idic.identification.step.activation import MAX_REJECTED_ACTIVATIONS, activation_step, active_parameters
 from idic.identification.step.ending import (ITERATIONS, beyond_bounds, bounded, failed_simulation, flat, judged_flat,
@@ -18,6 +17,7 @@ from idic.identification.step.increments import (KNOWN, TOO_COARSE, chooses_incr
                                            with_increments_judged)
 from idic.identification.step.non_smooth import directional_derivative
 from idic.identification.step.parallel_steps import parallel_steps
+from idic.identification.step.parameter_covariance import Scaled, Spectrum, covariance, spectrum
 from idic.identification.step.proposal import STEP_CLIP, Step, propose
 from idic.identification.step.schedule import (
     MIN_CONTINUED_STAGE_GAIN,

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.identification.parameter_covariance import Scaled, Spectrum, covariance
+from idic.identification.step.parameter_covariance import Scaled, Spectrum, covariance
 from idic.parameters import ParameterSet
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.identification.parameter_covariance import Scaled, Spectrum
+from idic.identification.step.parameter_covariance import Scaled, Spectrum
 from idic.identification.step.rising import in_order
 from idic.parameters import USUAL_MAX_STEP, ParameterSet
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from idic.identification.parameter_covariance import Scaled
+from idic.identification.step.parameter_covariance import Scaled
 from idic.parameters import ParameterSet, SmoothnessPrior
 
 RIDGE = 1e-10  # of the diagonal of M: directions without data

@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from idic.identification.parameter_covariance import Scaled, Spectrum
+from idic.identification.step.parameter_covariance import Scaled, Spectrum
 from idic.model import Experiment, Measured, Stage, is_stereo
 
 MAX_SETTLED_STEP = 0.1  # scaled: a direction with a shorter step no longer holds up weaker ones

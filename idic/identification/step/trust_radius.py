@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.identification.parameter_covariance import Scaled
+from idic.identification.step.parameter_covariance import Scaled
 from idic.identification.step.proposal import STEP_CLIP
 from idic.parameters import USUAL_MAX_STEP, ParameterSet
 

@@ -23,10 +23,12 @@ import numpy as np
 from idic.correlation import CorrelationSystem, Weights
 from idic.errors import NotConverged
 from idic.fe import is_raised_by_default
-from idic.identification.parameter_covariance import MAX_UNDETERMINED_SHARE, scaled_system, spectrum, undetermined_share
 from idic.identification.discrepancy.normal_equations import DiscrepancySystem
+from idic.identification.finer_models.refinement import carried_local, refined
+from idic.identification.step.parameter_covariance import (
+    MAX_UNDETERMINED_SHARE, scaled_system, spectrum, undetermined_share,
+)
 from idic.identification.step.state import Evaluation
-from idic.identification.systematic.refinement import carried_local, refined
 from idic.model import Experiment, build_drives
 from idic.parameters import ParameterSet
 

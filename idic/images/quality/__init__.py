@@ -1,1 +1,1 @@
-"""Quality of an image: camera noise, low-pass, error of the interpolating spline, size of the speckle."""
+"""Quality of an image: camera noise, error of the interpolating spline, size of the speckle."""

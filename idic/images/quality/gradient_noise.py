@@ -17,7 +17,7 @@ import numpy as np
 import scipy
 
 from idic.images.interpolate import gradient_at_pixels, prefilter
-from idic.images.quality.lowpass import lowpass_weights
+from idic.images.gaussian_lowpass import lowpass_weights
 
 SAMPLE_PX, RIM_PX = 256, 16  # side of the simulated noise, and its rim that is left out
 TAPER_PX = 16.0  # along the edges of the specimen, which would add to the spectrum

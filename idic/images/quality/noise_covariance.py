@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from idic.images.quality.lowpass import lowpass, lowpass_weights
+from idic.images.gaussian_lowpass import lowpass, lowpass_weights
 from idic.images.stack import Stack
 
 TILES_PX = (24, 16, 12)  # sides of a tile: the largest of which enough lie on the specimen

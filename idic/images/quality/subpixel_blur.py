@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from idic.images.quality.lowpass import SECOND_DERIVATIVE, lowpass_weights
+from idic.images.gaussian_lowpass import SECOND_DERIVATIVE, lowpass_weights
 
 TAPER_PX = 8.0  # from the edge of the region to its full weight: its own waves are longer
 N_BANDS = 8  # of wave numbers from 0 to 1/2 per pixel

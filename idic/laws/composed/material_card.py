@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.laws.composed.free_curve import knots, knots_of
+from idic.laws.free_forms.free_curve import knots, knots_of
 from idic.laws.composed.rubber_card import rubber_card
 from idic.laws.composed.written_terms import WrittenTerm, flow_stress, terms_of, values_at
 from idic.laws.core.law import EXPANSION
 from idic.laws.orthotropic import contraction_through_thickness
 from idic.laws.rate.free_relaxation import spectrum
-from idic.laws.rate.relaxation_forms import relaxation_card
+from idic.laws.free_forms.relaxation_forms import relaxation_card
 
 PROGRAMS = ("abaqus", "calculix")
 ROWS = 40  # of a table of the flow stress, dense at the beginning

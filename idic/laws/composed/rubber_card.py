@@ -9,9 +9,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idic.laws.composed.free_curve import basis
+from idic.laws.free_forms.free_curve import basis
 from idic.laws.composed.free_rubber import INVARIANTS, knots_of_rubber, rubber_level_names
-from idic.laws.composed.rubber_forms import RUBBER_TESTS, invariants, stress_matrix, weights
+from idic.laws.free_forms.rubber_forms import RUBBER_TESTS, invariants, stress_matrix, weights
 
 FITTED = 60  # points of a curve
 SMALLEST_STRETCH, LARGEST_STRETCH = 1.02, 10.0  # where stresses are compared

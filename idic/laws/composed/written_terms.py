@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from idic.laws.composed.elastoplastic import ELASTOPLASTIC
-from idic.laws.composed.free_curve import basis, knots_of
+from idic.laws.free_forms.free_curve import basis, knots_of
 from idic.laws.composed.terms import GROUPS, Term, term_of
 from idic.laws.core.law import get_law
-from idic.laws.plasticity.short_forms import SHORT_FORMS
+from idic.laws.composed.short_forms import SHORT_FORMS
 
 TERMS_OF_OTHERS = {  # law: (terms, {parameter of the law: that of the composed one})
     "elastic": ((), {}),

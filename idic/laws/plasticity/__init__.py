@@ -1,1 +1,1 @@
-"""Elastoplasticity: common parts of all laws of this kind, Hill's surface, and the short forms of the composed law."""
+"""Elastoplasticity: common parts of all laws of this kind, Hill's surface and the free surface."""

@@ -89,7 +89,7 @@ def dic_frame(reference: ReferenceImage, spline: Spline, start_px: np.ndarray, r
     Parameters
     ----------
     reference : ReferenceImage
-        Built on a pixel map (`idic.correlation.reference.build_reference`).
+        Built on a pixel map (`idic.correlation.image_equations.reference.build_reference`).
     spline : Spline
         Of the frame (`idic.images.interpolate.prefilter`).
     start_px : array (n_nodes, 2)

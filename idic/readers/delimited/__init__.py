@@ -1,1 +1,1 @@
-"""Text of tables as instruments and spreadsheets write it: encodings, layout and numbers."""
+"""Text of tables as instruments and spreadsheets write it: encodings, layout, numbers and units."""

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from idic.errors import InputError
 from idic.readers.delimited.numerals import looks_numeric
-from idic.readers.units import parse_unit
+from idic.readers.delimited.units import parse_unit
 
 _SEPARATORS = (";", "\t", ",")
 _EXCEL = re.compile(r'"?sep=(.)"?[;,]*', re.IGNORECASE)

@@ -19,7 +19,7 @@ import numpy as np
 from idic.errors import InputError
 from idic.readers.delimited.numerals import number_in
 from idic.readers.fields.stage import KEY, Stage, cells_of, numbers_of, stage_text
-from idic.readers.units import factor_between
+from idic.readers.delimited.units import factor_between
 
 _HEAD = 4096  # characters: units, stage and analog channels stand before the points
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.readers.fields.stage import KEY, Stage, cells_of, numbers_of, separator_of, stage_text
-from idic.readers.units import factor_to, unit_in_name, without_unit
+from idic.readers.delimited.units import factor_to, unit_in_name, without_unit
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from idic.readers.fields.stage import KEY, Stage, stage_text
 from idic.readers.fields.vtu import SUFFIXES as VTU_SUFFIXES
 from idic.readers.fields.vtu import read_vtu
 from idic.readers.logs import Log
-from idic.readers.units import factor_between
+from idic.readers.delimited.units import factor_between
 
 ARAMIS, VTU, NCORR, MUDIC = "aramis", "vtu", "ncorr", "mudic"
 FORMATS = ("auto", ARAMIS, *COLUMN_FORMATS, NCORR, MUDIC, VTU)

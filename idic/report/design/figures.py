@@ -11,8 +11,8 @@ from matplotlib.ticker import MaxNLocator
 from idic.report.design.words import MAX_STD_FAIR, MAX_STD_WELL, MODE, in_words, named
 from idic.report.figures import maps, matrices
 from idic.report.figures.style import CYCLE, FAINT, GREY, MARKERS, Picture, look, new_figure, to_picture
-from idic.report.record import RunRecord, Sensitivities
-from idic.report.words import short_names
+from idic.report.result.record import RunRecord, Sensitivities
+from idic.report.result.words import short_names
 
 MAPS_PER_ROW = 5
 MAX_MATRIX_ROWS = 30  # a matrix of more rows is no longer read

@@ -7,12 +7,11 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 
-from idic.report.words import number_text, short_names, two_digits
-from idic.report.design import figures as design_figures
-from idic.report.design import words as say
+from idic.report.design import figures as design_figures, words as say
 from idic.report.design.figures import PlanPictures
 from idic.report.html import filled_in
 from idic.report.page import Section
+from idic.report.result.words import number_text, short_names, two_digits
 
 MAX_LISTED_DIRECTIONS = 12  # best and worst ones that the page lists; design.json has all
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from idic.report.fit_words import in_words_of
-from idic.report.words import number_text, short_names, two_digits
+from idic.report.result.fit_words import in_words_of
+from idic.report.result.words import number_text, short_names, two_digits
 
 MODE = re.compile(r"(boundary\..+)\.s\d+t\d+")  # amplitude of a mode of a virtual boundary: there may be hundreds
 MAX_TERMS = 6  # of a direction that are written out

@@ -12,7 +12,7 @@ from idic.report.diagnosis.record import KNOWN_ERROR_COUNTED, Curve, DiagnosisRe
 from idic.report.diagnosis.words import is_sure, name_of_best, strongest
 from idic.report.figures.style import (BLACK, BLUE, DIVERGING, FAINT, GREEN, GREY, ORANGE, RED, SKY, Picture,
                                        label_frames, look, new_figure, to_picture)
-from idic.report.words import short_names
+from idic.report.result.words import short_names
 
 COLOUR_LIMIT_STD = 5.0  # standard deviations at the ends of the colour bar
 ONE_TEST_Z = 2.33  # of a single one-sided test at 1 %

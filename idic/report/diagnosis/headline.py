@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from idic.diagnose import NO_CAUSE
 from idic.report.diagnosis.words import (MIN_GOOD_PROBABILITY, below_margin, new_values, selected_titles,
                                          side_in_words, size_of_grey, unconfirmed, when_and_where, with_size)
-from idic.report.words import short_names, two_digits, with_std
+from idic.report.result.words import short_names, two_digits, with_std
 
 MIN_MOVE_STD = 2.0  # standard deviations after: a parameter that moved less is not worth a word
 MOSTLY = 0.5  # explained share from which a nearest candidate explains most of it

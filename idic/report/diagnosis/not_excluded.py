@@ -14,7 +14,7 @@ import numpy as np
 from idic.diagnose import (
     Diagnosis, HIDDEN_BY_MOTION, MESH_TOO_COARSE, MIN_EXCESS_Z, Ranked, Round, Variant, Verdict, holds,
 )
-from idic.report.words import short_names, two_digits
+from idic.report.result.words import short_names, two_digits
 
 MIN_HIDDEN_SHIFT_STD = 2.0  # standard deviations of a parameter that an invisible effect would move it by
 MIN_NEAR_SHARE = 0.3  # of the winner's drop of chi-square: a rival that comes near

@@ -15,7 +15,7 @@ from idic.report.diagnosis.words import (MIN_EVEN_PROBABILITY, MIN_GOOD_PROBABIL
                                          standing_of)
 from idic.report.html import filled_in
 from idic.report.page import Section
-from idic.report.words import number_text, short_names, two_digits
+from idic.report.result.words import number_text, short_names, two_digits
 
 STANDINGS = {"significant": "significant", "small": "significant, below the practical margin",
              "inadmissible": "significant with an inadmissible sign", "excluded": "excluded with a bound",

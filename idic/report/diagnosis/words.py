@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from idic.diagnose import MAX_HIDDEN_VISIBILITY, MOTION, SUPPOSED_EXPANSION_PER_K
 from idic.model import TEMPERATURE
-from idic.report.words import number_text, short_names, with_std
+from idic.report.result.words import number_text, short_names, with_std
 
 MIN_GOOD_PROBABILITY = 0.9  # that the selected set holds the truth: good news
 MIN_EVEN_PROBABILITY = 0.5  # below, the truth is more probably elsewhere: bad news

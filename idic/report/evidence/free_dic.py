@@ -9,14 +9,14 @@ import numpy as np
 
 from idic.correlation import FieldReference, frame_spline, residual_map
 from idic.measure import Seen, dic_frame, field_frame, field_variance, fitted_dof, residual_noise, still_frame
-from idic.report.record import FreeFields, NoiseFloor, Sensitivities
+from idic.report.result.record import FreeFields, NoiseFloor, Sensitivities
 
 SEED = 20  # of the noise of the still image
 
 
 @dataclass(frozen=True)
 class FreeMotions:
-    """A free FE-DIC of some frames, without its residual maps; see `idic.report.record.FreeFields`.
+    """A free FE-DIC of some frames, without its residual maps; see `idic.report.result.record.FreeFields`.
 
     Attributes
     ----------

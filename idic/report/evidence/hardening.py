@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from idic.measure import FieldSeries
 from idic.laws import Smoothness, basis, between_knots, classical_fits, knots, knots_of, level_names
+from idic.measure import FieldSeries
 from idic.model import Experiment
 from idic.parameters import ParameterSet
-from idic.report.record import HardeningCurve
+from idic.report.result.record import HardeningCurve
 
 POINTS_BETWEEN = 8  # of the drawn curve, between the points that are compared with the classical forms
 REACHED_PERCENTILE = 99.0  # percent of the nodes: the few at notches of the mesh flow more than anything that was seen

@@ -11,7 +11,7 @@ from idic.fe import EXTERNAL, green_strain, nodal_deformation
 from idic.laws import compile, get_law, uniaxial
 from idic.model import Experiment, Material
 from idic.parameters import ParameterSet
-from idic.report.record import LawCurve
+from idic.report.result.record import LawCurve
 
 CURVE_STEPS = 120
 STRAIN_PERCENTILE = 99.0  # percent of the nodes: the few at corners of the mesh strain more than anything that was seen

@@ -9,7 +9,7 @@ import numpy as np
 from idic.correlation import FieldReference
 from idic.images import Camera, normal_sign
 from idic.model import Experiment
-from idic.report.record import PointMaps
+from idic.report.result.record import PointMaps
 
 
 def point_maps_of(experiment: Experiment, camera: Camera, reference: FieldReference, frames: Sequence[int],

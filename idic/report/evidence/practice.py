@@ -11,7 +11,7 @@ from idic.correlation import CELLS
 from idic.experiment_file import corners_px, recorded, seen_nodes, seen_region, visible_cells
 from idic.images import compressed_at, saturated_share, speckle_size
 from idic.model import Experiment
-from idic.report.record import FrameView, NoiseFloor, Practice
+from idic.report.result.record import FrameView, NoiseFloor, Practice
 
 MAX_FRAME_VIEWS = 10  # frames to look at one by one: a report must stay small enough to be sent by mail
 

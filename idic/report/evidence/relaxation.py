@@ -10,7 +10,7 @@ from idic.laws import FORMS, classical_fits, grid, grid_covariance, relaxing, ti
 from idic.model import Experiment
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of, smoothness_of
-from idic.report.record import RelaxationCurve
+from idic.report.result.record import RelaxationCurve
 
 POINTS_BETWEEN = 4  # of the drawn curve, between the points that are compared with the classical forms
 

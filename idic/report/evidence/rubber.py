@@ -16,7 +16,7 @@ from idic.model import Experiment, Material
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of, smoothness_of
 from idic.report.evidence.law import nodes_of
-from idic.report.record import RubberCurve, RubberMode, RubberSlope
+from idic.report.result.record import RubberCurve, RubberMode, RubberSlope
 
 POINTS = 40  # of a drawn curve
 COMPARED = 8  # stretches per mode at which classical forms are compared

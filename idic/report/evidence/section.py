@@ -10,7 +10,7 @@ import numpy as np
 from idic.correlation import SectionReference, section_motion
 from idic.measure import section_field, smoothing_length
 from idic.model import Experiment
-from idic.report.record import FrameView, FreeFields, NoiseFloor, SectionProfile
+from idic.report.result.record import FrameView, FreeFields, NoiseFloor, SectionProfile
 
 SEED = 20  # of the noise of the still image
 

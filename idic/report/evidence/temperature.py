@@ -10,7 +10,7 @@ from idic.laws import PRODUCT_SIGN, STEP, factor, get_law, terms_of
 from idic.model import Experiment, nodal_temperature
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of
-from idic.report.record import TemperatureFactor
+from idic.report.result.record import TemperatureFactor
 
 POINTS = 60  # of a curve
 

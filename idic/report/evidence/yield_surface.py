@@ -7,14 +7,14 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from idic.experiment_file import NEIGHBOURS
-from idic.measure import FieldSeries
 from idic.laws import (
     ClassicalFit, FAMILY_ERROR, classical_fits, classical_surfaces, equivalent, ring_knots_of, surface_weights,
 )
+from idic.measure import FieldSeries
 from idic.model import Experiment
 from idic.parameters import ParameterSet
 from idic.report.evidence.hardening import covariance_of, smoothness_of
-from idic.report.record import YieldSurface
+from idic.report.result.record import YieldSurface
 
 SECTION_POINTS = 181  # of the drawn section, over a whole turn
 CELL = 15.0  # deg of biaxial angle and of latitude: stresses within one count as one direction

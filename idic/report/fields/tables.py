@@ -6,9 +6,9 @@ import numpy as np
 
 from idic.measure import Reading, readings
 from idic.model import Gauge
-from idic.report.words import number_text
-from idic.report.record import RunRecord
 from idic.path_names import path_name
+from idic.report.result.record import RunRecord
+from idic.report.result.words import number_text
 
 SHOWN = {"extensometer": ("strain", "elongation"), "probe": ("u_x", "u_y", "strain_xx", "strain_yy", "strain_xy"),
          "circle": ("u_x", "u_y", "strain_xx", "strain_yy", "strain_xy")}

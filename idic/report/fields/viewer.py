@@ -17,11 +17,11 @@ import numpy as np
 from matplotlib.colors import to_hex
 from matplotlib.image import imsave
 
-from idic.measure import FieldSeries, readings
 from idic.fe import cell_type
-from idic.report.fit_words import against_free, in_words_of
+from idic.measure import FieldSeries, readings
 from idic.report.figures.style import DIVERGING, JPEG_QUALITY, SEQUENTIAL
-from idic.report.record import RunRecord
+from idic.report.result.fit_words import against_free, in_words_of
+from idic.report.result.record import RunRecord
 
 MAX_VALUES = 1_200_000  # of all frames: 3 MB of the page
 MIN_FRAMES = 3

@@ -6,7 +6,7 @@ from matplotlib.colors import Normalize
 
 from idic.report.figures.maps import draw, grid, specimen_window
 from idic.report.figures.style import Picture, look, to_picture
-from idic.report.record import RunRecord
+from idic.report.result.record import RunRecord
 
 
 def camera_floor(record: RunRecord) -> Picture | None:

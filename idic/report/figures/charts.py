@@ -7,9 +7,9 @@ from matplotlib.ticker import MaxNLocator
 
 from idic.report.figures.style import (BLUE, CYCLE, FAINT, GREY, MARKERS, ORANGE, RED, Picture, look, new_figure,
                                        to_picture)
-from idic.report.fit_words import in_words_of
-from idic.report.record import ChannelRecord, RunRecord
-from idic.report.words import short_names
+from idic.report.result.fit_words import in_words_of
+from idic.report.result.record import ChannelRecord, RunRecord
+from idic.report.result.words import short_names
 
 MIN_LABEL_SHARE = 0.5  # of the axis: two labels need it between their frames
 LABEL_MARGIN = 0.13  # of the axis: half a label

@@ -10,11 +10,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage, imsave
 
-from idic.report.words import number_text
 from idic.report.figures.maps import RESIDUAL_RANGE, residual_window
 from idic.report.figures.profiles import height_profile, is_profile
 from idic.report.figures.style import DIVERGING, ORANGE, JPEG_QUALITY, Picture, look, new_figure, webp
-from idic.report.record import FrameView, RunRecord
+from idic.report.result.record import FrameView, RunRecord
+from idic.report.result.words import number_text
 
 VIEW_WIDTH_INCH = 5.0  # inch; two stand side by side on a wide screen
 MAX_VIEW_HEIGHT_INCH = 4.2

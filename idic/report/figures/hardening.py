@@ -7,8 +7,8 @@ import numpy as np
 from idic.experiment_file import SPREAD
 from idic.laws import ClassicalFit, FAMILY_ERROR, ROOT
 from idic.report.figures.style import BLUE, CYCLE, GREY, Picture, look, new_figure, to_picture
-from idic.report.record import HardeningCurve, RunRecord, YieldSurface
-from idic.report.stress_scale import stress_unit
+from idic.report.result.record import HardeningCurve, RunRecord, YieldSurface
+from idic.report.result.stress_scale import stress_unit
 
 WIDTH_95 = 1.96
 NEAR_PLANE = 0.35  # share of shear below which a visited direction is marked in the section

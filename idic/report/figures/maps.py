@@ -12,8 +12,8 @@ from matplotlib.tri import LinearTriInterpolator, Triangulation
 
 from idic.report.figures import profiles
 from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, look, new_figure, to_picture
-from idic.report.record import RunRecord
-from idic.report.words import short_names
+from idic.report.result.record import RunRecord
+from idic.report.result.words import short_names
 
 PAGE_WIDTH_INCH = 10.0  # inch: the page's width
 MAX_ROW_HEIGHT_INCH = 3.4  # inch per row: a tall specimen must not fill the screen

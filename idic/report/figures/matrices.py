@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 
 from idic.model import is_mode
 from idic.report.figures.style import BLUE, DIVERGING, GREY, RED, SEQUENTIAL, Picture, look, new_figure, to_picture
-from idic.report.record import RunRecord
-from idic.report.words import short_names
+from idic.report.result.record import RunRecord
+from idic.report.result.words import short_names
 
 MAX_ROWS_WITH_NUMBERS = 12  # rows up to which numbers fit into the cells
 MIN_STRONG_CORRELATION = 0.9

@@ -12,7 +12,7 @@ from matplotlib.colors import to_rgba
 
 from idic.images import CAMERA_PARAMETERS, PINHOLE_PARAMETERS as LENS_PARAMETERS, PLACED_TURNS
 from idic.report.figures.style import CYCLE, FAINT, Picture, look, new_figure, to_picture
-from idic.report.record import RunRecord
+from idic.report.result.record import RunRecord
 
 _WIDTH, _MAX_HEIGHT = 9.0, 9.0  # inch
 _MARGIN_SHARE = 0.03  # of the image, around it

@@ -7,7 +7,7 @@ from matplotlib.colors import Normalize
 
 from idic.report.figures.maps import RESIDUAL_RANGE, entitle, grid
 from idic.report.figures.style import DIVERGING, SEQUENTIAL, Picture, look, to_picture
-from idic.report.record import PointMaps, RunRecord
+from idic.report.result.record import PointMaps, RunRecord
 
 COMPONENTS = ("x", "y", "z")
 MARKER = 1.35  # side of a marker in distances of neighbours: no seams between them

@@ -7,8 +7,8 @@ from matplotlib.cm import viridis
 from matplotlib.figure import Figure
 
 from idic.report.figures.style import CYCLE, FAINT, GREY, ORANGE, Picture, look, new_figure, to_picture
-from idic.report.record import FrameView, RunRecord
-from idic.report.words import short_names
+from idic.report.result.record import FrameView, RunRecord
+from idic.report.result.words import short_names
 
 EDGE = "edge"  # the cells of a record that is a cross-section
 COMPONENTS = ("columns", "rows (down)", "height")

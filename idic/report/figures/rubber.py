@@ -5,8 +5,8 @@ from __future__ import annotations
 from idic.laws import ClassicalFit
 from idic.report.figures.hardening import WIDTH_95
 from idic.report.figures.style import CYCLE, GREY, Picture, look, new_figure, to_picture
-from idic.report.record import RubberCurve, RunRecord
-from idic.report.stress_scale import stress_unit
+from idic.report.result.record import RubberCurve, RunRecord
+from idic.report.result.stress_scale import stress_unit
 
 STRESSES = ("C10", "C01", "C20", "C02", "C11", "C30", "mu", "mu1", "mu2", "minus_mu3")
 

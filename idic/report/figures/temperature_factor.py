@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from idic.report.figures.hardening import WIDTH_95
 from idic.report.figures.style import CYCLE, GREY, Picture, look, new_figure, to_picture
-from idic.report.record import TemperatureFactor
+from idic.report.result.record import TemperatureFactor
 
 UNITS = {"slope": " 1/K", "m": "", "melting": " °C", "activation": " K"}
 

@@ -11,11 +11,11 @@ import numpy as np
 from idic.diagnose import (
     Diagnosis, OutOfRegister, by_motion, image_chi2, may_be_out_of_register, out_of_register, with_edge_modes,
 )
-from idic.measure import boundary_start, with_boundary_start
 from idic.identification import Identification, identify
+from idic.measure import boundary_start, with_boundary_start
 from idic.model import Experiment
 from idic.run.diagnosis.source import Source
-from idic.run.prepare import read_free_dic, read_free_motion, run_free_dic
+from idic.run.prepared.prepare import read_free_dic, read_free_motion, run_free_dic
 from idic.run.store.run_store import RunStore
 from idic.run.workers.runner import TaskRunner
 

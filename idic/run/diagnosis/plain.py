@@ -8,9 +8,9 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from idic.run.context import experiments_of
 from idic.run.diagnosis.diagnose import diagnose, write_all
 from idic.run.diagnosis.source import open_source
+from idic.run.prepared.context import experiments_of
 from idic.run.store.run_lock import run_lock
 from idic.run.workers.workplace import Workplace
 

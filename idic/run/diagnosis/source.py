@@ -13,19 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from idic.measure import BoundaryStart, with_boundary_start
 from idic.errors import InputError
 from idic.experiment_file import ExperimentFolder, Frames, Lengths, locate, read_toml, validated, with_overrides
 from idic.fe import Mesh
 from idic.identification import Identification
+from idic.measure import BoundaryStart, with_boundary_start
 from idic.model import Experiment, MotionError, Parametrised, Prescribed
 from idic.readers import MatchedLog
-from idic.run.session import open_session
-from idic.run.context import RunContext, open_run, stored_start
-from idic.run.store.layout import BASE, DESCRIPTION, group_name
-from idic.run.warm_start import first_order_prediction
+from idic.run.prepared.context import RunContext, open_run, stored_start
+from idic.run.prepared.session import open_session
+from idic.run.prepared.warm_start import first_order_prediction
 from idic.run.store.arrays import Damaged, read_array
 from idic.run.store.camera_groups import with_stored_noise
+from idic.run.store.layout import BASE, DESCRIPTION, group_name
 from idic.run.store.result_file import RESULT_FILE, read_result
 from idic.run.store.state_file import load_state
 from idic.run.store.system_store import load_evaluation

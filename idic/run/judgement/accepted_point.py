@@ -8,7 +8,7 @@ import numpy as np
 
 from idic.correlation import channel_values, measured_values
 from idic.errors import InputError
-from idic.run.context import RunContext
+from idic.run.prepared.context import RunContext
 from idic.run.recovery.recover import START
 from idic.run.store.arrays import FrameArrays, read_array
 from idic.run.store.layout import BASE, group_name

@@ -5,8 +5,8 @@ from __future__ import annotations
 from idic.correlation import generalised_weights
 from idic.identification import DiscrepancySystem, Evaluation, LoopState, perturbations, reason_against
 from idic.model import Stage
-from idic.run.session import Session
-from idic.run.tasks import CorrelationJob
+from idic.run.prepared.session import Session
+from idic.run.prepared.tasks import CorrelationJob
 from idic.run.store.discrepancy_store import LABEL, load_discrepancy
 from idic.run.store.layout import group_name
 

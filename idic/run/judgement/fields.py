@@ -14,14 +14,14 @@ import numpy as np
 
 from idic.correlation import correlated_frames, is_section
 from idic.errors import NotConverged
+from idic.images import Camera
 from idic.measure import (
     FieldSeries, free_motion, in_mm, noise_samples, seen_by, simulated_states, smoothed_length, surface_of,
 )
-from idic.images import Camera
 from idic.model import Experiment, ForwardModel
-from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, simulated_motion
-from idic.run.tasks import read_motion
+from idic.run.prepared.context import RunContext, correlation_context, open_run
+from idic.run.prepared.tasks import read_motion
 from idic.run.store.arrays import FrameArrays, read_array, rounded, write_array
 from idic.run.store.layout import BASE, FIELDS, group_name
 from idic.run.workers.runner import TaskRunner

@@ -10,7 +10,7 @@ import numpy as np
 from idic.correlation import FieldReference, GREY, SPACE, view_of
 from idic.measure import CameraFloor, camera_floor, find_still_frames
 from idic.parameters import ParameterSet
-from idic.run.context import RunContext, correlation_context, open_run
+from idic.run.prepared.context import RunContext, correlation_context, open_run
 from idic.run.store.arrays import FrameArrays, read_array, write_array
 from idic.run.store.layout import BASE, FLOOR, group_name
 from idic.run.store.run_store import RunStore

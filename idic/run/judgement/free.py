@@ -10,9 +10,9 @@ import numpy as np
 from idic.measure import seen_by
 from idic.parameters import ParameterSet
 from idic.report import FreeMotions, free_motions
-from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, simulated_motion
 from idic.run.judgement.shown_frames import shown_frames
+from idic.run.prepared.context import RunContext, correlation_context, open_run
 from idic.run.store.arrays import read_array, rounded, write_array
 from idic.run.store.layout import FREE
 from idic.run.store.run_store import RunStore

@@ -11,16 +11,16 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from idic.correlation import GREY, view_of
-from idic.measure import CameraFloor
 from idic.identification import (
     ElementSums, FrameFit, LocalResidual, Remedy, local_residual, mean_chi2, try_remedies, used_fits,
 )
+from idic.measure import CameraFloor
 from idic.report import NOISE_CHI2
-from idic.run.context import RunContext, correlation_context, open_run
 from idic.run.judgement.floor import PointJob, floor_content, measure_floor, measured_floor, simulated_motion
 from idic.run.judgement.free import free_summary, measure_free, measured_free
 from idic.run.judgement.shown_frames import shown_frames
-from idic.run.tasks import CorrelationJob, sum_discrepancy
+from idic.run.prepared.context import RunContext, correlation_context, open_run
+from idic.run.prepared.tasks import CorrelationJob, sum_discrepancy
 from idic.run.store.discrepancy_store import LABEL as DISCREPANCY
 from idic.run.store.layout import FLOOR, FREE
 from idic.run.workers.runner import TaskRunner

@@ -12,7 +12,7 @@ import numpy as np
 
 from idic.correlation import Reference, ResidualMap, view_of
 from idic.model import Experiment
-from idic.run.context import RunContext, correlation_context
+from idic.run.prepared.context import RunContext, correlation_context
 from idic.run.store.arrays import FrameArrays
 from idic.run.store.layout import BASE, group_name
 from idic.run.store.system_store import load_evaluation
@@ -48,7 +48,7 @@ class PointResiduals:
 
     @property
     def kind(self) -> str:
-        """What the images show (`idic.correlation.view`)."""
+        """What the images show (`idic.correlation.views.view`)."""
         return view_of(self.experiment, self._shared.camera).kind
 
     @cached_property

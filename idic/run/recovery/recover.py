@@ -11,7 +11,7 @@ from pathlib import Path
 from idic.errors import InputError
 from idic.fe import sweep
 from idic.identification import LoopState, trial_states
-from idic.run.prepare import write_description
+from idic.run.prepared.prepare import write_description
 from idic.run.recovery.scan import damaged_groups
 from idic.run.store.checkpoint import load_checkpoint, remove_checkpoint, restore_checkpoint
 from idic.run.store.layout import BASE, DESCRIPTION, DESCRIPTION_SCHEMA, FIELDS, FLOOR, FREE, SCRATCH, group_name

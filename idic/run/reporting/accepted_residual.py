@@ -10,7 +10,7 @@ import numpy as np
 from idic.correlation import view_of
 from idic.identification import AcceptedPoint
 from idic.report import residual_png
-from idic.run.context import RunContext, correlation_context, open_run
+from idic.run.prepared.context import RunContext, correlation_context, open_run
 from idic.run.store.arrays import FrameArrays
 from idic.run.store.layout import BASE, group_name
 from idic.run.store.state_file import load_state

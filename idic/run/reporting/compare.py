@@ -16,10 +16,10 @@ from pathlib import Path
 
 from idic.errors import InputError
 from idic.model import is_mode
+from idic.readers import factor_to
 from idic.report import comparison_picture, comparison_tables, of_fields, render_tables
 from idic.run.joint_run import folders_of, is_joint
-from idic.readers import factor_to
-from idic.run.context import open_run
+from idic.run.prepared.context import open_run
 from idic.run.store.result_file import read_result, write_json
 
 SCHEMA = "idic.compare/1"

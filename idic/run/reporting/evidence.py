@@ -13,10 +13,10 @@ from idic.report import (
     Sensitivities, frame_views, free_motions, law_curves, noise_floor, point_maps_of, practice_of, relaxation_curves,
     rubber_curves, section_fields, with_profiles, with_residuals, with_section_floor,
 )
-from idic.run.context import RunContext, correlation_context
 from idic.run.judgement.free import read_free
-from idic.run.judgement.shown_frames import shown_frames
 from idic.run.judgement.residual_maps import residuals_of
+from idic.run.judgement.shown_frames import shown_frames
+from idic.run.prepared.context import RunContext, correlation_context
 from idic.run.store.arrays import FrameArrays
 from idic.run.store.layout import BASE, group_name
 

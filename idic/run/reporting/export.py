@@ -12,7 +12,7 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.measure import FieldSeries, MEASURES, field_columns
-from idic.run.context import open_run
+from idic.run.prepared.context import open_run
 from idic.run.reporting.paraview import VTK_NAMES, three_columns, write_collection
 from idic.run.reporting.series import series_of
 from idic.run.reporting.write import accepted_parameters

@@ -11,14 +11,14 @@ import numpy as np
 
 from idic.errors import InputError
 from idic.experiment_file import StatedCurve, to_toml
+from idic.fe import EXTERNAL
 from idic.laws import (
     ELASTOPLASTIC, EXPANSION, LISTS, LOCUS_NAME, PRODUCT_SIGN, PROGRAMS, RINGS, WrittenTerm, get_law, material_card,
     terms_of,
 )
-from idic.fe import EXTERNAL
 from idic.model import Experiment, nodal_temperature
 from idic.readers import factor_between
-from idic.run.context import open_run
+from idic.run.prepared.context import open_run
 from idic.run.reporting.write import accepted_parameters
 from idic.run.store.result_file import read_result
 

@@ -13,7 +13,7 @@ from idic.fe import Mesh
 from idic.measure import field_columns
 from idic.model import Experiment
 from idic.report import RunRecord
-from idic.run.context import RunContext
+from idic.run.prepared.context import RunContext
 from idic.run.store.arrays import FrameArrays
 from idic.run.store.layout import BASE, group_name
 

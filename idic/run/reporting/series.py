@@ -10,9 +10,9 @@ from idic.experiment_file import gauges, locate, read_toml, validated, with_over
 from idic.measure import FieldSeries
 from idic.model import Experiment, Gauge
 from idic.report import stress_unit
-from idic.run.context import RunContext
 from idic.run.judgement.fields import read_fields, write_fields
 from idic.run.judgement.floor import PointJob
+from idic.run.prepared.context import RunContext
 from idic.run.workers.runner import SerialRunner
 
 

@@ -21,13 +21,13 @@ from idic.report import (
     hardening_curves, in_turn, joint_page, render_page, shown_step, temperature_factors, time_label, without_modes,
     yield_surfaces,
 )
-from idic.run.context import RunContext, open_run
 from idic.run.joint_run import folders_of, is_joint
 from idic.run.judgement.accepted_point import channel_table, channels_of, refuse_passed_point
 from idic.run.judgement.floor import read_floor
-from idic.run.judgement.shown_frames import shown_frames
-from idic.run.reporting.evidence import evidence, last_accepted
 from idic.run.judgement.residual_maps import residuals_of
+from idic.run.judgement.shown_frames import shown_frames
+from idic.run.prepared.context import RunContext, open_run
+from idic.run.reporting.evidence import evidence, last_accepted
 from idic.run.reporting.paraview import write_paraview
 from idic.run.reporting.second_process import SecondProcess
 from idic.run.reporting.series import gauges_of, series_of

@@ -1,0 +1,406 @@
+"""One grey frame -> its equations at the nodes: M and b for any nodal displacement.
+
+    r = f - g(x + u),      L = (F^-T grad f) . phi,      brightness columns L = (-f_centred, -1) per patch
+
+docs/method.md, equations 1.2, 1.3, 3.2, 3.3 and 4.3. `tests/correlation/pixel_equations.py` is the same pixel by pixel.
+F is the deformation gradient of each element in pixel coordinates. The convected gradient F^-T grad f is right at
+finite strain and holds no noise of the frame. Brightness is not eliminated here: `system.eliminate` eliminates it
+together with all other unknowns of the frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba import njit
+from scipy import sparse
+
+from idic.correlation.image_equations.image_kernel import N_SUMS, image_pass, residual_pass
+from idic.correlation.pixels.blocks import element_blocks
+from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, inverse_gradients
+from idic.correlation.pixels.pixel_map import element_coefficients
+from idic.correlation.image_equations.reference import Brightness, ReferenceImage
+from idic.images import Spline, matched_gain, noise_gain, still_gain
+
+
+@dataclass(frozen=True, eq=False)
+class NodalEquations:
+    """The normal equations of one frame for a free nodal displacement and brightness; dof = 2 node + component.
+
+    Attributes
+    ----------
+    q : array (2 n_nodes,)
+        sum of (N^T F^-T grad f) r.
+    H : csr_array (2 n_nodes, 2 n_nodes)
+        sum of (N^T F^-T grad f)(N^T F^-T grad f)^T.
+    hb : csr_array (2 n_nodes, nb), bb : array (nb, nb), rb : array (nb,)
+        Coupling with the brightness columns, their own block, their right-hand side; nb = 0 without brightness.
+    rr : float
+        sum of r^2.
+    n_valid, n_lost : int
+        Pixels in the sums; pixels that left the image (or were excluded): they are in none of the sums.
+    lost : array (n_elements,)
+        Lost pixels per element of the pixel map.
+    lost_pixels : array (n_lost,)
+        Which: pass as `exclude` to freeze the mask, e.g. within a line search.
+    element_rr : array (n_elements,)
+        sum of r^2 per element.
+    kappa : float
+        Mean of 1/det F over the valid pixels: deformed-image noise per reference pixel in the sandwich covariance.
+    squares : tuple of float, optional
+        Sums of squares of f and of g(x + u) about their means, patch by patch (GV²), of grey images, whatever of their
+        light is unknown.
+    """
+
+    q: np.ndarray
+    H: sparse.csr_array
+    hb: sparse.csr_array
+    bb: np.ndarray
+    rb: np.ndarray
+    rr: float
+    n_valid: int
+    n_lost: int
+    lost: np.ndarray
+    lost_pixels: np.ndarray
+    element_rr: np.ndarray
+    kappa: float
+    squares: tuple[float, float] | None = field(default=None, kw_only=True)
+
+    @property
+    def n_brightness(self) -> int:
+        return len(self.rb)
+
+    def gram(self, columns: np.ndarray, alike: int = 0) -> FrameGram:
+        """M and b of nodal fields (docs/method.md, equations 3.4 and 3.5)  # columns (2 n_nodes, m) px per unit
+
+        alike : how many of the last columns most frames share; H differs in every frame, so that nothing is gained
+        """
+        columns = np.ascontiguousarray(columns, dtype=np.float64)
+        h_columns = self.H @ columns  # (2n, m)
+        m, nb = columns.shape[1], self.n_brightness
+        matrix = np.empty((m + nb, m + nb))
+        matrix[:m, :m] = columns.T @ h_columns
+        matrix[:m, m:] = (self.hb.T @ columns).T if nb else 0.0
+        matrix[m:, :m] = matrix[:m, m:].T
+        matrix[m:, m:] = self.bb
+        return FrameGram(matrix, np.concatenate([columns.T @ self.q, self.rb]), m, h_columns)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameGram:
+    """Normal equations of one frame for m given fields and brightness: ``matrix @ (fields, brightness) = rhs``.
+
+    matrix (m + nb, m + nb); rhs (m + nb,); n_columns = m; h_columns = H @ columns (2 n_nodes, m),
+    None of measured fields.
+    """
+
+    matrix: np.ndarray
+    rhs: np.ndarray
+    n_columns: int
+    h_columns: np.ndarray | None
+
+
+@dataclass(frozen=True, eq=False)
+class BrightnessFit:
+    """Least-squares brightness ``g(x + u) = f + coefficients[2p] f_centred + coefficients[2p+1]``; rr: r^2 left."""
+
+    coefficients: np.ndarray  # (nb,)
+    rr: float
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualMap:
+    """Residual of every pixel of the map, brightness removed.
+
+    r : (n_pixels,) float32 GV; 0 where not valid.  valid : (n_pixels,) bool.
+    noise_gain : (n_pixels,) w^2 of the interpolator: the variance of r under pure noise is sigma^2 (1 + w^2);
+    still_gain : with a low-pass, the variance of the reference's blurred noise / sigma^2 takes the place of the 1;
+    n_images : averaged to the reference; matched_gain : (n_pixels,) still_gain where the blur of the reference is
+    matched to that of the frame (`idic.images.matched_blur`), None where nowhere.
+    """
+
+    r: np.ndarray
+    valid: np.ndarray
+    noise_gain: np.ndarray
+    still_gain: float = 1.0
+    n_images: int = 1
+    matched_gain: np.ndarray | None = None
+
+    @property
+    def reference_gain(self) -> np.ndarray | float:
+        """Variance of the reference in r / sigma^2, of one image  # (n_pixels,), or one number for all"""
+        return self.still_gain if self.matched_gain is None else self.matched_gain
+
+    def chi2_dof(self, noise_std: float) -> float:
+        """Mean over valid pixels of r^2 / [sigma^2 (still_gain / n_images + w^2)]: 1 for noise alone; nan: no pixel.
+
+        docs/method.md, equations 11.1 and 11.2.
+        """
+        if not self.valid.any():
+            return float("nan")
+        variance = self.reference_gain / self.n_images + self.noise_gain
+        return float(np.mean(self.r[self.valid].astype(float)**2 / variance[self.valid]) / noise_std**2)
+
+
+@dataclass(frozen=True, eq=False)
+class ImageMotion:
+    """The motion of one frame in the image, element by element; made once per frame.
+
+    Attributes
+    ----------
+    u : array (n_elements, 2, 8), px
+        Monomial coefficients of the displacement, with the shift of a low-passed pattern.
+    inverse : array (n_elements, 2, 2), det : array (n_elements,)
+        F^-1 and det F, F the deformation gradient in pixel coordinates.
+    blur_maps : array (8, n_pixels), blur_weights : array (n_elements, 8)
+        Derivatives of f and their weights that give it the blur of the frame; both empty without a low-pass.
+    """
+
+    u: np.ndarray
+    inverse: np.ndarray
+    det: np.ndarray
+    blur_maps: np.ndarray
+    blur_weights: np.ndarray
+
+
+def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "frame",
+                    exclude: np.ndarray | None = None) -> NodalEquations:
+    """Compare one frame with the reference under a nodal displacement.
+
+    Parameters
+    ----------
+    spline : Spline
+        Of the frame (`idic.images.interpolate.prefilter`).
+    u_px : array (n_nodes, 2)
+        Displacement of the nodes in the image: camera(X + u) - camera(X). Or monomial coefficients (n_elements, 2, 8)
+        of the way to another image, which may have another size.
+    brightness : "none" | "frame" | "patch"
+    exclude : array of pixel numbers, optional
+        Pixels of the map to leave out, e.g. `lost_pixels` of an earlier call.
+    """
+    pm, layout = reference.pixel_map, reference.layout(brightness)
+    valid = _initially_valid(pm.n_pixels, exclude)
+    motion = image_motion(reference, spline, u_px)  # u(x), F^-1
+    sums, lost = _element_sums(reference, layout, spline, motion, valid)  # r = f - g(x + u), valid without lost pixels
+    blocks = _blocks_of_valid(reference, lost, valid)  # grad f grad f^T of the elements
+    q, H, hb = _nodal_sums(reference, layout, motion, sums, blocks)  # L = N^T F^-T grad f:  q = sum L r, H = sum L L^T
+    bb, rb = _brightness_blocks(layout, blocks.grey, _centre(reference, layout), sums)
+    rr, nb, n_lost = float(sums[:, 16].sum()), layout.n_columns, int(lost.sum())
+    return NodalEquations(
+        q, H, hb, bb[:nb, :nb], rb[:nb], rr, pm.n_pixels - n_lost, n_lost, lost,
+        lost_pixels=np.flatnonzero(valid == 0) if n_lost else np.zeros(0, dtype=np.int64),
+        element_rr=sums[:, 16].copy(),
+        kappa=float((blocks.grey[:, 0] / np.maximum(np.abs(motion.det), 1e-3)).sum() / max(pm.n_pixels - n_lost, 1)),
+        squares=_squares_about_mean(bb, rb, rr))
+
+
+def image_motion(reference: ReferenceImage, spline: Spline, u_px: np.ndarray) -> ImageMotion:
+    """The motion of one frame in the image; u_px : as for `nodal_equations`."""
+    pm = reference.pixel_map
+    u = _motion(reference, spline, u_px)
+    inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
+    inverse_gradients(u, pm.centre, pm.inverse_jacobian, inverse, det)
+    return ImageMotion(u, inverse, det, *reference.matching(inverse))
+
+
+def solve_brightness(equations: NodalEquations) -> BrightnessFit:
+    """Gain and offset of a frame where nothing else is unknown; a patch without a pixel keeps 0."""
+    if equations.n_brightness == 0:
+        return BrightnessFit(np.zeros(0), equations.rr)
+    coefficients = np.linalg.pinv(equations.bb, hermitian=True) @ equations.rb
+    return BrightnessFit(coefficients, float(equations.rr - coefficients @ equations.rb))
+
+
+@dataclass(frozen=True, eq=False)
+class PixelResidual:
+    """Residual of every pixel of the map, brightness in it.
+
+    r : (n_pixels,) float32 GV, 0 where not valid; valid : (n_pixels,) bool; tx, ty : (n_pixels,) place between the
+    pixels of the frame; weights : of the matched blur (`ReferenceImage.matching`).
+    """
+
+    r: np.ndarray
+    valid: np.ndarray
+    tx: np.ndarray
+    ty: np.ndarray
+    weights: np.ndarray
+
+
+def pixel_residual(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
+                   exclude: np.ndarray | None = None) -> PixelResidual:
+    """Residual pixel by pixel as it is; exclude : as for `nodal_equations`."""
+    pm = reference.pixel_map
+    valid = _initially_valid(pm.n_pixels, exclude)
+    r, tx, ty = (np.empty(pm.n_pixels, dtype=np.float32) for _ in range(3))
+    motion = image_motion(reference, spline, u_px)
+    residual_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, motion.blur_maps, motion.blur_weights, motion.u,
+                  spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree,
+                  np.int32(reference.border_px), valid, r, tx, ty)
+    return PixelResidual(r, valid.astype(bool), tx, ty, motion.blur_weights)
+
+
+def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "none",
+                 coefficients: np.ndarray | None = None, exclude: np.ndarray | None = None) -> ResidualMap:
+    """Residual pixel by pixel; brightness `coefficients` (nb,), as `solve_brightness` finds them, are removed."""
+    pm, found = reference.pixel_map, pixel_residual(reference, spline, u_px, exclude)
+    r, valid, weights = found.r, found.valid, found.weights
+    if coefficients is not None and len(coefficients):
+        layout = reference.layout(brightness)
+        patch = np.repeat(layout.patch, pm.pixels_per_element)
+        gain, offset = np.asarray(coefficients, dtype=np.float32).reshape(-1, 2).T
+        r += np.where(valid, gain[patch] * (reference.f - layout.mean[patch]) + offset[patch], np.float32(0))
+    gain = np.repeat(matched_gain(weights, reference.lowpass_px), pm.pixels_per_element) if len(weights) else None
+    return ResidualMap(r, valid, noise_gain(found.tx, found.ty, spline.degree, spline.lowpass_px),
+                       still_gain(reference.lowpass_px), reference.n_images, gain)
+
+
+def _element_sums(reference: ReferenceImage, layout: Brightness, spline: Spline, motion: ImageMotion,
+                  valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The residual of every pixel, summed over the pixels of each element, and their lost pixels.
+
+    valid : (n_pixels,) uint8, 0 where a pixel takes no part; pixels that leave the frame become 0
+
+    # (n_elements, `N_SUMS`), (n_elements,)
+    """
+    pm = reference.pixel_map
+    sums, lost = np.empty((pm.n_elements, N_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
+    image_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, motion.blur_maps,
+               motion.blur_weights, layout.mean[layout.patch], motion.u, spline.coefficients.ravel(),
+               spline.coefficients.shape[1], spline.degree, np.int32(reference.border_px), valid, sums, lost)
+    return sums, lost
+
+
+def _nodal_sums(reference: ReferenceImage, layout: Brightness, motion: ImageMotion, sums: np.ndarray,
+                blocks: ValidBlocks) -> tuple[np.ndarray, sparse.csr_array, sparse.csr_array]:
+    """q, H and hb of `NodalEquations` from the sums of the elements."""
+    pm = reference.pixel_map
+    n_dof = 2 * pm.n_nodes
+    q, data = np.zeros(n_dof), np.zeros(len(reference.pattern.indices))
+    coupling = np.zeros(len(layout.pattern.indices))
+    _scatter(pm.conn, pm.kind, N_NODES, TRANSFORMS, motion.inverse, sums, blocks.slot, reference.blocks.hessian,
+             blocks.hessian, reference.blocks.coupling, blocks.coupling, _centre(reference, layout),
+             reference.pattern.place, reference.pattern.stride, layout.pattern.place, layout.pattern.stride,
+             q, data, coupling)
+    H = sparse.csr_array((data, reference.pattern.indices, reference.pattern.indptr), shape=(n_dof, n_dof))
+    if not layout.n_columns:
+        return q, H, sparse.csr_array((n_dof, 0))
+    return q, H, sparse.csr_array((coupling, layout.pattern.indices, layout.pattern.indptr),
+                                  shape=(n_dof, layout.n_columns))
+
+
+def _motion(reference, spline, u_px):
+    if np.ndim(u_px) == 3:
+        return reference.seen_motion(u_px)
+    if spline.shape != reference.pixel_map.shape:
+        raise ValueError(f"frame of {spline.shape} px, reference of {reference.pixel_map.shape} px")
+    if np.shape(u_px) != (reference.pixel_map.n_nodes, 2):  # the kernels below read two components, whatever is there
+        raise ValueError(f"a nodal displacement must be ({reference.pixel_map.n_nodes}, 2), got {np.shape(u_px)}")
+    if not np.isfinite(u_px).all():
+        raise ValueError("the nodal displacement is not finite")
+    return reference.seen_motion(element_coefficients(reference.pixel_map, u_px))  # (n_elements, 2, 8)
+
+
+def _initially_valid(n_pixels, exclude):
+    valid = np.ones(n_pixels, dtype=np.uint8)
+    if exclude is not None:
+        valid[exclude] = 0
+    return valid
+
+
+def _centre(reference, layout):
+    """What f is centred on in each element, counted from the level of the reference  # (n_elements,)"""
+    return layout.mean.astype(float)[layout.patch] - reference.level
+
+
+@dataclass(frozen=True, eq=False)
+class ValidBlocks:
+    """Sums of f and its gradient over the valid pixels of the elements.
+
+    slot : (n_elements,) place of an element that lost pixels in `hessian` and `coupling`; -1: the block of the
+    reference holds.  hessian, coupling : of the elements that lost pixels.  grey : (n_elements, 3) of all.
+    """
+
+    slot: np.ndarray
+    hessian: np.ndarray
+    coupling: np.ndarray
+    grey: np.ndarray
+
+
+def _blocks_of_valid(reference: ReferenceImage, lost: np.ndarray, valid: np.ndarray) -> ValidBlocks:
+    """Blocks of the elements that lost pixels, from the other pixels."""
+    concerned = np.flatnonzero(lost)
+    slot = np.full(len(lost), -1, dtype=np.int64)
+    slot[concerned] = np.arange(len(concerned))
+    relative = reference.f - np.float32(reference.level) if len(concerned) else reference.f
+    blocks = element_blocks(reference.pixel_map, relative, reference.fx, reference.fy, concerned, valid)
+    grey = reference.blocks.grey.copy()
+    grey[concerned] = blocks.grey
+    return ValidBlocks(slot, blocks.hessian, blocks.coupling, grey)
+
+
+def _brightness_blocks(layout: Brightness, grey: np.ndarray, centre: np.ndarray,
+                       sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Block and right-hand side of gain and offset of every patch  # (2 n_patches, 2 n_patches), (2 n_patches,)"""
+    number, first, second = grey.T
+    per_element = np.column_stack([
+        second - 2.0 * centre * first + centre**2 * number, first - centre * number, number, -sums[:, 18], -sums[:, 17],
+    ])  # (n_elements, 5): f f, f 1, 1 1 with f centred; gain and offset right-hand sides
+    total = np.column_stack([np.bincount(layout.patch, column) for column in per_element.T])  # (n_patches, 5)
+    size = 2 * len(total)
+    bb, rb = np.zeros((size, size)), np.empty(size)
+    gain, offset = np.arange(0, size, 2), np.arange(1, size, 2)
+    bb[gain, gain], bb[offset, offset] = total[:, 0], total[:, 2]
+    bb[gain, offset] = bb[offset, gain] = total[:, 1]
+    rb[gain], rb[offset] = total[:, 3], total[:, 4]
+    return bb, rb
+
+
+def _squares_about_mean(bb: np.ndarray, rb: np.ndarray, rr: float) -> tuple[float, float]:
+    """Sums of squares of f and of g(x + u) = f - r about their means, patch by patch (GV²)."""
+    gain, offset = slice(0, None, 2), slice(1, None, 2)
+    seen = np.diagonal(bb)[offset] > 0
+    numbers, sums = np.diagonal(bb)[offset][seen], np.diagonal(bb[gain, offset])[seen]  # of f centred
+    squares = np.diagonal(bb)[gain][seen].sum()
+    still = squares - (sums**2 / numbers).sum()
+    return float(still), float(squares + 2.0 * rb[gain].sum() + rr - ((sums + rb[offset][seen]) ** 2 / numbers).sum())
+
+
+@njit(cache=True, nogil=True)
+def _scatter(conn, kind, n_nodes, transforms, inverse, sums, slot, hessian, hessian_lost, coupling, coupling_lost,
+             centre, place, stride, place_b, stride_b, q, data, data_b):
+    """Element sums -> nodes, with the convected gradient: d_new[c] = sum_k inverse[k, c] d[k] (F^-T d)."""
+    for e in range(conn.shape[0]):
+        n = n_nodes[kind[e]]
+        t = transforms[kind[e]]
+        xx, xy, yx, yy = inverse[e, 0, 0], inverse[e, 0, 1], inverse[e, 1, 0], inverse[e, 1, 1]
+        blocks = hessian[e] if slot[e] < 0 else hessian_lost[slot[e]]
+        pairs = coupling[e] if slot[e] < 0 else coupling_lost[slot[e]]
+        for i in range(n):
+            node = conn[e, i]
+            x, y = 0.0, 0.0
+            for k in range(n):
+                x += t[k, i] * sums[e, k]
+                y += t[k, i] * sums[e, 8 + k]
+            q[2 * node] += xx * x + yx * y
+            q[2 * node + 1] += xy * x + yy * y
+            for m in range(2):  # columns -f_centred, -1
+                x = pairs[i, 0, m] - (centre[e] * pairs[i, 0, 1] if m == 0 else 0.0)
+                y = pairs[i, 1, m] - (centre[e] * pairs[i, 1, 1] if m == 0 else 0.0)
+                data_b[place_b[e, i] + m] -= xx * x + yx * y
+                data_b[place_b[e, i] + stride_b[node] + m] -= xy * x + yy * y
+            for j in range(i + 1):
+                a, b, d = blocks[i * (i + 1) // 2 + j]
+                ax, bx, ay, by = a * xx + b * yx, b * xx + d * yx, a * xy + b * yy, b * xy + d * yy
+                cxx, cxy, cyy = xx * ax + yx * bx, xy * ax + yy * bx, xy * ay + yy * by
+                p, row = place[e, i, j], stride[node]
+                data[p] += cxx
+                data[p + 1] += cxy
+                data[p + row] += cxy
+                data[p + row + 1] += cyy
+                if j < i:
+                    p, row = place[e, j, i], stride[conn[e, j]]
+                    data[p] += cxx
+                    data[p + 1] += cxy
+                    data[p + row] += cxy
+                    data[p + row + 1] += cyy

@@ -1,0 +1,1 @@
+"""What every candidate physics declares, and the edits of experiment.toml that candidates share."""

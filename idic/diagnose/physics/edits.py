@@ -1,0 +1,73 @@
+"""Edits of experiment.toml that several candidates share: further degrees of freedom, entries of [[boundary]]."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from idic.diagnose.physics.candidate import Situation
+from idic.fe import OUTLINE
+from idic.model import Experiment, without_knot
+
+
+def further_dofs(situation: Situation, *names: str, **values: float) -> dict[str, Any] | None:
+    """Edits that make these names free, on top of the [[dof]] that the file has; None where one is free already.
+
+    values : start values by the last word of a name, others as the file gives them
+    """
+    if any(without_knot(free) in names for free in situation.experiment.parameters.free):
+        return None
+    kept = [dict(entry) for entry in situation.document.get("dof", ()) if entry.get("name") not in names]
+    made = []
+    for name in names:
+        last = name.rpartition(".")[2]
+        made.append({"name": name} | ({"value": values[last]} if last in values else {}))
+    return {"dof": kept + made}
+
+
+def driven(situation: Situation) -> Iterator[tuple[int, str, str, Mapping[str, Any]]]:
+    """Prescribed displacements of the file that may be corrected: those that are logged, and those held at a value.
+
+    Yields
+    ------
+    number of the [[boundary]], node set, component ("x"), its drive as a table
+    """
+    for number, table in enumerate(situation.document.get("boundary", ())):
+        for component in "xyz":
+            drive = table.get(f"u{component}")
+            if isinstance(drive, (int, float)) and not isinstance(drive, bool):
+                drive = {"value": drive}
+            if isinstance(drive, Mapping) and ("value" in drive or "column" in drive):
+                yield number, table["nodes"], component, drive
+
+
+def with_correction(situation: Situation, number: int, component: str,
+                    correction: Mapping[str, Any]) -> dict[str, Any]:
+    """Edits that add one entry to the corrections of a drive (`docs/experiment-file.md`, [[boundary]])."""
+    tables = copy.deepcopy(list(situation.document["boundary"]))
+    drive = tables[number][f"u{component}"]
+    drive = dict(drive) if isinstance(drive, Mapping) else {"value": float(drive)}
+    drive["corrections"] = [*drive.get("corrections", ()), dict(correction)]  # type: ignore[misc]
+    tables[number] = dict(tables[number]) | {f"u{component}": drive}
+    return {"boundary": tables}
+
+
+def channel_unit(situation: Situation, column: str) -> dict[str, Any]:
+    """The unit that [[channel]] gives to a column whose name has none."""
+    for table in situation.document.get("channel", ()):
+        if table.get("column") == column and "unit" in table:
+            return {"unit": table["unit"]}
+    return {}
+
+
+def camera_key(situation: Situation, key: str) -> str:
+    """The dotted key of an entry of the main camera's table, [camera] or the first [[camera]]."""
+    return f"camera.0.{key}" if isinstance(situation.document.get("camera"), list) else f"camera.{key}"
+
+
+def open_share(experiment: Experiment) -> float | None:
+    """By how much the narrowest width of an outline of points may be off, of that width; None where the mesh is none,
+    or its edges are identified."""
+    moved = any(name.startswith(OUTLINE) for name in experiment.parameters.free)
+    return None if moved else experiment.extras.get("outline_share")

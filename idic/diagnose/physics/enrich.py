@@ -1,0 +1,125 @@
+"""The [material.SET] tables of enriched laws: the identified parameters with their values, and the new ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from idic.diagnose.physics.candidate import Situation
+from idic.laws import EXPANSION, get_law
+from idic.parameters import Parameter
+
+MIN_WAY_BACK = 0.1  # of the largest motion: the test unloads
+
+
+def materials_with(situation: Situation, *laws: str) -> Iterator[tuple[str, str]]:
+    """(element set, law) of every material that has one of these laws."""
+    for material in situation.experiment.materials:
+        if material.law in laws:
+            yield material.element_set, material.law
+
+
+def has_times(situation: Situation) -> bool:
+    """Whether the frames have times: without them nothing can depend on a rate."""
+    return bool(situation.experiment.extras.get("has_times", True)) and situation.duration > 0.0
+
+
+def comes_back(u: np.ndarray) -> bool:
+    """Whether a motion (n_frames, n_nodes, dim) goes back from its largest by more than `MIN_WAY_BACK`."""
+    size = np.sqrt(np.mean(u.reshape(len(u), -1) ** 2, axis=1))
+    peak = int(np.argmax(size))
+    return bool(size[peak:].min() < (1.0 - MIN_WAY_BACK) * size[peak])
+
+
+def new(value: float, unit: str = "-", identify: bool = True) -> dict[str, Any]:
+    """Entry of a parameter that the identified law does not have."""
+    return {"value": float(value)} | ({} if unit == "-" else {"unit": unit}) | {"identify": identify}
+
+
+def locked(value: float, unit: str = "-") -> dict[str, Any]:
+    return new(value, unit, identify=False)
+
+
+def enriched(situation: Situation, name: str, law: str, **entries: Mapping[str, Any]) -> dict[str, Any]:
+    """Edits that give the element set `name` another law.
+
+    Parameters that both laws have keep value (as identified), lock, bounds and prior; the constants of neo-Hookean
+    elasticity, which the finite-strain laws share, become E and nu.
+
+    Parameters
+    ----------
+    entries : of the parameters that are new
+    """
+    names = (*get_law(law).parameter_names, EXPANSION.name)
+    table: dict[str, Any] = {"law": law} | _elastic(situation, name, names)
+    for parameter in situation.experiment.parameters.values():
+        own = parameter.name.removeprefix(f"{name}.")
+        if parameter.name == f"{name}.{own}" and own in names and own not in entries:
+            value = situation.values[parameter.name]
+            if np.isfinite(value):
+                table[own] = _kept(parameter, value)
+    return {f"material.{name}": table | entries}
+
+
+def _kept(parameter: Parameter, value: float) -> dict[str, Any]:
+    """The entry that makes this parameter again, in the user's unit."""
+    factor = parameter.factor
+    entry: dict[str, Any] = {"value": value / factor}
+    if parameter.unit:
+        entry["unit"] = parameter.unit
+    entry["identify"] = parameter.free
+    if np.isfinite(parameter.bounds).any():
+        entry["bounds"] = [bound / factor for bound in parameter.bounds]
+    if parameter.prior_mean is not None:
+        entry["prior"] = {"mean": parameter.prior_mean / factor, "std": parameter.prior_std / factor}
+    return entry
+
+
+def elastic_pair(situation: Situation, name: str) -> tuple[float, float]:
+    """Young's modulus (MPa) and Poisson's ratio of small strains, of a law with E and nu or of a neo-Hookean one."""
+    values = situation.values
+    if f"{name}.E" in values:
+        return values[f"{name}.E"], values[f"{name}.nu"]
+    G, K = 2.0 * values[f"{name}.C10"], values[f"{name}.kappa"]
+    return 9.0 * K * G / (3.0 * K + G), (3.0 * K - 2.0 * G) / (2.0 * (3.0 * K + G))
+
+
+def _elastic(situation: Situation, name: str, names: tuple[str, ...]) -> dict[str, Any]:
+    """E and nu of a neo-Hookean body, where they are wanted."""
+    if f"{name}.C10" not in situation.values or "E" not in names:
+        return {}
+    E, nu = elastic_pair(situation, name)
+    parameters = situation.experiment.parameters
+    return {"E": new(E, "MPa", parameters[f"{name}.C10"].free), "nu": new(nu, "-", parameters[f"{name}.kappa"].free)}
+
+
+def freed(situation: Situation, name: str, parameter: str, value: float | None = None) -> dict[str, Any] | None:
+    """Edits that free a parameter that the file locks; None where it is free, or not there.
+
+    value : start, internal units; default the locked one
+    """
+    known = situation.experiment.parameters
+    full = f"{name}.{parameter}"
+    if full not in known or known[full].free:
+        return None
+    law = situation.law(name)
+    entry = _kept(known[full], known[full].value if value is None else value) | {"identify": True}
+    edits = enriched(situation, name, law, **{parameter: entry})
+    kinematics = situation.experiment.material_of(name).kinematics
+    edits[f"material.{name}"]["kinematics"] = kinematics
+    return edits
+
+
+def stress_levels(situation: Situation, name: str, levels: tuple[int, ...]) -> list[float]:
+    """Some of the quantiles of the largest stress that the points reach, MPa, without repetition."""
+    found = situation.stress[name]
+    return [float(x) for x in dict.fromkeys(float(found[min(level, len(found) - 1)]) for level in levels) if x > 0.0]
+
+
+def plastic_strain(situation: Situation, name: str) -> float:
+    """About the largest plastic strain of the identified model: the strain beyond the elastic strain at yield."""
+    E, _ = elastic_pair(situation, name)
+    whole = situation.strain[name]
+    return max(whole - situation.values.get(f"{name}.yield_stress", 0.0) / E, 0.1 * whole)

@@ -1,0 +1,143 @@
+"""Courses in time of causes that are no material: slip, rotation, misalignment, drift of a channel, magnification.
+
+A cause is a pattern times a course; the course of one degree of freedom is the change of that amplitude with it, per
+frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from idic.correlation import FRICTION, drifting
+from idic.images import PlacedCamera
+from idic.laws import EXPANSION
+from idic.model import (
+    Channel, Experiment, TEMPERATURE, TemperatureField, corrections_of, jump_frame, knot_name, without_knot,
+)
+
+TIMED = ("slip", "rotation", "misalignment")  # corrections that may have a course of their own
+SUPPOSED_EXPANSION_PER_K = 1e-5  # 1/K: without a log of the temperature the data give its product with that
+MIN_ONSET_STD = 3.0  # standard deviations: a cause has begun
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """The course of a selected cause.
+
+    cause : name of its candidate; name : degree of freedom without its knot; unit : of value; value, std : (n_frames,);
+    free : the data give it, knot by knot; jumps : frame, size and standard deviation of each, of a course of jumps
+    """
+
+    cause: str
+    name: str
+    unit: str
+    value: np.ndarray
+    std: np.ndarray
+    free: bool
+    jumps: tuple[tuple[int, float, float], ...] = ()
+
+    @property
+    def onset(self) -> tuple[int, int] | None:
+        """Frames between which it begins: the last one in which it is zero within a standard deviation, and the first
+        one beyond `MIN_ONSET_STD`; None where none is.
+        """
+        seen = np.abs(self.value) > MIN_ONSET_STD * np.maximum(self.std, 1e-300)
+        if not seen.any():
+            return None
+        visible = int(np.argmax(seen))
+        at_zero = np.flatnonzero(np.abs(self.value[:visible]) <= self.std[:visible])
+        return (int(at_zero[-1]) if len(at_zero) else 0), visible
+
+
+def course_of(experiment: Experiment, name: str) -> np.ndarray | None:
+    """Amplitude in every frame per unit of a degree of freedom  # (n_frames,); None where it has no course."""
+    stem, _, last = name.rpartition(".")
+    if without_knot(name) == TEMPERATURE or last == EXPANSION.name:
+        return _of_warmth(experiment, name)
+    for entry in experiment.prescribed:
+        if stem == f"boundary.{entry.nodes}.{entry.component}":
+            return next((c.course for c in corrections_of(entry.drive) if c.name == last and c.kind in TIMED), None)
+    for channel in experiment.channels:
+        if stem == f"channel.{channel.column}" and without_knot(last) in ("drift", *FRICTION):
+            return _of_channel(experiment, channel, last)
+    motion = experiment.camera.motion
+    if motion is not None and not isinstance(experiment.camera, PlacedCamera) and stem == experiment.camera_name \
+            and last in motion.names and last.startswith("magnification"):
+        return motion.courses[motion.names.index(last)]
+    return None
+
+
+def _of_warmth(experiment: Experiment, name: str) -> np.ndarray | None:
+    """Change of the temperature, K, per unit of a knot, or of the expansion under a supposed course: the warmth at an
+    expansion of `SUPPOSED_EXPANSION_PER_K`. None where the temperature is logged; a course is taken for supposed."""
+    for entry in experiment.temperatures:
+        if entry.hats is not None:
+            return {knot_name(TEMPERATURE, frame): hat for frame, hat in zip(entry.knots, entry.hats, strict=True)
+                    }.get(name)
+        if isinstance(entry.drive, TemperatureField) and entry.drive.source.endswith(".course"):
+            values = entry.drive.values[:, 0]
+            return (values - values[experiment.reference]) / SUPPOSED_EXPANSION_PER_K
+    return None
+
+
+def _of_channel(experiment: Experiment, channel: Channel, last: str) -> np.ndarray | None:
+    """Drift of a reading, or size of the friction in it, per unit of a degree of freedom (its last word); None of
+    one that the channel does not have."""
+    if last == "drift":
+        return np.array([drifting(experiment, channel, k) for k in range(experiment.n_frames)])
+    if last == "friction":
+        return (np.arange(experiment.n_frames) > experiment.reference).astype(float)
+    if last == "friction_share":
+        return np.abs(channel.values)
+    own = {"drift": (channel.drift_knots, channel.drift_hats),
+           "friction": (channel.friction_knots, channel.friction_hats)}[without_knot(last)]
+    return dict(zip([knot_name(without_knot(last), knot) for knot in own[0]], () if own[1] is None else own[1],
+                    strict=False)).get(last)
+
+
+def courses_of(cause: str, experiment: Experiment, null: Experiment, names: Iterable[str],
+               values: Mapping[str, float], stds: Mapping[str, float | None]) -> list[Course]:
+    """Courses of a cause, one per degree of freedom, or per set of knots.
+
+    null : the experiment of the RUN; what expands with a temperature of its file has no course to tell. values, stds :
+    of parameters, internal units. Between knots the bands of the neighbours are interpolated: the covariance of knots
+    would make it narrower.
+    """
+    parts: dict[str, list[tuple[str, np.ndarray]]] = {}
+    for name in names:
+        given = bool(null.temperatures) and name.rpartition(".")[2] == EXPANSION.name
+        course = None if given else course_of(experiment, name)
+        if course is not None and stds.get(name) is not None:
+            parts.setdefault(without_knot(name), []).append((name, course))
+    made = []
+    for stem, own in parts.items():
+        value = np.sum([values[name] * course for name, course in own], axis=0)
+        std = np.sum([stds[name] * np.abs(course) for name, course in own], axis=0)
+        jumps = tuple((frame, values[name], stds[name]) for name, _ in own if (frame := jump_frame(name)) is not None)
+        made.append(Course(cause, stem, _unit(experiment, own[0][0]), value, std, without_knot(own[0][0]) != own[0][0],
+                           jumps))  # type: ignore[arg-type]
+    return made
+
+
+def _unit(experiment: Experiment, name: str) -> str:
+    """Of the amplitude: that of a rate or of a share of the motion times its course."""
+    unit = experiment.parameters[name].unit
+    if name.rpartition(".")[2] == EXPANSION.name:
+        return "K"
+    if name.endswith(".friction_share"):
+        return next(one.unit for one in experiment.channels if name.startswith(f"channel.{one.column}."))
+    if unit.startswith("rad"):
+        return "rad"
+    if name.startswith("boundary."):
+        return experiment.length_unit
+    return unit.removesuffix("/s").replace("1", "") if unit.endswith("/s") else unit
+
+
+def content(courses: Sequence[Course], times: np.ndarray) -> list[dict]:
+    """Entries ``courses`` of diagnosis.json."""
+    return [{"name": one.cause, "parameter": one.name, "unit": one.unit, "free": one.free, "onset_frames": one.onset,
+             "jumps": [dict(zip(("frame", "size", "std"), jump, strict=True)) for jump in one.jumps],
+             "time_s": times.tolist(), "value": one.value.tolist(), "std": one.std.tolist()} for one in courses]

@@ -1,0 +1,1 @@
+"""experiment.toml as strict models, one file for each group of its tables."""

@@ -1,0 +1,97 @@
+"""experiment.toml as a strict model: unknown keys are refused.
+
+docs/experiment-file.md names every key with its default.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from idic.experiment_file.schema.base import Strict, refuse
+from idic.experiment_file.schema.boundary import BoundaryTable, ChannelTable, SetTable
+from idic.experiment_file.schema.cameras import CameraTable, FurtherCameraTable
+from idic.experiment_file.schema.experiment import ExperimentTable, SetupTable
+from idic.experiment_file.schema.materials import DofTable, HeterogeneityTable, MaterialTable
+from idic.experiment_file.schema.options import (
+    CircleTable, DesignTable, ExtensometerTable, LineTable, OptionsTable, ProbeTable, SolverTable, StageTable,
+)
+
+_OF_THE_MAIN_CAMERA = ("images", "mask", "surface", "still_frames")
+_NOT_A_CAMERA = ("channel", "boundary", "geometry", "time", "placement")  # first words of other degrees of freedom
+
+
+class ExperimentFile(Strict):
+    """All tables of experiment.toml."""
+
+    experiment: ExperimentTable
+    camera: CameraTable | None = None  # the main one
+    further_cameras: list[FurtherCameraTable] = []  # further [[camera]] tables
+    material: Annotated[dict[str, MaterialTable], Field(min_length=1)]
+    sets: dict[str, SetTable] = {}
+    heterogeneity: list[HeterogeneityTable] = []
+    boundary: list[BoundaryTable] = []
+    channel: list[ChannelTable] = []
+    dof: list[DofTable] = []
+    stage: list[StageTable] = []
+    options: OptionsTable = OptionsTable()
+    design: DesignTable | None = None
+    solver: SolverTable | None = None
+    setup: SetupTable = SetupTable()
+    probe: list[ProbeTable] = []
+    extensometer: list[ExtensometerTable] = []
+    line: list[LineTable] = []
+    circle: list[CircleTable] = []
+
+    @model_validator(mode="before")
+    @classmethod
+    def _main_and_further(cls, raw: object) -> object:
+        """[[camera]] tables: the first is the main camera, its images are those of [experiment]."""
+        if not isinstance(raw, Mapping) or not isinstance(raw.get("camera"), list):
+            return raw
+        main, *others = raw["camera"] or [{}]
+        extra = [key for key in _OF_THE_MAIN_CAMERA if isinstance(main, Mapping) and key in main]
+        if extra:
+            raise refuse("the first [[camera]] is the main camera: its images belong in [experiment]",
+                         f"{extra[0]} under [experiment]", f"move {', '.join(extra)} to [experiment]",
+                         f"{extra[0]} in the first [[camera]]")
+        return {**raw, "camera": main, "further_cameras": others}
+
+    @model_validator(mode="after")
+    def _camera_names(self):
+        taken = set(self.material) | set(_NOT_A_CAMERA)
+        main = self.camera.name if self.camera else "camera"
+        for name in (main, *(camera.name for camera in self.further_cameras)):
+            if name in taken:
+                raise refuse("a camera name is taken", "for every camera a name that no other camera and "
+                             "no material has", "choose another name", name)
+            taken.add(name)
+        return self
+
+    @model_validator(mode="after")
+    def _textures(self):
+        tables = {table.name: table for table in (self.camera or CameraTable(), *self.further_cameras)}
+        pinhole = [name for name, table in tables.items() if table.model == "pinhole"]
+        for name, table in tables.items():
+            if table.texture is None:
+                continue
+            others = [other for other in pinhole if other != name]
+            if table is self.camera:
+                raise refuse("the first camera is what others are compared with", "texture in a further [[camera]] "
+                             "table: two cameras with a lens or more", f"leave texture out of {name}", table.texture)
+            if name not in pinhole or table.texture not in others:
+                raise refuse(f"{name} has no texture to be compared with", 'the name of another camera, both with '
+                             'model = "pinhole"', f"write one of {', '.join(others) or 'none'}, or leave texture out",
+                             f"texture = {table.texture!r}" + ("" if name in pinhole else f", {name} telecentric"))
+            chain = [name]
+            while (following := tables[chain[-1]].texture) is not None:
+                if following in chain:
+                    raise refuse("the same images are compared twice", "at least one camera without texture in a chain",
+                                 f"leave texture out of {following}", " to ".join([*chain, following]))
+                chain.append(following)
+        if self.options.method != "integrated" and any(table.texture for table in self.further_cameras):
+            raise refuse("two steps compare no texture", 'method = "integrated"', "leave texture out",
+                         self.options.method)
+        return self

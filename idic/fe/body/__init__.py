@@ -1,0 +1,1 @@
+"""The record of a body: sections, constraints and loads, boundary conditions, a stress that varies over it."""

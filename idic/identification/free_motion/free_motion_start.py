@@ -1,0 +1,96 @@
+"""What an identification takes from a free FE-DIC before its first simulation: when it needs one, and its start."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from idic.identification.free_motion.two_step import is_two_step
+from idic.measure import surface_motion, virtual_boundaries
+from idic.model import Experiment, Measured, build_drives, is_stereo, mode_names
+
+
+def needs_free_dic(experiment: Experiment) -> bool:
+    """Whether motion or noise must first be measured from the images of the main camera alone."""
+    measured = any(isinstance(entry.drive, Measured) for entry in experiment.prescribed)
+    return (measured or experiment.noise.std_gv is None or starts_from_dic(experiment) or is_two_step(experiment))
+
+
+def starts_from_dic(experiment: Experiment) -> bool:
+    """Whether virtual boundaries take modes or starting values from a measured motion: not where all are given, nor
+    with height images (these start from a body at rest)."""
+    return experiment.quantity != "height" and any(
+        entry.drive.kind == "dic" or set(mode_names(entry)) - set(experiment.extras.get("given", ()))
+        for entry in virtual_boundaries(experiment))
+
+
+def needs_motion_in_space(experiment: Experiment) -> bool:
+    """Whether edges of a solid start from what two cameras with a lens measure: from a free stereo FE-DIC."""
+    return experiment.n_dim == 3 and is_stereo(experiment) and (starts_from_dic(experiment) or any(
+        isinstance(entry.drive, Measured) for entry in experiment.prescribed))
+
+
+def motion_in_space(experiment: Experiment) -> np.ndarray:
+    """Nodal motion by a free stereo FE-DIC  # (n_frames, n_nodes, 3) mm, NaN: not seen, or the frame was lost"""
+    found = surface_motion(experiment)
+    u_mm = np.full((experiment.n_frames, experiment.mesh.n_nodes, 3), np.nan)
+    u_mm[:, found.nodes] = found.u_mm
+    return u_mm
+
+
+def without_edges(experiment: Experiment, lost: np.ndarray, u_mm: np.ndarray | None = None) -> list[int]:
+    """Frames that hold nothing of a motion that edges take from them: between its neighbours it is interpolated, and
+    no step may change it.
+
+    lost : (n_frames,) bool, frames that a free FE-DIC does not recognise; u_mm : the motion in space, NaN in lost
+    frames, where edges take it
+    """
+    if not any(isinstance(entry.drive, Measured) for entry in experiment.prescribed):
+        return []
+    lost = lost if u_mm is None else np.isnan(u_mm).all(axis=(1, 2))
+    return [int(k) for k in np.flatnonzero(lost) if k > experiment.reference and k not in experiment.excluded]
+
+
+def measured_start(experiment: Experiment, u_px: np.ndarray, excluded: Collection[int],
+                   u_mm: np.ndarray | None = None, nodes: np.ndarray | None = None) -> np.ndarray:
+    """Start of the frame-local unknowns from a free FE-DIC: nodal motion on the measured edges, zero elsewhere.
+
+    u_px : (n_frames, n_nodes, 2) px, NaN where a node was not seen or a frame was lost; u_mm : the motion in space,
+    where `needs_motion_in_space`, in its place; nodes : whose motion both hold, `measured_nodes` among them, None: all.
+    Returns (n_frames, m) mm.
+    """
+    drives = build_drives(experiment)
+    local = np.zeros((experiment.n_frames, drives.n_local))
+    if not drives.measured.any():
+        return local
+    u, place = u_mm, np.arange(experiment.mesh.n_nodes)
+    if nodes is not None:
+        place = np.full(experiment.mesh.n_nodes, -1)
+        place[nodes] = np.arange(len(nodes))
+    if u is None:
+        here = experiment.mesh.nodes if nodes is None else experiment.mesh.nodes[nodes]
+        back = np.linalg.inv(experiment.camera.jacobian(here)[:, :, :2])  # (n_nodes, 2, 2) mm/px
+        u = np.einsum("nij,tnj->tni", back, u_px)
+    good = [k for k in range(experiment.n_frames) if k not in excluded and np.isfinite(u[k]).any()]
+    for column, (drive, is_measured) in enumerate(zip(drives.local, drives.measured, strict=False)):
+        if is_measured:
+            node, component = np.divmod(drives.dofs[drives.basis[:, drive] != 0.0], experiment.n_dim)
+            if component[0] >= u.shape[2]:
+                continue  # measured out of the plane: from rest
+            of_nodes = u[good][:, place[node], component]  # those that move together; all but one of them are hidden
+            seen = np.isfinite(of_nodes).any(axis=1)
+            series = np.array([row[np.isfinite(row)].mean() if row_seen else np.nan
+                               for row, row_seen in zip(of_nodes, seen, strict=True)])
+            if seen.any():
+                local[:, column] = np.interp(np.arange(experiment.n_frames), np.array(good)[seen], series[seen])
+    return local
+
+
+def measured_nodes(experiment: Experiment) -> np.ndarray:
+    """The nodes whose motion is measured, of all edges together  # (n,)"""
+    drives = build_drives(experiment)
+    rows = [drives.basis[:, drive] != 0.0 for drive, is_measured in zip(drives.local, drives.measured, strict=False)
+            if is_measured]
+    return np.unique(np.concatenate([drives.dofs[row] for row in rows]) // experiment.n_dim if rows else
+                     np.zeros(0, int)).astype(int)

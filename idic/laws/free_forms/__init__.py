@@ -1,0 +1,1 @@
+"""Free functions of a law outside of the compiled code: their bases, stated smoothness and classical forms."""

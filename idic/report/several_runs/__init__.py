@@ -1,0 +1,1 @@
+"""Pages of several runs: a batch, a comparison, experiments identified together."""

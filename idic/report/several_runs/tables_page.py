@@ -1,0 +1,188 @@
+"""Pages of tables: several runs side by side (`idic compare`), several experiments identified together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from idic.model import is_mode
+from idic.report.figures.matrices import correlation
+from idic.report.figures.style import Picture
+from idic.report.html import filled_in
+from idic.report.result.fit_words import MAX_P_OF_EQUAL_SPECIMENS, in_words_of
+from idic.report.result.record import RunRecord
+from idic.report.result.stress_scale import in_ratios
+from idic.report.result.words import (
+    between_specimens, result_cautions, result_headline, result_verdict, two_digits, with_std,
+)
+from idic.report.several_runs.batch_page import draw_batch
+
+MIN_BOLD_DIFFERENCE_STD = 3.0  # standard deviations of a difference, beyond which it is set in bold
+NONE = "–"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Text of a table cell; link : where it leads; far : set in bold."""
+
+    text: str
+    link: str = ""
+    far: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """A titled table of the page."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    lead: str = ""
+
+
+def render_tables(title: str, first: Sequence[str], tables: Sequence[Table], pictures: Sequence[Picture] = (),
+                  verdict: tuple[str, str] | None = None) -> str:
+    """The HTML text of a page; figures are in it, linked pages are not.
+
+    verdict : level ("good" | "look" | "bad") and words above the sentences; the first is bold where it is good
+    """
+    return filled_in("tables.html.j2", title=title, first=first, sections=tables,
+                     pictures=pictures, verdict=verdict)
+
+
+# runs side by side ----------------------------------------------------------------------------------------------
+def comparison_tables(content: Mapping) -> list[Table]:
+    """Parameters, and fit and model, of the runs of ``compare.json``."""
+    runs = content["runs"]
+    header = ("parameter", *(run["name"] for run in runs), *(f"{run['name']} − {runs[0]['name']}" for run in runs[1:]))
+    rows = []
+    for entry in content["parameters"]:
+        values = [Cell(NONE if own is None else _value(own, own["unit"])) for own in entry["values"]]
+        steps = [Cell(NONE) if d is None else Cell(f"{d:+.1f} std", far=abs(d) > MIN_BOLD_DIFFERENCE_STD)
+                 for d in entry["differences"][1:]]
+        rows.append((Cell(entry["name"]), *values, *steps))
+    lead = ("Differences in standard deviations of the difference, taken as independent: runs on the same "
+            f"{_data_words(runs)[2]} share their noise and should agree better. "
+            f"Bold: more than {MIN_BOLD_DIFFERENCE_STD:g}.")
+    return [Table("Parameters", header, tuple(rows), lead), _fits(runs)]
+
+
+def comparison_picture(content: Mapping) -> Picture | None:
+    """Value and standard deviation of every parameter in every run, in one unit."""
+    rows = [run | {"experiment": run["name"],
+                   "parameters": {entry["name"]: own for entry in content["parameters"]
+                                  if (own := entry["values"][k]) and own["free"] and own["unit"] == entry["unit"]}}
+            for k, run in enumerate(content["runs"])]
+    return draw_batch({"runs": rows})
+
+
+def of_fields(runs: Sequence[Mapping]) -> bool:
+    """Whether all runs are of measured fields."""
+    return all(run.get("quantity") == "displacement" for run in runs)
+
+
+def _data_words(runs: Sequence[Mapping]) -> tuple[str, str, str]:
+    """Names of the rows of χ², of the rms residual and of the data: of images, of fields, or of either."""
+    if of_fields(runs):
+        return "fields: χ² per component", "fields: rms residual", "fields"
+    if any(run.get("quantity") == "displacement" for run in runs):
+        return "χ² per pixel, of fields per component", "rms residual of images or fields", "images or fields"
+    return "images: χ² per pixel", "images: rms residual", "images"
+
+
+def _fits(runs: Sequence[Mapping]) -> Table:
+    chi2, rms, data = _data_words(runs)
+    kinds = {"grey": "images", "displacement": "fields", "height": "height images"}
+    mixed = {"measured": [kinds.get(run.get("quantity", "grey"), "images") for run in runs]} if (
+        len({run.get("quantity", "grey") for run in runs}) > 1) else {}
+    lines = mixed | {
+        "status": [run["status"].replace("_", " ") for run in runs],
+        "model": [", ".join(f"{name}: {law}" for name, law in run["models"].items()) or NONE for run in runs],
+        "method": [run.get("method", "integrated").replace("_", " ") for run in runs],
+        "free parameters": [str(run["n_free"]) for run in runs],
+        chi2: [_plain(run["image_chi2_dof"]) for run in runs],
+        rms: [_plain(run["image_rms"], run["image_unit"]) for run in runs],
+    }
+    for column in dict.fromkeys(column for run in runs for column in run["channel_chi2_dof"]):
+        lines[f"{column}: χ² per value"] = [_plain(run["channel_chi2_dof"].get(column)) for run in runs]
+    lines |= {"iterations": [str(run["iterations"]) for run in runs], "wall time": [_plain(run["wall_s"], "s")
+                                                                                   for run in runs],
+              data: ["as the first" if run["same_data"] else "others" for run in runs]}
+    rows = tuple((Cell(name), *(Cell(text) for text in texts)) for name, texts in lines.items())
+    return Table("Model and fit", ("", *(run["name"] for run in runs)), rows)
+
+
+def _value(entry: Mapping, unit: str) -> str:
+    if entry["std"] is None:
+        return "not determined" if entry["free"] else f"{entry['value']:.6g} (given)"
+    return with_std(entry["value"], entry["std"], unit)
+
+
+def _plain(value: float | None, unit: str = "") -> str:
+    return NONE if value is None else f"{value:.4g} {unit}".strip()
+
+
+# experiments identified together --------------------------------------------------------------------------------
+def joint_page(result: Mapping) -> str:
+    """The page of a result of several experiments, with links to the report of each."""
+    shown = in_ratios(result)
+    parameters = tuple(
+        (Cell(name), Cell(_value(entry, "") if entry["std"] is not None else "not determined"),
+         Cell(entry["unit"] or NONE), Cell(f"{entry['start']:.6g}"))
+        for name, entry in shown["parameters"].items() if entry["free"] and not is_mode(_own(name, result)))
+    rows = []
+    for name, part in result["experiments"].items():
+        frames = [frame for frame in result["frames"] if frame["experiment"] == name]
+        good = sum(frame["status"] == "ok" for frame in frames)
+        channels = ", ".join(f"{c}: {v:.2f}" for c, v in part["residual"]["channel_chi2_dof"].items())
+        rows.append((Cell(name, part["report"]), Cell(part["title"]), Cell(f"{good} of {len(frames)}"),
+                     Cell(_plain(part["residual"]["image_chi2_dof"])), Cell(channels or NONE),
+                     Cell(_plain(part["noise"]["std_gv"], part["noise"]["unit"]))))
+    tables = [
+        Table("Parameters", ("parameter", "value", "unit", "start"), parameters,
+              "Material parameters are shared by all experiments. A name that begins with an experiment belongs to "
+              "that one alone."),
+        Table("Experiments", ("experiment", "title", "frames explained", "χ² per pixel", "χ² of the channels",
+                              "image noise"), tuple(rows), "The report of each shows its images, fields and channels."),
+    ]
+    tables[1:1] = specimen_tables(shown)
+    first = [*result_headline(result), *between_specimens(shown), *result_cautions(shown)]
+    picture = correlation(RunRecord(result["title"], shown))
+    page = render_tables(result["title"], [line for line in first if line], tables, [picture] if picture else [],
+                         verdict=result_verdict(result))
+    fields = all(part["noise"]["unit"] == result["noise"]["unit"] for part in result["experiments"].values())
+    return in_words_of(result, page) if fields else page
+
+
+def specimen_tables(result: Mapping) -> list[Table]:
+    """Shared parameters from each specimen alone, and the scatter between specimens; [] without one."""
+    content = result.get("specimens") or {}
+    names = list(result["experiments"])
+    rows = []
+    for name, entry in content.items():
+        own = [Cell(with_std(entry["values"][other]["value"], entry["values"][other]["std"]) if other in
+                    entry["values"] else "not determined") for other in names]
+        known = entry["between_std"] is not None
+        low, high = entry["between_ci95"] or (None, None)
+        rows.append((Cell(name), Cell(entry["unit"] or NONE), *own,
+                     Cell(two_digits(entry["between_std"]) if known else NONE),
+                     Cell(f"{two_digits(low)} … {two_digits(high)}" if known else NONE),
+                     Cell(with_std(entry["mean"], entry["mean_std"]) if known else NONE),
+                     Cell(f"{entry['p_value']:.2g}" if known else NONE,
+                          far=known and entry["p_value"] < MAX_P_OF_EQUAL_SPECIMENS)))
+    if not rows:
+        return []
+    lead = ("The values of each specimen alone, to first order from the joint ones, with its own alignment and "
+            "thickness; the "
+            "standard deviation between specimens and its 95 % interval; the mean of the material that the specimens "
+            "are drawn from; and the probability of such a scatter among equal specimens (bold: below "
+            f"{100 * MAX_P_OF_EQUAL_SPECIMENS:g} %). The joint values assume equal specimens.")
+    return [Table("Specimen by specimen",
+                  ("parameter", "unit", *names, "std between", "95 %", "mean of the material", "p"),
+                  tuple(rows), lead)]
+
+
+def _own(name: str, result: Mapping) -> str:
+    """A parameter's name without that of its experiment."""
+    head, _, rest = name.partition(".")
+    return rest if head in result["experiments"] else name

@@ -1,1 +1,0 @@
-"""Identifications without the files of a RUN."""

@@ -1,0 +1,140 @@
+"""``knots = "evidence"``: a free function of most knots is identified in memory; its evidence chooses those of the run.
+
+The experiment of the run has the chosen knots and smoothness in its tables (as ``--set`` would), starts where the first
+identification has ended, and tells the evidence in a note.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from idic.errors import InputError
+from idic.experiment_file import (
+    BY_EVIDENCE, KIND as FREE_SURFACE, SPECTRUM, SPREAD, SURFACE, StatedCurve, by_evidence, locate, read_toml,
+    with_overrides,
+)
+from idic.identification import (
+    ChosenKnots, FreeCurve, FreeForm, FreeSpectrum, FreeSurface, Identification, choose_knots, identify, log_progress,
+    scaled_system,
+)
+from idic.laws import RINGS, TERM
+from idic.model import Experiment
+from idic.parameters import ParameterSet, SmoothnessPrior
+from idic.run.prepared.context import experiments_of
+from idic.run.prepared.in_memory import prepare_in_memory
+from idic.run.runs import SingleRun
+
+Say = Callable[[str], None]
+
+
+def refuse_evidence(experiments: Iterable[Experiment]) -> None:
+    """Refuse the choice where several experiments share a material (`InputError`)."""
+    for experiment in experiments:
+        for curve in by_evidence(experiment):
+            raise InputError("knots by evidence work for one experiment only",
+                             key=f"material.{curve.names[0].partition('.')[0]}", found=f'knots = "{BY_EVIDENCE}"',
+                             expected="a number of knots where several experiments are identified together",
+                             remedy="identify one of them alone, and write the knots and the smoothness of its report")
+
+
+def with_chosen_knots(run: SingleRun, say: Say = lambda text: None) -> SingleRun:
+    """The run with the knots that the evidence leaves; those of an earlier process where there was one."""
+    if run.prepared:
+        return replace(run, overrides=dict(experiments_of(run.store.run)[0].overrides))
+    tables = with_overrides(read_toml(locate(run.path)), run.overrides)
+    with threadpool_limits(1, user_api="blas"):
+        return replace(run, overrides=run.overrides | chosen_tables(run.experiment, tables, say))
+
+
+def chosen_tables(experiment: Experiment, tables: Mapping, say: Say = lambda text: None) -> dict[str, dict]:
+    """Overrides ``material.SET`` with the chosen knots; none where the first identification finds no solution.
+
+    Parameters
+    ----------
+    tables : of the experiment, composed laws with flat parameters
+
+    Raises
+    ------
+    InputError
+        A value of the curve that is not identified.
+    """
+    stated = by_evidence(experiment)
+    for curve in stated:
+        locked = [name for name in curve.names if not experiment.parameters[name].free]
+        if locked:
+            raise InputError("knots by evidence need values that are all identified", key=f"material.{locked[0]}",
+                             expected="identify = true", found="a locked value",
+                             remedy="identify it, or give a number of knots")
+    most = ", ".join(f"{len(curve.names)} values of {curve.key}" for curve in stated)
+    say(f"number of knots by evidence: a first identification with the most, {most}")
+    prepared = prepare_in_memory(experiment, say)
+    found = identify(prepared.start, prepared.local, progress=log_progress(say), motion=prepared.motion,
+                     searched=prepared.begin is not None)
+    if found.point is None or found.point.system is None:
+        return {}
+    made: dict[str, dict] = {}
+    for curve in stated:
+        chosen = evidence_of(found, curve)
+        element_set = curve.names[0].partition(".")[0]
+        key = f"material.{element_set}"
+        made[key] = _with_knots(made.get(key, tables["material"][element_set]), curve, chosen, found.parameters)
+        what = {SPECTRUM: "relaxation times", SURFACE: "knots on a ring"}.get(curve.key, "knots")
+        say(f"{element_set}.{curve.key}: {chosen.n} {what}, smoothness {chosen.smoothness.strength:g}")
+    return made
+
+
+def evidence_of(found: Identification, curve: StatedCurve) -> ChosenKnots:
+    """Knots and smoothness of a curve where an identification has ended."""
+    assert found.point is not None and found.point.system is not None
+    parameters, system = found.parameters, found.point.system
+    others = [prior for prior in parameters.joint
+              if not (isinstance(prior, SmoothnessPrior) and prior.names == curve.names)]
+    own = curve.names if curve.key == SURFACE else ()  # the prior of every weight is one of the form
+    without = ParameterSet((replace(p, prior_mean=None, prior_std=None) if p.name in own else p
+                            for p in parameters.values()), others)
+    scaled = scaled_system(system, without, found.point.reference_gram, found.weights.image_noise)
+    values = np.array([parameters[name].value for name in scaled.names])
+    at = tuple(scaled.names.index(name) for name in curve.names)
+    return choose_knots(scaled.M, scaled.b, values, scaled.slopes, _form_of(curve, at, parameters))
+
+
+def _form_of(curve: StatedCurve, at: tuple[int, ...], parameters: ParameterSet) -> FreeForm:
+    if curve.key == SURFACE:
+        return FreeSurface(at, tuple(parameters[name].value for name in curve.names), curve.size, SPREAD)
+    last = parameters[curve.last].value
+    if curve.key == SPECTRUM:
+        first = curve.last.replace("longest", "shortest")
+        return FreeSpectrum(at, parameters[first].value, last, curve.size)
+    return FreeCurve(at, last, curve.size, curve.over)
+
+
+def _with_knots(table: Mapping, curve: StatedCurve, chosen: ChosenKnots, parameters: ParameterSet) -> dict:
+    """A material's table with the chosen knots of one of its free functions."""
+    short = [name.partition(".")[2] for name in curve.names]
+    made = {key: value for key, value in table.items() if key not in short[len(chosen.levels):]}
+    made["law"] = _law_with(table["law"], curve, chosen.n)
+    for name, key, level in zip(curve.names, short, chosen.levels, strict=False):
+        if parameters[name].transform == "log" or curve.key in (SURFACE, SPECTRUM):  # the start of another is its scale
+            old = table[key] if isinstance(table[key], Mapping) else {}
+            made[key] = {**old, "value": float(level) / parameters[name].factor}
+    own = {"strength": chosen.smoothness.strength, "over": chosen.smoothness.over, "size": curve.size,
+           "evidence": {str(n): round(float(ln_z), 2) for n, ln_z in chosen.evidence.items()}}
+    return made | {"smoothness": {**table["smoothness"], curve.key: own}}
+
+
+def _law_with(law: str, curve: StatedCurve, n: int) -> str:
+    """The name of the law with n knots of one of its free functions."""
+    if curve.key == SURFACE:
+        return law.replace(f"{FREE_SURFACE}{len(curve.names) // RINGS}", f"{FREE_SURFACE}{n}")
+    if curve.key == SPECTRUM:
+        return f"{law.partition('(')[0]}({n})"
+    if TERM.search(law):
+        return law.replace(f"free{len(curve.names)}", f"free{n}")
+    name, _, counts = law.rstrip(")").partition("(")
+    numbers = counts.split("+")
+    numbers[int(curve.key[-1]) - 1] = str(n)
+    return f"{name}({'+'.join(numbers)})"
