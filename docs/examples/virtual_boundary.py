@@ -1,6 +1,6 @@
-"""A virtual boundary: the camera sees only the middle of a strip that is pulled off its axis.
+"""A virtual boundary: the images show only the middle of an eccentrically loaded strip.
 
-Nobody has logged how the cut edges move. Their motion is identified together with the material.
+The log has no displacement of the cut edges. The displacement is identified together with the material.
 """
 
 import numpy as np

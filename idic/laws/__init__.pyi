@@ -6,7 +6,7 @@ from .composed.terms import (
     TERMS, kinds_of, ring_knots_of, surface_weights, term_of,
 )
 from .composed.written_terms import WrittenTerm, terms_of
-from .core import point, points, symmetric, tensors
+from .core import point, tensors
 from .core.compilation import CompiledLaw, MODES, compile, has_code_on_disk, is_kept
 from .core.crack_band import element_sizes
 from .core.kernels import stress_loop
@@ -37,8 +37,8 @@ __all__ = [
     "classical_forms", "classical_surfaces", "code_of", "compile", "compiled_loop", "composed_name",
     "directional_stresses", "element_sizes", "equivalent", "factor", "get_law", "grid", "grid_covariance",
     "has_code_on_disk", "invariants", "is_kept", "kinds_of", "knot_stresses", "knots", "knots_of", "knots_of_rubber",
-    "law_for", "level_names", "material_card", "outside_values", "point", "point_stresses", "point_tangents", "points",
+    "law_for", "level_names", "material_card", "outside_values", "point", "point_stresses", "point_tangents",
     "powers", "prior_rows", "register", "relaxing", "ring_knots_of", "rise", "rubber_level_names", "source_of",
-    "stress_loop", "stress_matrix", "surface_weights", "symmetric", "tensors", "term_of", "terms_of", "times_of",
+    "stress_loop", "stress_matrix", "surface_weights", "tensors", "term_of", "terms_of", "times_of",
     "uniaxial", "weight_names",
 ]

@@ -25,7 +25,7 @@ def main() -> int:
     """The commands; returns the exit code: 0 all equal, 1 something differs or failed."""
     parser = argparse.ArgumentParser(prog="python -m idic_studies.equality", description="Equality of two versions.")
     commands = parser.add_subparsers(dest="command", required=True)
-    record = commands.add_parser("record", help="run cases and keep what they leave")
+    record = commands.add_parser("record", help="run cases and write their records")
     record.add_argument("--out", type=Path, required=True)
     record.add_argument("--case", action="append", choices=CASES, metavar="NAME", help=", ".join(CASES))
     record.add_argument("--fast", action="store_true", help="the cases of the default tests")
