@@ -8,7 +8,7 @@ refits of a diagnosis.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from idic.correlation import (
-    CorrelationContext, FrameResponse, Reference, Weights, build_experiment_reference, camera_at, closed_system,
-    correlated_frames, frame_system, generalised_weights, reduce_systems, with_all_cameras,
+    CorrelationContext, FrameResponse, Reference, Weights, build_experiment_reference, correlated_frames,
+    generalised_weights,
 )
 from idic.errors import GaveUp, InputError, NotConverged
 from idic.fe import Control, FrameState
@@ -26,7 +26,7 @@ from idic.identification.driver import MemoryPoints, next_local, run_loop
 from idic.identification.free_motion.two_step import check_method, is_two_step, measure, measured_reference
 from idic.identification.kept_simulation import Path, PathKeeper, response_of
 from idic.identification.loop import experiment_of, parameters_at, start
-from idic.identification.noise.end_noise import with_end_noise
+from idic.identification.point import closed_evaluation, point_context, streamed_system
 from idic.identification.result import build_result
 from idic.identification.step.state import (
     GENERALISED,
@@ -119,16 +119,33 @@ class Identification:
                 return iter(self.path.frames[1:])
             return (response_of(at, start) for at in self.march(names, bool(names)) if at.frame > 0)
 
-        wanted = set(correlated_frames(experiment, range(experiment.n_frames)))
-        try:
-            found = discrepancy_system(context, self.forward, self.local, (response.u for response in frames(())),
-                                       (response for response in frames(moving) if response.frame in wanted))
-        except NotConverged as problem:
-            return str(problem)
-        if not is_coarse(experiment) or self.point is None or self.state.accepted is None:
-            return found
-        return with_mesh_error(found, evaluate_at, experiment, self.state.accepted.values, self.local,
-                               self.state.generalised, self.point, self.state.increments.per_frame)
+        return point_discrepancy(context, self.forward, self.local, (response.u for response in frames(())),
+                                 frames(moving), experiment, self.point, self.state.increments.per_frame)
+
+
+def point_discrepancy(context: CorrelationContext, forward: ForwardModel, local: np.ndarray,
+                      motion: Iterable[np.ndarray], responses: Iterable[FrameResponse], experiment: Experiment,
+                      point: Evaluation, increments: int | None) -> DiscrepancySystem | str:
+    """The normal equations of an accepted point with what its model may leave unexplained and with the error of a
+    coarse mesh, or why they are not made.
+
+    Parameters
+    ----------
+    context : of the point, with the weights of its estimator
+    local : (n_frames, m) mm, frame-local unknowns
+    motion : displacements of every frame after the reference  # (n_nodes, dim) mm each
+    responses : of these frames, with their derivatives
+    experiment : as the last stage sees it; point : its evaluation; increments : per frame, extrapolated in time
+    """
+    compared = (response for response in responses if correlated_frames(experiment, [response.frame]))
+    try:
+        system = discrepancy_system(context, forward, local, motion, compared)
+    except NotConverged as problem:
+        return str(problem)
+    if not is_coarse(experiment):
+        return system
+    return with_mesh_error(system, evaluate_at, experiment, context.parameters.as_values(), local,
+                           point.system.generalised, point, increments)
 
 
 def identify(experiment: Experiment, local: np.ndarray | None = None, steps: np.ndarray | None = None,
@@ -218,7 +235,7 @@ def _prepare(experiment: Experiment, motion: Mapping[str, np.ndarray] | None = N
     if experiment.options.weighting != "noise":
         raise InputError("only weighting by noise is done without a RUN folder", key="[options] weighting",
                          expected='"noise"', found=repr(experiment.options.weighting),
-                         remedy="use idic.identify_experiment")
+                         remedy="identify it into a RUN folder: idic.identify(..., out=...)")
     forward = build_forward(experiment)
     moving = tuple(name for name in experiment.parameters.free if forward.moves(name))
     check_method(experiment)
@@ -243,16 +260,13 @@ def _evaluate(setup: _Setup, state: LoopState, local: np.ndarray, steps: np.ndar
     times = experiment.times[experiment.reference:]
     for frozen in tried_increments(forward, times, state.increments.per_frame, steps):
         try:
-            systems, keeper, taken = [], PathKeeper(1 + experiment.options.trial_steps), ()
-            for response, taken in _responses(  # noqa: B007  (the increments of the last frame count)
-                    setup, context.parameters, local, frozen, known, state.increments.per_frame):
-                keeper.add(response)
-                if correlated_frames(experiment, [response.frame]):
-                    systems.append(frame_system(context, response, local[response.frame]))
-            system, gram = closed_system(context, reduce_systems(systems))
-            system = with_end_noise(system, context, forward)
-            return (Evaluation(state.evaluations, system, gram, increments=len(taken)), np.array(taken),
-                    keeper.path(context.parameters.as_values(), local, setup.moving, taken))
+            keeper = PathKeeper(1 + experiment.options.trial_steps)
+            responses = keeper.passed_on(_responses(setup, context.parameters, local, frozen, known,
+                                                    state.increments.per_frame))
+            system = streamed_system(context, responses, local)
+            evaluation = closed_evaluation(state.evaluations, context, forward, system, len(keeper.steps))
+            return (evaluation, np.array(keeper.steps),
+                    keeper.path(context.parameters.as_values(), local, setup.moving))
         except NotConverged as found:
             problem = found
             if isinstance(found, GaveUp):
@@ -290,7 +304,6 @@ def _without_time_error(forward: ForwardModel, parameters: ParameterSet, local: 
 
 
 def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> CorrelationContext:
-    experiment = setup.experiment.at_geometry(parameters)
     shape = tuple(parameters[name].value for name in setup.forward.morphs)
 
     def attach(view: Experiment, camera: Camera) -> Reference:
@@ -302,8 +315,5 @@ def _context(setup: _Setup, parameters: ParameterSet, generalised: bool) -> Corr
                 key, image if motion is None else measured_reference(view, image, motion))
         return setup.references[view.camera_name][1]
 
-    camera = camera_at(experiment, parameters)
-    return with_all_cameras(CorrelationContext(
-        experiment, parameters, experiment.parameters.free, setup.moving, camera, attach(experiment, camera),
-        generalised_weights(setup.weights) if generalised else setup.weights,
-        setup.forward.drives.local_precision, local_scatter=setup.forward.drives.local_scatter), attach)
+    weights = generalised_weights(setup.weights) if generalised else setup.weights
+    return point_context(setup.experiment, parameters, setup.forward, setup.moving, weights, attach)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,12 +45,24 @@ class Path:
 class PathKeeper:
     """Collects the frames of a simulation while they are small enough.
 
+    steps : increments (s) of the frames so far
+
+    Parameters
+    ----------
     paths : kept at a time, all together in `MAX_KEPT_BYTES`
     """
 
     def __init__(self, paths: int):
         self.frames: list[FrameResponse] | None = []
+        self.steps: Sequence[float] | np.ndarray = ()
         self._left = MAX_KEPT_BYTES / paths
+
+    def passed_on(self, simulation: Iterable[tuple[FrameResponse, Sequence[float] | np.ndarray]]
+                  ) -> Iterator[FrameResponse]:
+        """The frames of a simulation, which come with the increments so far."""
+        for response, self.steps in simulation:
+            self.add(response)
+            yield response
 
     def add(self, response: FrameResponse) -> None:
         """Another frame, in order."""
@@ -62,12 +74,11 @@ class PathKeeper:
         else:
             self.frames.append(response)
 
-    def path(self, values: Mapping[str, float], local: np.ndarray, moving: Sequence[str],
-             steps: Sequence[float]) -> Path | None:
+    def path(self, values: Mapping[str, float], local: np.ndarray, moving: Sequence[str]) -> Path | None:
         """The whole simulation, None where it is too large."""
         if self.frames is None:
             return None
-        return Path(dict(values), local.copy(), tuple(moving), tuple(self.frames), np.array(steps, float))
+        return Path(dict(values), local.copy(), tuple(moving), tuple(self.frames), np.array(self.steps, float))
 
 
 def response_of(state: FrameState, reference: int) -> FrameResponse:

@@ -28,7 +28,7 @@ def noise_weights(experiment: Experiment, views: Sequence[Experiment] = ()) -> W
     if any(view.noise.std_gv is None for view in views):
         raise InputError("the noise of the images is not known", key="[camera] noise_std_gv",
                          expected="its standard deviation", found="nothing",
-                         remedy="give it, or use idic.identify_experiment, which measures it")
+                         remedy="give it, or use idic.identify, which measures it")
     seen, *others = (float(view.noise.in_sums_gv * np.sqrt(gradient_noise_share(view))) for view in views)
     noises = np.array([logged_noise(experiment, channel) for channel in experiment.channels], dtype=float)
     share = ordinary_variance(experiment.n_references)

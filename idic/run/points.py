@@ -9,13 +9,14 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from idic.correlation import CorrelationSystem, closed_system, generalised_weights, reduce_systems
+from idic.correlation import CorrelationSystem, generalised_weights, reduce_systems
 from idic.identification import (
-    Evaluation, LoopState, PERTURBED, Trial, next_local, paper_weights, perturbations, resolve_stages, start,
-    trial_states, with_end_noise,
+    Evaluation, LoopState, Trial, chunk_frames, closed_evaluation, next_local, paper_weights, perturbations,
+    resolve_stages, start, trial_states,
 )
 from idic.model import Experiment, Stage
 from idic.run.prepared.context import correlation_context
@@ -25,7 +26,7 @@ from idic.run.prepared.tasks import CorrelationJob, SimulationJob, correlate, si
 from idic.run.search import start_values
 from idic.run.spool import Spool, open_spool
 from idic.run.store.arrays import read_array, write_array
-from idic.run.store.layout import BASE, chunk_frames, group_name, local_label
+from idic.run.store.layout import BASE, group_name, local_label
 from idic.run.store.state_file import load_state, save_state
 from idic.run.store.system_store import load_evaluation, save_evaluation
 
@@ -40,6 +41,10 @@ class RunPoints:
     @property
     def experiment(self) -> Experiment:
         return self.session.experiment
+
+    @property
+    def folders(self) -> list[Path]:
+        return [Path(self.session.run)]
 
     @property
     def image_noise(self) -> float:
@@ -85,12 +90,12 @@ class RunPoints:
         context = session.context.at_stage(stage)
         weights = generalised_weights(context.weights) if trial.generalised else context.weights
         shared = correlation_context(context, context.experiment.parameters.with_values(trial.trial.values), weights)
-        with open_spool(context.store.run) as spool:
-            system, gram = closed_system(shared, sum_system(session, trial, weights, stage, spool))
-        system = with_end_noise(system, shared, context.forward)
-        self.timing.image_s += time.perf_counter() - began
         increments = len(read_array(context.store.group(group_name(trial.evaluations, BASE)), "steps"))
-        return Evaluation(trial.evaluations, system, gram, increments=increments)
+        with open_spool(context.store.run) as spool:
+            system = sum_system(session, trial, weights, stage, spool)
+            evaluation = closed_evaluation(trial.evaluations, shared, context.forward, system, increments)
+        self.timing.image_s += time.perf_counter() - began
+        return evaluation
 
     def accepted(self, state: LoopState) -> Evaluation | None:
         context = self.session.context
@@ -164,13 +169,11 @@ def _simulations(session: Session, state: LoopState) -> list[SimulationJob]:
                           steps=_frozen_steps(session, state), increments=state.increments.per_frame,
                           warm_start=None if state.accepted is None
                           else (state.accepted.number, state.accepted.values))]
-    if session.sensitivity == PERTURBED:
-        for name, change in _changes(session, state).items():
-            values = dict(state.trial.values) | {name: state.trial.values[name] + change}
-            jobs.append(replace(jobs[0], label=name, values=values, names=(), influence=False))
-        jobs += [replace(jobs[0], label=local_label(i), influence=False, shifted=i)
-                 for i in range(context.forward.drives.n_local if context.external else 0)]
-    return jobs
+    for name, change in _changes(session, state).items():
+        values = dict(state.trial.values) | {name: state.trial.values[name] + change}
+        jobs.append(replace(jobs[0], label=name, values=values, names=(), influence=False))
+    shifted = range(context.forward.drives.n_local if context.external else 0)
+    return [*jobs, *(replace(jobs[0], label=local_label(i), influence=False, shifted=i) for i in shifted)]
 
 
 def _with_other_increments(jobs: Sequence[SimulationJob], reports: Sequence) -> list[SimulationJob]:

@@ -16,7 +16,8 @@ import numpy as np
 
 from idic.correlation import GREY, SPACE, correlated_frames, texture_pairs
 from idic.identification import (
-    ElementSums, Evaluation, FrameFit, LoopState, build_result, camera_entries, element_sums, frame_entries,
+    ElementSums, Evaluation, FrameFit, LoopState, build_result, camera_entries, chunk_frames, element_sums,
+    frame_entries,
     residual_summary, resolve_stages,
 )
 from idic.model import Experiment, Stage
@@ -33,7 +34,7 @@ from idic.run.prepared.session import Session, Timing
 from idic.run.recovery.recover import EVALUATIONS, START, SYSTEM, remove_damaged_judgement
 from idic.run.store.arrays import FrameArrays, write_array
 from idic.run.store.camera_groups import group_of
-from idic.run.store.layout import BASE, chunk_frames, group_name
+from idic.run.store.layout import BASE, group_name
 from idic.run.store.result_file import write_result
 from idic.run.store.state_file import load_state
 from idic.run.store.system_store import load_evaluation

@@ -9,7 +9,7 @@ import heapq
 import sys
 
 from idic.identification import choose_sensitivity
-from idic.run import chunk_frames
+from idic.identification import chunk_frames
 
 PIXEL_S = 0.12 / 4e6  # s per pixel and frame: 50 frames of 2000 x 2000 px, 10 parameters, 6 s
 INGEST_BYTES_S = 380e6  # bytes/s of uint16 frames into Zarr by one process

@@ -10,12 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from idic.correlation import (
-    CorrelationContext, Reference, Weights, build_experiment_reference, camera_at, with_all_cameras,
-)
+from idic.correlation import CorrelationContext, Reference, Weights, build_experiment_reference
 from idic.errors import InputError
 from idic.experiment_file import ExperimentTables, read_experiment
-from idic.identification import is_two_step, measured_reference, seen_in
+from idic.identification import is_two_step, measured_reference, point_context, seen_in
 from idic.images import Camera
 from idic.measure import BoundaryStart, with_boundary_start
 from idic.model import Experiment, ForwardModel, Stage, build_forward
@@ -135,11 +133,10 @@ def stored_start(store: RunStore, settings: Mapping) -> BoundaryStart:
 def correlation_context(context: RunContext, parameters: ParameterSet,
                         weights: Weights | None = None) -> CorrelationContext:
     """The record that all frames share at these parameters; a moved camera or mesh gets a new reference image."""
-    experiment = context.experiment.at_geometry(parameters)
     shape = tuple(parameters[name].value for name in context.forward.morphs)
 
     def attach(view: Experiment, camera: Camera) -> Reference:
-        key = (str(context.store.run), experiment.identity, shape, camera.key, view.options.lowpass_px)
+        key = (str(context.store.run), context.experiment.identity, shape, camera.key, view.options.lowpass_px)
         place = (key[0], view.camera_name)
         kept, reference = _references.get(place, (None, None))
         if kept != key:
@@ -149,12 +146,8 @@ def correlation_context(context: RunContext, parameters: ParameterSet,
             _references[place] = (key, reference)
         return reference
 
-    camera = camera_at(experiment, parameters)
-    return with_all_cameras(CorrelationContext(
-        experiment=experiment, parameters=parameters, names=context.names, moving=context.moving, camera=camera,
-        reference=attach(experiment, camera), weights=weights or context.weights,
-        local_precision=context.forward.drives.local_precision,
-        local_scatter=context.forward.drives.local_scatter), attach)
+    return point_context(context.experiment, parameters, context.forward, context.moving, weights or context.weights,
+                         attach)
 
 
 def _with_motion(context: RunContext, view: Experiment, image: Reference) -> Reference:

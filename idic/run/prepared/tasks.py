@@ -8,15 +8,14 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
-from idic.correlation import CorrelationSystem, FrameResponse, Weights, correlated_frames, frame_system, reduce_systems
+from idic.correlation import CorrelationSystem, FrameResponse, Weights
 from idic.errors import NotConverged
 from idic.fe import solver_threads
-from idic.identification import HALF_RATE, discrepancy_system, evaluate_at, is_coarse, with_mesh_error
+from idic.identification import HALF_RATE, chunk_system, point_discrepancy
 from idic.model import Stage, tried_increments
 from idic.parameters import ParameterSet
 from idic.path_names import path_name
@@ -203,11 +202,7 @@ def correlate(job: CorrelationJob) -> CorrelationSystem | None:
     parameters = context.experiment.parameters.with_values(job.values)
     shared = correlation_context(context, parameters, job.weights)
     local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
-    wanted = set(correlated_frames(context.experiment, range(job.first, job.last)))
-    systems = (frame_system(shared, response, local[response.frame])
-               for response in read_responses(context, job) if response.frame in wanted)
-    first = next(systems, None)
-    return None if first is None else reduce_systems(chain((first,), systems))
+    return chunk_system(shared, read_responses(context, job), local)
 
 
 def sum_discrepancy(job: CorrelationJob) -> None:
@@ -219,18 +214,11 @@ def sum_discrepancy(job: CorrelationJob) -> None:
     context = open_run(job.run).at_stage(job.stage)
     parameters = context.experiment.parameters.with_values(job.values)
     local = read_array(context.store.group(group_name(job.evaluation, "start")), "local")
-    wanted = set(correlated_frames(context.experiment, range(job.first, job.last)))
-    try:
-        found = discrepancy_system(
-            correlation_context(context, parameters, job.weights), context.forward, local,
-            read_motion(context, job.evaluation),
-            (response for response in read_responses(context, job) if response.frame in wanted))
-        if is_coarse(context.experiment):
-            found = with_mesh_error(found, evaluate_at, context.experiment, job.values, local, job.weights is not None,
-                                    load_evaluation(context.store, job.evaluation, context.names), job.increments)
-    except NotConverged as problem:
-        found = str(problem)
-    save_discrepancy(context.store, job.evaluation, found)
+    system = point_discrepancy(
+        correlation_context(context, parameters, job.weights), context.forward, local,
+        read_motion(context, job.evaluation), read_responses(context, job), context.experiment,
+        load_evaluation(context.store, job.evaluation, context.names), job.increments)
+    save_discrepancy(context.store, job.evaluation, system)
 
 
 def read_motion(context: RunContext, evaluation: int) -> Iterator[np.ndarray]:

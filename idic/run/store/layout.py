@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from idic.identification import chunk_frames
 from idic.path_names import path_name
 
 DESCRIPTION = "run.json"
@@ -33,12 +34,6 @@ def local_label(index: int) -> str:
 def group_name(evaluation: int, label: str) -> str:
     """The group of a simulation or system of an evaluated point."""
     return f"evaluations/{evaluation:03d}/{path_name(label)}"
-
-
-def chunk_frames(n_frames: int) -> int:
-    """Frames per chunk of nodal arrays and per correlation task; it depends only on the number of frames, so that the
-    sums do not depend on the number of workers."""
-    return int(np.clip(-(-n_frames // 16), 1, 16))
 
 
 def stored_frames(n_frames: int, record_bytes: int) -> int:
