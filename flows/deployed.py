@@ -33,11 +33,11 @@ def identify(experiment: str, out: str, workers: int | None = None, scheduler: s
     from prefect.flow_runs import suspend_flow_run
 
     from idic.run import write_report
-    from idic_flows.identify import run_identification
+    from idic_flows.public import identify as conducted
 
     source, run = data_path(experiment, "experiment"), data_path(out, "out")
-    result = run_identification([source], run, resume=True, workers=workers, scheduler=scheduler,
-                                sensitivity=sensitivity, overrides=overrides, pause_after=pause_after)
+    result = conducted([source], run, resume=True, workers=workers, scheduler=scheduler, sensitivity=sensitivity,
+                       overrides=overrides, pause_after=pause_after)
     page = write_report(run)
     if "paused_after_stage" in result:
         suspend_flow_run(timeout=PAUSE_SECONDS)  # ends this process; it begins anew and continues the RUN when resumed
@@ -52,12 +52,12 @@ def batch(experiments: list[str], out: str, starts: int | None = None, spread: f
     """``idic batch FILE_OR_EXPERIMENT... --out DIR --resume`` on the worker; paths and states as of `identify`."""
     from idic.report import batch_headline
     from idic.run import read_batch
-    from idic_flows.batch import run_batch
+    from idic_flows.public import batch as conducted
 
     paths, folder = [data_path(path, "experiments") for path in experiments], data_path(out, "out")
     for one in read_batch(paths, overrides):  # a list may name any place
         data_path(one.experiment, "experiments")
-    content = run_batch(paths, folder, starts=starts, spread=spread, seed=seed, resume=True, workers=workers,
+    content = conducted(paths, folder, starts=starts, spread=spread, seed=seed, resume=True, workers=workers,
                         scheduler=scheduler, sensitivity=sensitivity, overrides=overrides)
     message = f"{batch_headline(content)} {folder / 'batch.html'}"
     return (Completed if content["converged"] == len(content["runs"]) else Failed)(message=message)
@@ -66,11 +66,11 @@ def batch(experiments: list[str], out: str, starts: int | None = None, spread: f
 @flow(name="idic-diagnose-deployed", persist_result=False)
 def diagnose(run: str, workers: int | None = None, scheduler: str | None = None, quick: bool = False) -> State:
     """``idic diagnose RUN --resume`` on the worker; paths as of `identify`."""
-    from idic_flows.diagnose import run_diagnosis
+    from idic_flows.public import diagnose as conducted
 
     folder = data_path(run, "run")
-    found = run_diagnosis(folder, workers, scheduler, resume=True, quick=quick)
-    return Completed(message=f"{found['verdict']}: {found['headline']}: {folder / 'diagnosis.html'}")
+    content = conducted(folder, workers=workers, scheduler=scheduler, resume=True, quick=quick)
+    return Completed(message=f"{content['verdict']}: {content['headline']}: {folder / 'diagnosis.html'}")
 
 
 @flow(name="idic-systematic-deployed", persist_result=False)
@@ -78,10 +78,10 @@ def systematic(run: str, bias: bool = True, spread: bool = True, workers: int | 
                scheduler: str | None = None) -> State:
     """``idic systematic RUN`` on the worker; paths as of `identify`."""
     from idic.run import write_report
-    from idic_flows.systematic import run_systematic
+    from idic_flows.public import systematic as conducted
 
     folder = data_path(run, "run")
-    run_systematic(folder, bias, spread, workers, scheduler)
+    conducted(folder, bias, spread, workers=workers, scheduler=scheduler)
     return Completed(message=f"{write_report(folder)}")
 
 

@@ -1,6 +1,8 @@
-"""``idic.flow``: the flows as functions of Python, for scripts and for flows of your own.
+"""``idic.flow``: the commands as Prefect flows, for scripts and for flows of your own.
 
-A call inside a flow run is a sub-flow on the same server::
+Each takes the arguments of its function in `idic.run` (`identify_run`, `identify_batch`, `diagnose_run`, `systematic`),
+and for the workers ``workers``, ``scheduler``, ``memory_limit`` and ``store`` as the options of the command. A call
+inside a flow run is a sub-flow on the same server::
 
     import idic
     from prefect import flow
@@ -13,9 +15,29 @@ Outside of one, a Prefect server is started for the call unless PREFECT_API_URL 
 nothing.
 """
 
-from idic_flows.batch import run_batch as batch
-from idic_flows.diagnose import run_diagnosis as diagnose
-from idic_flows.identify import run_identification as identify
-from idic_flows.systematic import run_systematic as systematic
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any
+
+from idic.run import Workplace, diagnose_run, identify_batch, identify_run, systematic as assess
+from idic_flows.orchestrator import PrefectFlow
+
+
+def _as_flow(command: Callable[..., dict]) -> Callable[..., dict]:
+    @wraps(command)
+    def conducted(*arguments: Any, workers: int | None = None, scheduler: str | None = None,
+                  memory_limit: str | None = None, store: str | None = None, **keywords: Any) -> dict:
+        workplace = Workplace(workers, scheduler, memory_limit, store)
+        return command(*arguments, workplace=workplace, orchestrator=PrefectFlow(), **keywords)
+
+    return conducted
+
+
+identify = _as_flow(identify_run)
+batch = _as_flow(identify_batch)
+diagnose = _as_flow(diagnose_run)
+systematic = _as_flow(assess)
 
 __all__ = ["batch", "diagnose", "identify", "systematic"]

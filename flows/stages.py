@@ -9,6 +9,7 @@ from typing import Any
 
 from idic.identification import LoopState, resolve_stages
 from idic.model import Experiment
+from idic.run import Points
 
 SCHEDULE, EVALUATIONS, RESIDUAL = "idic-schedule", "idic-evaluations", "idic-residual"  # keys of the artifacts
 
@@ -22,6 +23,24 @@ def run_stage(name: str, function: Callable, *arguments) -> Any:
     with TagsContext(current_tags=set()):  # those of the flow run say which process it is
         return task(name=name.split(" ", maxsplit=1)[0], task_run_name=name, cache_policy=NO_CACHE,
                     persist_result=False)(lambda: function(*arguments))()
+
+
+class Publication:
+    """What a flow shows of an identification while it runs; called with its points and every state (`Hooks.watch`)."""
+
+    def __init__(self) -> None:
+        self._points: list[int] = []
+        self._scheduled = False
+
+    def __call__(self, points: Points, state: LoopState) -> None:
+        if not self._scheduled:
+            publish_schedule(points.experiment)
+            self._scheduled = True
+        publish_evaluations(points.experiment, state)
+        if state.accepted is not None and state.accepted.number not in self._points:
+            self._points.append(state.accepted.number)
+            for folder in points.folders:
+                publish_residual(folder)
 
 
 def publish_schedule(experiment: Experiment) -> None:
@@ -43,7 +62,7 @@ def publish_evaluations(experiment: Experiment, state: LoopState) -> None:
 def publish_residual(run: Path) -> None:
     """The residual map of the last frame at the accepted point as an image artifact, a version of it per iteration.
 
-    run : of one experiment whose frames are images
+    run : the folder of one experiment whose frames are images
     """
     from prefect.artifacts import create_image_artifact
 
@@ -56,8 +75,8 @@ def publish_residual(run: Path) -> None:
     chi2 = "" if residual.chi2 is None else f", chi2 per pixel {residual.chi2:.3g}"
     create_image_artifact(  # type: ignore[unused-coroutine]
         key=RESIDUAL, image_url=f"data:image/png;base64,{base64.b64encode(residual.picture).decode('ascii')}",
-        description=f"Residual of frame {residual.frame} after evaluation {residual.evaluation}{chi2}; full "
-                    f"colour: {RANGE:g} standard deviations of the noise")
+        description=f"{run.name}: residual of frame {residual.frame} after evaluation {residual.evaluation}{chi2}; "
+                    f"full colour: {RANGE:g} standard deviations of the noise")
 
 
 def schedule_table(experiment: Experiment) -> list[dict[str, str]]:

@@ -4,13 +4,13 @@ The equation: `nodal_equations` in `idic/correlation/image_equations/frame.py` m
 its normal equations M dlam = b (Neggers et al. 2015, equations 6, 7 and 10). What comes before and after is described
 in `idic/correlation/__init__.py`; derivations are in docs/method.md.
 
-From Python objects: `Experiment` (images, mesh, log, law), `identify` (in memory or into a RUN folder), `load_result`;
-a result has tables and pictures (docs/python.md).
+`identify` finds the parameters of an experiment, in memory or into a RUN folder: of an `Experiment` of Python objects
+(images, mesh, log, law), of an experiment folder, or of several. A result has tables and pictures (docs/python.md);
+`load_result` reads it again.
 
-From folders: `load_experiment` reads a folder, `build_forward` and `solve` simulate it, `identify_experiment` finds
-its parameters, `write_report` makes the page. `write_example` writes a folder to try, `write_design` judges a test that
-is not made yet, `dic_stack` measures the displacement of all frames without a model. `flow` holds the Prefect flows.
-Each is loaded at its first use.
+`load_experiment` reads a folder, `build_forward` and `solve` simulate it, `write_report` makes the page of a RUN.
+`write_example` writes a folder to try, `write_design` judges a test that is not made yet, `dic_stack` measures the
+displacement of all frames without a model. `flow` holds the Prefect flows. Each is loaded at its first use.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _ROOMS = {
     "load_experiment": "experiment_file",
     "build_forward": "model", "solve": "model",
     "dic_stack": "measure",
-    "identify_experiment": "run", "write_design": "run", "write_report": "run",
+    "write_design": "run", "write_report": "run",
     "write_example": "virtual_tests",
 }
 

@@ -24,7 +24,7 @@ use_certificates() {  # use_certificates DIR: of everything started from now on
   done
 }
 reference() {  # reference EXPERIMENT RUN: the numbers of one process, without Prefect and Dask
-  "$python" -c 'import sys, idic; idic.identify_experiment(sys.argv[1], sys.argv[2])' "$1" "$2"
+  "$python" -c 'import sys, idic; idic.identify(sys.argv[1], sys.argv[2])' "$1" "$2"
 }
 patience=${PATIENCE:-180}  # s for one step; a busy machine needs more
 evaluations() {  # evaluations RUN: how many points it has evaluated

@@ -7,7 +7,7 @@ import os
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer.core import TyperGroup
@@ -17,6 +17,9 @@ from idic.cli.outcomes import DONE, INTERRUPTED, NOT_CONVERGED
 from idic.errors import InputError
 from idic.fe import PERMISSION
 from idic.run import use_one_thread
+
+if TYPE_CHECKING:
+    from idic.run import Orchestrator
 
 ORDER = ("demo", "draw", "calibrate", "init", "check", "design", "identify", "systematic", "diagnose", "compare",
          "report", "fields", "clean", "batch", "simulate", "example", "gallery", "laws", "physics", "study",
@@ -140,6 +143,17 @@ def read_overrides(pairs: list[str] | None) -> dict[str, str]:
                              found=pair, remedy="write key, equals sign and value without spaces")
         overrides[key.strip()] = value.strip()
     return overrides
+
+
+def orchestrator_of(prefect: bool) -> Orchestrator:
+    """Who conducts a command: a Prefect flow, or with ``--no-prefect`` nobody else."""
+    if prefect:
+        from idic_flows.orchestrator import PrefectFlow
+
+        return PrefectFlow()
+    from idic.run import DIRECT
+
+    return DIRECT
 
 
 def exit_code(status: str) -> int:

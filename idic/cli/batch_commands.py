@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from idic.cli.app import (MemoryLimit, Overrides, RefusedStore, Scheduler, Sensitivity, SensitivityOption, Workers, app,
-                          read_overrides, terminal, wide_console)
+                          orchestrator_of, read_overrides, terminal, wide_console)
 from idic.cli.command import user_path
 from idic.cli.outcomes import DONE, NOT_CONVERGED, outcome
 
@@ -42,17 +42,16 @@ def batch(
     """Identify many experiments, or one from many starts."""
     with outcome(resume=True):
         from idic.cli.progress import progress_view
-        from idic.run import refuse_store, start_server
+        from idic.run import Console, Workplace, identify_batch, refuse_store, start_server
 
         refuse_store(store, "batch")
         settings = read_overrides(overrides)
         with start_server(), progress_view(terminal(stderr=True), out, STAGES) as view:
-            from idic_flows.batch import BatchConsole, run_batch
-
-            callbacks = BatchConsole(view.stage, view.tasks, view.said, view.dashboards)
-            content = run_batch(experiments, out, starts=starts, spread=spread, seed=seed, resume=resume,
-                                workers=workers, scheduler=scheduler, sensitivity=sensitivity.value,
-                                overrides=settings, console=callbacks, memory_limit=memory_limit)  # fmt: skip
+            callbacks = Console(view.stage, view.tasks, dashboards=view.dashboards, said=view.said)
+            content = identify_batch(experiments, out, starts=starts, spread=spread, seed=seed, resume=resume,
+                                     overrides=settings, sensitivity=sensitivity.value, console=callbacks,
+                                     workplace=Workplace(workers, scheduler, memory_limit),
+                                     orchestrator=orchestrator_of(prefect=True))
         _show(content, out)
         raise typer.Exit(DONE if content["converged"] == len(content["runs"]) else NOT_CONVERGED)
 

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from idic.cli.app import FileStore, MemoryLimit, Run, Scheduler, UsePrefect, Workers, app, terminal, wide_console
+from idic.cli.app import (FileStore, MemoryLimit, Run, Scheduler, UsePrefect, Workers, app, orchestrator_of, terminal,
+                          wide_console)
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
@@ -36,17 +37,14 @@ def diagnose(
     with outcome(run=run, resume=True):
         from idic.cli.diagnosis_tables import candidates_table, told
         from idic.cli.progress import progress_view
-        from idic.run import open_source
+        from idic.run import Console, Workplace, diagnose_run, open_source
 
         open_source(run)  # before a server is started
         with progress_view(terminal(stderr=True), run,
                            QUICK_STAGES if quick else STAGES) as view:
-            if prefect:
-                from idic_flows.diagnose import run_diagnosis as run_it
-            else:
-                from idic.run import diagnose_plainly as run_it
-
-            content = run_it(run, workers, scheduler, view.stage, resume, memory_limit, quick, store)
+            content = diagnose_run(run, resume=resume, quick=quick, console=Console(view.stage),
+                                   workplace=Workplace(workers, scheduler, memory_limit, store),
+                                   orchestrator=orchestrator_of(prefect))
         console = terminal()
         for text in told(content):
             console.print(text, highlight=False, markup=False)

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from idic.cli.app import (AllowExternal, FileStore, MemoryLimit, Overrides, RefusedStore, Scheduler, Sensitivity,
-                          SensitivityOption, UsePrefect, Workers, app, exit_code, read_overrides, terminal)
+                          SensitivityOption, UsePrefect, Workers, app, exit_code, orchestrator_of, read_overrides,
+                          terminal)
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome, paused
 
@@ -104,15 +105,11 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
     spent_s = time.monotonic() - began
     with _server(prefect), progress_view(console, out, stages, spent_s) as view:  # it starts while we import
         with _without_collection():
-            if prefect:
-                from idic_flows.identify import run_identification as run
-                from idic.run import import_meanwhile
+            from idic.run import Console as Callbacks, Workplace, identify_run, import_meanwhile
 
-                if second:
-                    import_meanwhile("idic.run.reporting.write")
-            else:
-                from idic.run import identify_plainly as run
-            from idic.run import Console as Callbacks
+            orchestrator = orchestrator_of(prefect)
+            if prefect and second:
+                import_meanwhile("idic.run.reporting.write")
 
         def stage(text: str) -> None:
             if second and text == FIGURES_FOLLOW:
@@ -120,9 +117,9 @@ def _identify(experiments, out: Path, resume, workers, scheduler, sensitivity, o
             view.stage(text)
 
         callbacks = Callbacks(stage, view.tasks, view.iteration, view.dashboards, view.said)
-        return run(experiments, out, resume=resume, workers=workers, scheduler=scheduler, sensitivity=sensitivity.value,
-                   overrides=settings, console=callbacks, memory_limit=memory_limit, pause_after=pause_after,
-                   store=store)
+        return identify_run(experiments, out, resume=resume, overrides=settings, sensitivity=sensitivity.value,
+                            pause_after=pause_after, console=callbacks, orchestrator=orchestrator,
+                            workplace=Workplace(workers, scheduler, memory_limit, store))
 
 
 @contextmanager

@@ -110,14 +110,12 @@ def systematic(
     with outcome(run=run):
         from idic.cli.progress import progress_view
         from idic.cli.tables import systematic_table, treatments_table
-        from idic.run import Workplace, assessed_experiments, systematic as assess, write_report
+        from idic.run import Console, Workplace, systematic as assess, write_report
 
-        place, seen = Workplace(workers, scheduler, memory_limit, store), assessed_experiments(run)
-        place.check(run, say=typer.echo)
-        with (progress_view(terminal(stderr=True), run, SYSTEMATIC_STAGES) as view,
-              place.opened(run, seen, ("idic.run.systematic_run",)) as runner):
+        with progress_view(terminal(stderr=True), run, SYSTEMATIC_STAGES) as view:
             view.stage(SYSTEMATIC_STAGES[0])
-            result = assess(run, runner, bias, spread, lambda done, total: view.tasks("comparisons", done, total))
+            result = assess(run, bias, spread, workplace=Workplace(workers, scheduler, memory_limit, store),
+                            console=Console(view.stage, view.tasks))
             view.stage("report")
             page = write_report(run)
         console = terminal()

@@ -1,26 +1,23 @@
 from .batch.entries import read_batch
-from .batch.runs import BatchJob, BatchOutcome, ERROR, identify_job, identify_whole
-from .batch.starts import with_starts
+from .batch.identify import identify_batch
+from .batch.runs import BatchJob, BatchOutcome, identify_whole
 from .batch.store import Batch
 from .calibration.run import CalibrationRun, run_calibration
 from .design import PAGE_FILE, write_design
-from .diagnosis.diagnose import diagnose, diagnose_run, write_all
+from .diagnosis.diagnose import diagnose, diagnose_run
 from .diagnosis.files import diagnosis_content, free_parameters
-from .diagnosis.plain import diagnose_plainly
 from .diagnosis.refits import run_refits
 from .diagnosis.source import open_source
 from .diagnosis.spotless import without_spots
+from .identify import Folders, identify_run
 from .joint_run import folders_of, is_joint
 from .judgement.accepted_point import channels_of, refuse_passed_point
 from .judgement.residual_maps import residuals_of
 from .knots import chosen_tables
-from .plain import (
-    Console, OpenRun, identify_experiment, identify_on, identify_plainly, on_workers, plan_run, workplace_for,
-)
+from .orchestrator import Command, Console, DIRECT, Hooks, Orchestrator
 from .postprocess import has_force
 from .prepared.context import RunContext, correlation_context, experiments_of, open_run
 from .prepared.in_memory import Prepared, prepare_in_memory
-from .prepared.session import Timing
 from .prepared.tasks import CorrelationJob, SimulationJob
 from .reporting.accepted_residual import accepted_residual
 from .reporting.compare import compare_runs, headlines, write_comparison
@@ -28,18 +25,18 @@ from .reporting.export import export_fields
 from .reporting.law_files import export_laws
 from .reporting.second_process import SecondProcess, drawing_beside
 from .reporting.write import write_report
-from .runs import check_pause
+from .runs import Points
 from .store.arrays import FrameArrays, read_array, write_array
 from .store.clean import clean_run
-from .store.layout import BASE, FROM_PYTHON, chunk_frames, group_name
+from .store.layout import BASE, FROM_PYTHON, group_name
 from .store.replace import replace_file
 from .store.result_file import RESULT_FILE, finite, read_result, write_json
 from .store.run_lock import is_held, process_lives, run_lock, this_process
 from .store.run_store import RunStore
 from .store.stack import ZarrStack, ingest
 from .store.state_file import STATE_FILE
-from .systematic_run import assessed_experiments, systematic
-from .warm_up import compile_image_kernels, compile_stress_kernel, import_meanwhile
+from .systematic_run import systematic
+from .warm_up import import_meanwhile
 from .workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
 from .workers.dask_settings import cpu_seconds, use_one_thread
 from .workers.mirrored_runner import refuse_store
@@ -51,19 +48,17 @@ from .workers.working_folder import empty_folder, in_empty_folder
 from .workers.workplace import Workplace
 
 __all__ = [
-    "BASE", "ERROR", "FROM_PYTHON", "PAGE_FILE", "PASSWORD", "RESULT_FILE", "STATE_FILE", "Batch", "BatchJob",
-    "BatchOutcome", "CalibrationRun", "Console", "CorrelationJob", "FrameArrays", "JobKillsWorkers",
-    "OpenRun", "PrefectServer", "Prepared", "Progress", "RunContext", "RunStore", "SecondProcess", "SerialRunner",
-    "SimulationJob", "TaskRunner", "Timing", "Workplace", "ZarrStack", "accepted_residual", "assessed_experiments",
-    "channels_of", "check_pause", "check_scheduler", "checked_memory_limit", "chosen_tables", "chunk_frames",
-    "clean_run", "compare_runs", "compile_image_kernels", "compile_stress_kernel", "compiling_meanwhile",
-    "correlation_context", "cpu_seconds", "diagnose", "diagnose_plainly", "diagnose_run", "diagnosis_content",
+    "BASE", "DIRECT", "FROM_PYTHON", "PAGE_FILE", "PASSWORD", "RESULT_FILE", "STATE_FILE", "Batch", "BatchJob",
+    "BatchOutcome", "CalibrationRun", "Command", "Console", "CorrelationJob", "Folders", "FrameArrays", "Hooks",
+    "JobKillsWorkers", "Orchestrator", "Points", "PrefectServer", "Prepared", "Progress", "RunContext", "RunStore",
+    "SecondProcess", "SerialRunner", "SimulationJob", "TaskRunner", "Workplace", "ZarrStack", "accepted_residual",
+    "channels_of", "check_scheduler", "checked_memory_limit", "chosen_tables", "clean_run", "compare_runs",
+    "compiling_meanwhile", "correlation_context", "cpu_seconds", "diagnose", "diagnose_run", "diagnosis_content",
     "drawing_beside", "empty_folder", "experiments_of", "export_fields", "export_laws", "finite", "folders_of",
-    "free_parameters", "group_name", "has_force", "headlines", "identify_experiment", "identify_job", "identify_on",
-    "identify_plainly", "identify_whole", "import_meanwhile", "in_empty_folder", "ingest", "is_held", "is_joint",
-    "on_workers", "open_cluster", "open_run", "open_source", "peak_memory_mb", "plan_run", "prepare_in_memory",
-    "process_lives", "read_array", "read_batch", "read_result", "refuse_passed_point", "refuse_store", "replace_file",
-    "residuals_of", "run_calibration", "run_lock", "run_refits", "start_server", "systematic", "this_process",
-    "use_one_thread", "with_starts", "without_spots", "workplace_for", "write_all", "write_array", "write_comparison",
+    "free_parameters", "group_name", "has_force", "headlines", "identify_batch", "identify_run", "identify_whole",
+    "import_meanwhile", "in_empty_folder", "ingest", "is_held", "is_joint", "open_cluster", "open_run", "open_source",
+    "peak_memory_mb", "prepare_in_memory", "process_lives", "read_array", "read_batch", "read_result",
+    "refuse_passed_point", "refuse_store", "replace_file", "residuals_of", "run_calibration", "run_lock", "run_refits",
+    "start_server", "systematic", "this_process", "use_one_thread", "without_spots", "write_array", "write_comparison",
     "write_design", "write_json", "write_report",
 ]

@@ -150,6 +150,10 @@ class JointPoints:
         return self.joint.whole
 
     @property
+    def folders(self) -> list[Path]:
+        return [folder for part in self.parts.values() for folder in part.folders]
+
+    @property
     def image_noise(self) -> float:
         """That of the first experiment."""
         return next(iter(self.parts.values())).image_noise

@@ -2,12 +2,12 @@
 
     plan_run → check, claim → [recover] → ingest → prepare → open_points → run_loop → postprocess
 
-`SingleRun` is here, `JointRun` in ``joint_run.py``; the Prefect flow and the plain call use either of them.
+`SingleRun` is here, `JointRun` in ``joint_run.py``; `idic.run.identify_run` uses either of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,10 +37,13 @@ Progress = Callable[[str, int, int], None]
 class Points(PointStore, Protocol):
     """The points of a prepared run, and the files written at its end.
 
+    folders : of its experiments, in their order
     postprocess : residual maps and result; write_interrupted : the accepted point as a result, nothing where there is
     none
     """
 
+    @property
+    def folders(self) -> Sequence[Path]: ...
     def postprocess(self, state: LoopState, began: float) -> dict: ...
     def write_interrupted(self, began: float) -> dict | None: ...
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from idic.identification import (
 from idic.measure import boundary_start, dic_stack, with_boundary_start
 from idic.model import Experiment, Measured, is_mode
 from idic.run.joint_run import is_joint
+from idic.run.orchestrator import DIRECT, Command, Console, Hooks, Orchestrator
 from idic.run.prepared.context import RunContext, experiments_of, open_run
 from idic.run.store.arrays import read_array
 from idic.run.store.camera_groups import with_stored_images, with_stored_noise
@@ -30,8 +32,8 @@ from idic.run.store.result_file import RESULT_FILE, read_result, write_result
 from idic.run.store.run_lock import run_lock
 from idic.run.store.state_file import load_state
 from idic.run.store.system_store import load_evaluation
-from idic.run.workers.probe import ExperimentToSee
 from idic.run.workers.runner import Progress, TaskRunner
+from idic.run.workers.workplace import IN_PROCESS, Workplace
 
 ENDED = ("converged", "at_bound", "stalled", "max_iterations")
 
@@ -45,13 +47,14 @@ class AssessmentJob:
     increments: bool = False
 
 
-def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: bool = True,
-               progress: Progress | None = None) -> dict:
+def systematic(run: str | Path, bias: bool = True, spread: bool = True, *, workplace: Workplace = IN_PROCESS,
+               console: Console | None = None, orchestrator: Orchestrator = DIRECT) -> dict:
     """Estimate both for a finished RUN and write them into its result.json.
 
     Parameters
     ----------
-    progress : called with the number of finished assessments and of all, after each
+    bias, spread : the discretisation bias; the spread over treatments of boundary and camera
+    workplace, console, orchestrator : as of `idic.run.identify_run`; finished assessments are the tasks "comparisons"
 
     Returns
     -------
@@ -63,9 +66,18 @@ def systematic(run: str | Path, runner: TaskRunner, bias: bool = True, spread: b
         If the RUN holds no finished identification of one experiment, or of an external solver; another process works
         on it.
     """
+    console = console or Console()
     _finished(run)  # before the lock, which makes a file
-    with run_lock(run):
-        return _assessed(run, runner, bias, spread, progress)
+    workplace.check(run, say=console.stage)
+
+    def work(hooks: Hooks) -> dict:
+        return hooks.stage("assess", _assessed, run, hooks.runner, bias, spread, partial(console.tasks, "comparisons"))
+
+    with (orchestrator.opened(), workplace.opened(run, experiments_of(run), ("idic.run.systematic_run",)) as runner,
+          run_lock(run)):
+        command = Command("systematic", "the assessment", {"run": str(run), "bias": bias, "spread": spread,
+                                                           "workers": runner.workers})
+        return orchestrator.conduct(command, runner, console, work)
 
 
 def _assessed(run: str | Path, runner: TaskRunner, bias: bool, spread: bool, progress: Progress | None) -> dict:
@@ -87,12 +99,6 @@ def _assessed(run: str | Path, runner: TaskRunner, bias: bool, spread: bool, pro
         result = with_spread(result, found[n_biases:])
     write_result(run, result)
     return result
-
-
-def assessed_experiments(run: str | Path) -> tuple[ExperimentToSee, ...]:
-    """What the workers read besides the RUN; InputError as `systematic`."""
-    _finished(run)
-    return experiments_of(run)
 
 
 def assess(job: AssessmentJob) -> Assessment:

@@ -7,7 +7,7 @@ of the demo, hence the signatures that are compiled; images and numbers mean not
 from __future__ import annotations
 
 import tempfile
-import time
+from collections.abc import Callable
 from pathlib import Path
 from string import Template
 
@@ -15,7 +15,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from idic.laws import compiled_loop
-from idic.run import Console, OpenRun, SerialRunner, Timing, compile_image_kernels, plan_run
+from idic.run import SerialRunner, Workplace, identify_run
 from idic.virtual_tests.demo import FULL, LENGTH, RADIUS, TOML, WIDTH
 from idic.virtual_tests.experiment_files import empty_folder, write_images, write_loads
 from idic.virtual_tests.meshes import strip_with_hole, write_inp
@@ -45,13 +45,17 @@ def rehearse() -> None:
     for kind in ("tangent", "directional", "stress"):
         compiled_loop(kind)
     with tempfile.TemporaryDirectory() as folder:
-        planned = plan_run([write_rehearsal(Path(folder) / "experiment")], Path(folder) / "run",
-                           {"options.max_iterations": 1})
-        planned.check("auto")
-        with planned.claim(False):
-            planned.ingest(SerialRunner())
-            compile_image_kernels(planned.first_job)
-            OpenRun(planned, SerialRunner(), "auto", Timing(), time.perf_counter(), Console()).identify()
+        identify_run(write_rehearsal(Path(folder) / "experiment"), Path(folder) / "run",
+                     overrides={"options.max_iterations": 1}, workplace=Workplace(runner=_PreparingRunner()))
+
+
+class _PreparingRunner(SerialRunner):
+    """Does at once what others do in the background: the image kernels are compiled before the first simulation."""
+
+    def background(self, function, job, name) -> Callable[[], None]:
+        """See `TaskRunner.background`."""
+        function(job)
+        return super().background(function, job, name)
 
 
 if __name__ == "__main__":

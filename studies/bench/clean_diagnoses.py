@@ -26,7 +26,7 @@ import material_twins as twins
 from side_twins import GRIP_NOISE, NOISE, ORIGIN, PIXEL, SHAPE
 
 from idic.images import ArrayStack, Camera, dense_speckle
-from idic.run import diagnose_run, identify_experiment
+from idic.run import diagnose_run, identify_run
 from idic_studies.cases.coverage import WORLDS
 from idic_studies.cases.realisation import autoregression
 from idic.virtual_tests import Sensor, clean_image, painted, recorded_by, write_images, write_loads
@@ -66,7 +66,7 @@ def draw(seed: int, model: str, world: str) -> tuple[str, ...]:
     with tempfile.TemporaryDirectory() as folder:
         test = Path(folder) / "test"
         write_draw(test, model, world, seed)
-        result = identify_experiment(test, Path(folder) / "run")
+        result = identify_run(test, Path(folder) / "run")
         content = diagnose_run(Path(folder) / "run")
     truth = twins.TRUTHS[NAMES[model]].values
     off = max(abs(entry["value"] - truth[name.rpartition(".")[2]]) / entry["std"]

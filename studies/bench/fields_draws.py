@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.images import Camera
-from idic.run import identify_experiment
+from idic.run import identify_run
 from idic.virtual_tests import DemoSize, LENGTH, RADIUS, THICKNESS, WIDTH
 from idic_studies.examples.open_hole_strip import POLYMER, polymer, write_clean
 from idic_studies.subset_dic import subset_displacements, subset_grid
@@ -128,7 +128,7 @@ def write_images(folder: Path, images: np.ndarray, force: np.ndarray, camera: Ca
 
 
 def _identified(folder: Path, out: Path, prefix: str) -> dict:
-    result = identify_experiment(folder, out)
+    result = identify_run(folder, out)
     found = {f"{prefix}status": result["status"], f"{prefix}chi2": result["residual"].get("image_chi2_dof")}
     entries = result["parameters"]
     for name in NAMES:

@@ -10,7 +10,7 @@ import pytest
 import idic
 from idic.experiment_file import load_experiment
 from idic.identification import identify
-from idic.run import diagnose_run
+from idic.run import Console, diagnose_run
 from idic.virtual_tests import strip_with_hole, write_inp
 
 pytestmark = [pytest.mark.bench, pytest.mark.slow]
@@ -29,7 +29,7 @@ def timed_by_stage(run):
         moments.append(time.process_time())
         stages.append(text)
 
-    content = diagnose_run(run, stage=stage)
+    content = diagnose_run(run, console=Console(stage))
     moments.append(time.process_time())
     spent = [(b - a, text) for a, b, text in zip(moments[1:-1], moments[2:], stages[1:], strict=True)]
     screenings = [seconds for seconds, text in spent if text.startswith("screening")]
@@ -46,10 +46,10 @@ def test_a_diagnosis_costs_a_few_identifications(measured, tmp_path, monkeypatch
     from material_twins import write_folder
 
     write_folder(tmp_path / "test", "plasticity", 3)
-    idic.identify_experiment(tmp_path / "test", tmp_path / "warm-up")  # compiled laws
-    idic.identify_experiment(tmp_path / "test", tmp_path / "run")
+    idic.identify(tmp_path / "test", tmp_path / "warm-up")  # compiled laws
+    idic.identify(tmp_path / "test", tmp_path / "run")
     diagnose_run(tmp_path / "run")  # compiled laws of the candidates
-    pairs = [(cpu(idic.identify_experiment, tmp_path / "test", tmp_path / f"run{k}")[1],
+    pairs = [(cpu(idic.identify, tmp_path / "test", tmp_path / f"run{k}")[1],
               timed_by_stage(tmp_path / "run")) for k in range(3)]
     whole, screening = (median(diagnosed[kind] / one for one, diagnosed in pairs) for kind in (1, 2))
     one = median(one for one, _ in pairs)
@@ -85,7 +85,7 @@ def test_what_a_diagnosis_of_640_pixels_costs(measured, tmp_path, monkeypatch):
     """
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "tests" / "diagnose")
     write_large(tmp_path / "test", monkeypatch)
-    idic.identify_experiment(tmp_path / "test", tmp_path / "run")  # compiles, and leaves the RUN
+    idic.identify(tmp_path / "test", tmp_path / "run")  # compiles, and leaves the RUN
     diagnose_run(tmp_path / "run", quick=True)
     experiment = load_experiment(tmp_path / "test")
     first = cpu(identify, experiment)[1]

@@ -21,7 +21,7 @@ from idic.experiment_file import load_experiment
 from idic.identification import identify
 from idic.images import dense_speckle
 from idic.measure import seen_by
-from idic.run import identify_experiment
+from idic.run import identify_run
 from idic.report import noise_floor
 from idic.virtual_tests import (
     DEMO_TRUTH, LENGTH, RADIUS, REDUCED, WIDTH, painted, strip, strip_with_hole, write_images, write_virtual_model,
@@ -79,7 +79,7 @@ def from_files(folder: Path, division, cell: str, overrides) -> dict:
     (folder / "images").mkdir(parents=True)
     stack = write_virtual_model(folder, test, floor_gv=FINER_STEPS * NOISE_GV)
     write_images(folder, (np.rint(FINER_STEPS * stack.frame(k)).astype(np.uint16) for k in range(stack.n_frames)))
-    return identify_experiment(folder, folder / "run", overrides=overrides)
+    return identify_run(folder, folder / "run", overrides=overrides)
 
 
 def row(folder: Path, label: str, division, cell: str, overrides) -> str:

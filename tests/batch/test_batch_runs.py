@@ -79,14 +79,14 @@ class Murderous:
 
 @pytest.mark.parametrize("victim", ["a", "b", "c"])
 def test_a_run_that_kills_its_workers_is_given_up_and_the_others_are_done(tmp_path, victim):
+    from idic.run import Batch, Console, Hooks
     from idic.run.batch.entries import BatchRun
-    from idic.run import Batch
-    from idic_flows.batch import BatchConsole, _side_by_side, _Work
+    from idic.run.batch.identify import _Work
 
     batch = Batch(tmp_path / "out", [BatchRun(name, "x") for name in "abc"])
     runner = Murderous(victim)
     with batch.claim(resume=False):
-        _side_by_side(_Work(batch, runner, BatchConsole()), [batch.job(run) for run in batch.runs])
+        _Work(batch, Hooks(runner), Console()).side_by_side([batch.job(run) for run in batch.runs])
         rows = {row["name"]: row for row in batch.write("finished")["runs"]}
     assert sorted(runner.done) == sorted(set("abc") - {victim})
     assert rows[victim]["status"] == "error" and "keep dying" in rows[victim]["reason"]
@@ -94,9 +94,9 @@ def test_a_run_that_kills_its_workers_is_given_up_and_the_others_are_done(tmp_pa
 
 
 def test_the_run_that_kills_its_workers_is_given_up_also_where_earlier_ones_are_still_at_work(tmp_path):
+    from idic.run import Batch, Console, Hooks
     from idic.run.batch.entries import BatchRun
-    from idic.run import Batch
-    from idic_flows.batch import BatchConsole, _side_by_side, _Work
+    from idic.run.batch.identify import _Work
 
     class Numbered(Murderous):
         def stream(self, function, jobs, names, retries=0, progress=None, ahead=None, copies=False):
@@ -108,7 +108,7 @@ def test_the_run_that_kills_its_workers_is_given_up_also_where_earlier_ones_are_
 
     batch = Batch(tmp_path / "out", [BatchRun(name, "x") for name in "abc"])
     with batch.claim(resume=False):
-        _side_by_side(_Work(batch, Numbered("b"), BatchConsole()), [batch.job(run) for run in batch.runs])
+        _Work(batch, Hooks(Numbered("b")), Console()).side_by_side([batch.job(run) for run in batch.runs])
         rows = {row["name"]: row["status"] for row in batch.write("finished")["runs"]}
     assert rows == {"a": "converged", "b": "error", "c": "converged"}
 

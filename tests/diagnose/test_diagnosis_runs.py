@@ -28,7 +28,7 @@ LIBRARY = tuple(c for c in candidate_library() if c.name in FEW)
 def diagnosed(folder, name, seed=0, library=LIBRARY):
     """Identification and diagnosis of a twin  # RUN, result.json, diagnosis.json"""
     write_folder(folder / "test", name, seed)
-    result = idic.identify_experiment(folder / "test", folder / "run")
+    result = idic.identify(folder / "test", folder / "run")
     return folder / "run", result, diagnose_run(folder / "run", library=library)
 
 
@@ -42,7 +42,7 @@ def commanded(tmp_path_factory):
     """A sound model diagnosed by the command, with the whole library and a worker  # RUN, result.json, answer"""
     folder = tmp_path_factory.mktemp("sound")
     write_folder(folder / "test", "clean", 0)
-    result = idic.identify_experiment(folder / "test", folder / "run")
+    result = idic.identify(folder / "test", folder / "run")
     answer = CliRunner(env={"COLUMNS": "140"}).invoke(app, ["diagnose", str(folder / "run"), "--workers", "1"])
     assert answer.exit_code == 0, answer.stderr
     return folder / "run", result, answer

@@ -18,7 +18,7 @@ def test_a_strip_far_into_plasticity_is_named_where_poisson_s_ratio_is_held(tmp_
     law, rest = text.index('law = "j2_linear"'), text.index("[[boundary]]")
     elastic = 'law = "elastic"\nE = { value = 55e3, unit = "MPa", identify = true }\nnu = 0.3\n\n'
     file.write_text(text[:law] + elastic + text[rest:])
-    idic.identify_experiment(tmp_path / "strip", tmp_path / "run")
+    idic.identify(tmp_path / "strip", tmp_path / "run")
     content = diagnose_run(tmp_path / "run")
     promised = {entry["name"]: entry["predicted_chi2_drop"] for entry in content["candidates"]}
     assert sum(promise > promised["plasticity"] for promise in promised.values()) >= 5

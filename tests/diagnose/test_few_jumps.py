@@ -124,7 +124,7 @@ def test_a_diagnosis_tells_the_jumps_and_leaves_a_ramp(tmp_path, kind):
     few = ("grip_slip", "grip_rotation", "machine_compliance", "plasticity", "force_offset", "seating")
     ramp = 0.012 * np.clip((TIMES - 2.2) / 8.8, 0.0, 1.0)
     write_folder(tmp_path / "test", in_jumps() if kind == "jumps" else lagging(ramp))
-    idic.identify_experiment(tmp_path / "test", tmp_path / "run")
+    idic.identify(tmp_path / "test", tmp_path / "run")
     content = diagnose_run(tmp_path / "run", library=tuple(c for c in candidate_library() if c.name in few))
     assert content["verdict"] == "single" and content["named"] == ["grip_slip"]
     (course,) = content["courses"]

@@ -105,7 +105,7 @@ def shaped(component, *columns):
 
 
 def diagnosed(folder, side):
-    idic.identify_experiment(write_folder(folder / "test", side), folder / "run")
+    idic.identify(write_folder(folder / "test", side), folder / "run")
     return diagnose_run(folder / "run", library=LIBRARY)
 
 

@@ -81,7 +81,7 @@ def test_the_headline_says_whether_a_curve_describes_what_no_name_does():
 @pytest.mark.slow
 @by_calculix
 def test_rubber_that_stiffens_has_no_name_and_is_described_by_a_free_curve(tmp_path, monkeypatch):
-    idic.identify_experiment(write_rubber(tmp_path, monkeypatch), tmp_path / "run")
+    idic.identify(write_rubber(tmp_path, monkeypatch), tmp_path / "run")
     content = diagnose_run(tmp_path / "run", library=LIBRARY)
     curve = content["free_form"]
     assert content["verdict"] == "outside_library" and curve["describes"] and curve["share"] > 0.9

@@ -96,7 +96,7 @@ def test_the_strip_is_said_to_yield_from_its_edge_on(tmp_path):
 
     names = ("plasticity", "creep", "hardening_curvature", "grip_slip", "heterogeneity", "magnification")
     write_elastic_strip(tmp_path / "bulge", REDUCED_SIZE)
-    before = idic.identify_experiment(tmp_path / "bulge", tmp_path / "run")["parameters"]["strip.E"]
+    before = idic.identify(tmp_path / "bulge", tmp_path / "run")["parameters"]["strip.E"]
     assert before["value"] < 0.6 * 15700.0
     content = diagnose_run(tmp_path / "run", library=tuple(c for c in candidate_library() if c.name in names))
     assert content["named"][0] == "plasticity"

@@ -30,7 +30,7 @@ by_calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX i
 
 def diagnosed(folder, path):
     """diagnosis.json of a folder of an experiment."""
-    idic.identify_experiment(path, folder / "run")
+    idic.identify(path, folder / "run")
     return diagnose_run(folder / "run", library=LIBRARY)
 
 

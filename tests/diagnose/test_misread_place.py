@@ -40,7 +40,7 @@ def test_a_limit_stays_where_the_place_explains_less_than_a_further_cause_would(
 @pytest.mark.parametrize("name", ["placement", "pixel_size", "camera_rotation", "origin"])
 def test_a_misread_scale_and_point_are_one_cause_and_one_of_them_alone_keeps_its_name(tmp_path, name):
     write_folder(tmp_path / "test", Side(camera=misread) if name == "placement" else SIDES[name])
-    idic.identify_experiment(tmp_path / "test", tmp_path / "run")
+    idic.identify(tmp_path / "test", tmp_path / "run")
     content = diagnose_run(tmp_path / "run", library=tuple(c for c in candidate_library() if c.name in FEW))
     assert content["verdict"] in ("single", "set") and content["named"] == [name]
     after = content["model"]["parameters_after"]

@@ -29,7 +29,7 @@ def soft_machine(tmp_path_factory):
         writer = csv.DictWriter(file, rows[0])
         writer.writeheader()
         writer.writerows(rows)
-    result = idic.identify_experiment(folder / "test", folder / "run", workers=0)
+    result = idic.identify(folder / "test", folder / "run", workers=0)
     diagnose_run(folder / "run", library=tuple(one for one in candidate_library() if one.name in FEW))
     return result, json.loads((folder / "run" / "diagnosis.json").read_text())
 

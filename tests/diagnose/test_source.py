@@ -20,7 +20,7 @@ AS_GIVEN = {"options.element_order": "as_given"}
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("taken-up")
     write_folder(folder / "test", "clean_plastic", 0)  # an elastic body needs no search at all
-    idic.identify_experiment(folder / "test", folder / "run")
+    idic.identify(folder / "test", folder / "run")
     return folder / "run"
 
 
@@ -56,7 +56,7 @@ def test_a_damaged_solution_is_not_begun_with(run, tmp_path):
 def test_virtual_edges_of_a_run_keep_the_modes_that_it_measured(tmp_path):
     write_folder(tmp_path / "test", "clean", 0)
     edges = [{"nodes": name, "u": {"virtual": "dic", "modes": 1, "time_modes": 1}} for name in ("LEFT", "RIGHT")]
-    idic.identify_experiment(tmp_path / "test", tmp_path / "run",
+    idic.identify(tmp_path / "test", tmp_path / "run",
                              overrides={"boundary": edges, "options.max_iterations": 1})
     source, found = open_source(tmp_path / "run")
     for here, there in zip(source.load().prescribed, found.experiment.prescribed, strict=True):

@@ -160,7 +160,7 @@ def test_many_spots_are_counted_and_not_told_one_by_one():
 def test_a_diagnosis_names_the_spot_and_its_parameters_are_right(tmp_path, kind):
     """Before, dust moved E by 1 % and its error bar to 185 MPa, lost paint was "unexplained motion"."""
     write_folder(tmp_path / "test", Side(image=dusty if kind == DUST else flaking()))
-    idic.identify_experiment(tmp_path / "test", tmp_path / "run")
+    idic.identify(tmp_path / "test", tmp_path / "run")
     content = diagnose_run(tmp_path / "run")
     assert (content["verdict"], content["named"]) == ("single", [kind]) and content["left_over"] is None
     for name in ("E", "nu"):

@@ -109,7 +109,7 @@ def test_a_slip_that_chance_feigned_in_one_noise_copy_is_no_alarm(tmp_path, monk
     from clean_diagnoses import write_draw
 
     write_draw(tmp_path / "test", "elastic", "grey_level", 6026)
-    idic.identify_experiment(tmp_path / "test", tmp_path / "run")
+    idic.identify(tmp_path / "test", tmp_path / "run")
     content = diagnose_run(tmp_path / "run")
     page = re.sub("base64,[A-Za-z0-9+/=]+", "", (tmp_path / "run" / "diagnosis.html").read_text(encoding="utf-8"))
     assert content["verdict"] == "none" and content["named"] == []

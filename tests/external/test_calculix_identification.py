@@ -9,7 +9,7 @@ import shutil
 
 import pytest
 
-from idic import identify_experiment
+from idic import identify
 from idic.fe import PERMISSION
 
 CASE = "open-case-1-plate-with-hole-elastoplastic"
@@ -76,11 +76,11 @@ def test_calculix_and_the_built_in_solver_identify_the_same_parameters(tmp_path,
     for name in ("own", "theirs"):
         shutil.copytree(shared_data(CASE), tmp_path / name, copy_function=shutil.copyfile)
         (tmp_path / name).chmod(0o755)
-    own = identify_experiment(tmp_path / "own", tmp_path / "run-own", overrides=OPTIONS | {"options.substeps": 1})
+    own = identify(tmp_path / "own", tmp_path / "run-own", overrides=OPTIONS | {"options.substeps": 1})
     assert own["status"] == "converged"
     start = {f"material.SPECIMEN.{name}.value": own["parameters"][f"SPECIMEN.{name}"]["value"] * off
              for name, off in OFF.items()}
-    theirs = identify_experiment(with_calculix(tmp_path / "theirs"), tmp_path / "run-theirs", overrides=OPTIONS | start)
+    theirs = identify(with_calculix(tmp_path / "theirs"), tmp_path / "run-theirs", overrides=OPTIONS | start)
     assert theirs["status"] == "converged"
     for name in OFF:
         ratio = theirs["parameters"][f"SPECIMEN.{name}"]["value"] / own["parameters"][f"SPECIMEN.{name}"]["value"]

@@ -72,7 +72,7 @@ def test_a_good_run_leaves_nothing_behind(tmp_path, monkeypatch):
 @pytest.mark.parametrize("fault", ["crash", *(pytest.param(f, marks=pytest.mark.slow) for f in ("", "nan", "hang"))])
 def test_the_identification_avoids_parameters_that_cannot_be_simulated(tmp_path, fault):
     folder = write_strip(tmp_path / "strip", misbehaving(fault, str(tmp_path / "mark"), timeout_s=4))
-    result = idic.identify_experiment(folder, tmp_path / "run")
+    result = idic.identify(folder, tmp_path / "run")
     assert result["status"] == "converged" and result["sensitivity"] == "perturbed"
     for name, value in (("E", TRUTH["E"] / 1e3), ("nu", TRUTH["nu"])):  # E is given in GPa
         found = result["parameters"][f"BODY.{name}"]
@@ -86,7 +86,7 @@ def test_the_identification_avoids_parameters_that_cannot_be_simulated(tmp_path,
 
 def test_where_the_start_cannot_be_simulated_the_run_says_so(tmp_path):
     folder = write_strip(tmp_path / "strip", misbehaving("crash", between=(1100.0, 1300.0)))
-    result = idic.identify_experiment(folder, tmp_path / "run")
+    result = idic.identify(folder, tmp_path / "run")
     assert result["status"] == "forward_failed"
     assert "had enough" in result["history"][0]["message"]
 
@@ -96,7 +96,7 @@ def test_without_permission_nothing_is_started_or_written(tmp_path, monkeypatch)
     folder = write_strip(tmp_path / "strip", misbehaving("", str(count)))
     monkeypatch.setenv("IDIC_ALLOW_EXTERNAL", "ccx")
     with pytest.raises(InputError, match="not allowed"):
-        idic.identify_experiment(folder, tmp_path / "run")
+        idic.identify(folder, tmp_path / "run")
     forward = build_forward(load_experiment(folder))
     with pytest.raises(InputError, match="not allowed"):
         solve(forward, forward.experiment.parameters)
@@ -106,7 +106,7 @@ def test_without_permission_nothing_is_started_or_written(tmp_path, monkeypatch)
 def test_direct_differentiation_is_refused_before_anything_is_written(tmp_path):
     folder = write_strip(tmp_path / "strip")
     with pytest.raises(InputError, match="gives no derivatives"):
-        idic.identify_experiment(folder, tmp_path / "run", sensitivity="direct")
+        idic.identify(folder, tmp_path / "run", sensitivity="direct")
     assert not (tmp_path / "run").exists()
 
 

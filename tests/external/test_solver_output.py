@@ -102,5 +102,5 @@ def test_a_solver_that_moves_less_than_prescribed_is_reported(tmp_path):
     script.write_text(script.read_text().replace("strain = motion / LENGTH", "strain = 0.9 * motion / LENGTH"))
     with (folder / "experiment.toml").open("a") as file:
         file.write("[options]\nmax_iterations = 1\n")
-    notes = idic.identify_experiment(folder, tmp_path / "run")["notes"]
+    notes = idic.identify(folder, tmp_path / "run")["notes"]
     assert any("boundary.RIGHT.x by 0.108 mm in frame 4" in note and "0.12 mm" in note for note in notes)

@@ -36,6 +36,6 @@ def small(tmp_path_factory, script_folder):
     """Of 11 small frames that start near the truth: experiment, run, result, M and b."""
     folder = tmp_path_factory.mktemp("small")
     write_small_strip(folder / "experiment")
-    idic.identify_experiment(folder / "experiment", folder / "run")
+    idic.identify(folder / "experiment", folder / "run")
     return SimpleNamespace(experiment=folder / "experiment", run=folder / "run", result=outcome(folder / "run"),
                            system=stored_system(folder / "run"))

@@ -21,7 +21,7 @@ PLAIN = """
 import sys
 if __name__ == "__main__":
     import idic
-    idic.identify_experiment(sys.argv[1], sys.argv[2], resume=True, workers=int(sys.argv[3]))
+    idic.identify(sys.argv[1], sys.argv[2], resume=True, workers=int(sys.argv[3]))
 """
 
 

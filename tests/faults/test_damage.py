@@ -100,7 +100,7 @@ def kinds(small, tmp_path_factory):
         folder = tmp_path_factory.mktemp("kind")
         shutil.copytree(small.experiment, folder / "experiment")
         CHANGES[kind](folder / "experiment")
-        idic.identify_experiment(folder / "experiment", folder / "run")
+        idic.identify(folder / "experiment", folder / "run")
         return SimpleNamespace(
             experiment=folder / "experiment",
             run=folder / "run",
@@ -122,7 +122,7 @@ def damaged_run(whole, tmp_path, number: int, damage: str, finished: bool) -> Pa
 
 
 def assert_computed_anew(whole, run: Path) -> None:
-    result = idic.identify_experiment(whole.experiment, run, resume=True)
+    result = idic.identify(whole.experiment, run, resume=True)
     assert result["status"] == whole.result["status"]
     assert outcome(run) == whole.result
     assert stored_system(run) == whole.system
@@ -243,7 +243,7 @@ def test_spoilt_descriptions_are_computed_anew_or_reported(kinds, tmp_path, seed
     file = files[int(generator.integers(len(files)))]
     file.write_text(spoilt_text(file.read_text(), generator))
     try:
-        idic.identify_experiment(whole.experiment, run, resume=True)
+        idic.identify(whole.experiment, run, resume=True)
     except InputError as problem:
         assert problem.what and problem.remedy, file
         return
@@ -262,7 +262,7 @@ if __name__ == "__main__":
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]), int(sys.argv[3])))
     try:
         with outcome():
-            idic.identify_experiment(sys.argv[1], sys.argv[2], resume=True)
+            idic.identify(sys.argv[1], sys.argv[2], resume=True)
     except typer.Exit as end:
         sys.exit(end.exit_code)
 """
@@ -281,7 +281,7 @@ def test_files_that_may_not_grow_end_a_run_with_a_message_and_resume_goes_on(sma
     answer = limited(small.experiment, tmp_path, tmp_path / "run", 20_000)
     assert answer.returncode == 2, answer.stderr
     assert "File too large" in answer.stderr and "what to do" in answer.stderr and "Traceback" not in answer.stderr
-    assert idic.identify_experiment(small.experiment, tmp_path / "run", resume=True)["status"] == "converged"
+    assert idic.identify(small.experiment, tmp_path / "run", resume=True)["status"] == "converged"
     assert outcome(tmp_path / "run") == small.result
 
 

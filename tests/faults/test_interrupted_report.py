@@ -60,7 +60,7 @@ def test_a_result_that_is_older_than_the_last_step_of_a_killed_run_says_how_to_f
 
 def test_an_interrupted_run_of_two_cameras_has_a_report(tmp_path):
     two_cameras(write_small_strip(tmp_path / "test"))
-    idic.identify_experiment(tmp_path / "test", tmp_path / "done", overrides={"options.max_iterations": 1})
+    idic.identify(tmp_path / "test", tmp_path / "done", overrides={"options.max_iterations": 1})
     interrupted(tmp_path / "done", tmp_path / "run")
     record = load_record(tmp_path / "run")
     assert len(record.cameras) == 1 and record.channels

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import idic
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.run import FrameArrays, SerialRunner, identify_on, open_run, read_array, residuals_of
+from idic.run import FrameArrays, open_run, read_array, residuals_of
 
 
 def here(*arguments):
@@ -155,7 +155,7 @@ def test_damaged_data_are_computed_anew(small, tmp_path, array, damage):
     run = open_run_copy(small, tmp_path)
     chunk = a_chunk(run, array)
     flip_a_bit(chunk) if damage == "flipped" else chunk.unlink()
-    idic.identify_experiment(small.experiment, run, resume=True)
+    idic.identify(small.experiment, run, resume=True)
     assert_same_end(run, small)
 
 
@@ -169,7 +169,7 @@ def alter(file):
 def test_the_copy_of_a_damaged_description_is_used(small, tmp_path, name):
     run, said = open_run_copy(small, tmp_path), []
     alter(run / name)
-    identify_on(SerialRunner(), [small.experiment], run, resume=True, say=said.append)
+    idic.identify([small.experiment], run, resume=True, say=said.append)
     assert_same_end(run, small)
     assert [line for line in said if f"{name} is damaged: its copy takes its place" in line]
 
@@ -180,7 +180,7 @@ def test_a_description_that_is_damaged_with_its_copy_is_reported_and_not_used(sm
     for file in (f"{name}.json", f"{name}.copy.json"):
         alter(run / file)
     with pytest.raises(InputError) as refused:
-        idic.identify_experiment(small.experiment, run, resume=True)
+        idic.identify(small.experiment, run, resume=True)
     assert f"{name}.json" in str(refused.value) and refused.value.remedy
     assert not (run / "result.json").exists()
 
@@ -192,7 +192,7 @@ def test_the_run_of_another_experiment_stays_as_it_is(small, tmp_path):
     (other / "loads.csv").write_text(log[::-1].replace("1", "2", 1)[::-1])  # one digit of the last row
     before = contents(small.run)
     with pytest.raises(InputError, match="another experiment"):
-        idic.identify_experiment(other, small.run, resume=True)
+        idic.identify(other, small.run, resume=True)
     assert contents(small.run) == before
 
 
@@ -225,6 +225,6 @@ def test_a_finished_run_answers_again_without_computing(small, tmp_path):
     shutil.copytree(small.run, run)
     before = (run / "result.json").read_bytes()
     simulated = (run / "run.zarr" / "channels" / "zarr.json").stat().st_mtime_ns
-    idic.identify_experiment(small.experiment, run, resume=True)
+    idic.identify(small.experiment, run, resume=True)
     assert (run / "result.json").read_bytes() == before
     assert (run / "run.zarr" / "channels" / "zarr.json").stat().st_mtime_ns == simulated

@@ -24,7 +24,7 @@ from idic.run.reporting.write import load_record  # noqa: E402
 def run(tmp_path_factory):
     root = tmp_path_factory.mktemp("export")
     path = write_folder(root / "test", Twin(seed=1), ELASTIC + GRIPS + FORCE)
-    idic.identify_experiment(path, root / "run")
+    idic.identify(path, root / "run")
     return root / "run"
 
 

@@ -37,7 +37,7 @@ def clean():
 def run(tmp_path_factory, clean):
     root = tmp_path_factory.mktemp("fields")
     path = write_folder(root / "test", TWIN, ELASTIC + GRIPS + FORCE, clean)
-    idic.identify_experiment(path, root / "run")
+    idic.identify(path, root / "run")
     return root / "run"
 
 

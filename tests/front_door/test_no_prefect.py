@@ -12,8 +12,9 @@ from typer.testing import CliRunner
 from virtual_tests.small_strip import write_small_strip
 
 from idic.cli.app import app
-from idic.run import plan_run, workplace_for
-from idic.run.store.layout import DESCRIPTION
+from idic.experiment_file import load_experiment
+from idic.report import expected_cost
+from idic.run import Workplace
 
 pytestmark = pytest.mark.usefixtures("shared_server")
 # what an identification begins without: the methods of SciPy load where they are used, files of few experiments where
@@ -24,7 +25,7 @@ LATE = ("scipy.interpolate", "scipy.io", "scipy.ndimage", "scipy.optimize", "sci
 WITHOUT = """
     import sys
     from idic.cli import main
-    import idic.run.plain
+    import idic.run.identify
 
     print("too soon:", [name for name in {late!r} if name in sys.modules])
 
@@ -101,10 +102,10 @@ def test_it_gives_the_bits_of_the_flow(strip, plain):
 
 
 def test_a_small_identification_has_worker_processes_only_where_the_user_names_them(strip):
-    planned = plan_run([strip / "test"], strip / "nothing", {})
-    assert workplace_for(planned, None, None, None, None).workers == 0  # with Prefect and without
-    assert workplace_for(planned, 2, None, None, None).workers == 2
-    assert workplace_for(planned, None, None, "2GB", None).workers is None  # of each worker: one per core
+    worth_workers = expected_cost(load_experiment(strip / "test")).worth_workers
+    assert Workplace().worthwhile(worth_workers).workers == 0
+    assert Workplace(2).worthwhile(worth_workers).workers == 2
+    assert Workplace(memory_limit="2GB").worthwhile(worth_workers).workers is None  # of each worker: one per core
 
 
 def test_it_refuses_an_earlier_run_and_resumes_it_where_that_is_asked(strip, plain):
@@ -112,4 +113,4 @@ def test_it_refuses_an_earlier_run_and_resumes_it_where_that_is_asked(strip, pla
     refused = here("identify", strip / "test", "--out", run, "--no-prefect")
     assert refused.exit_code == 2 and "--resume" in refused.stderr
     again = here("identify", strip / "test", "--out", run, "--no-prefect", "--resume", "--no-report")
-    assert again.exit_code == 0 and (run / DESCRIPTION).exists()
+    assert again.exit_code == 0 and (run / "run.json").exists()

@@ -16,11 +16,11 @@ ROOT = Path(__file__).parents[2]
 @pytest.mark.slow  # what faults/ and report/ see of the same calls; that they are there is seen below
 def test_an_example_is_identified_and_reported_without_prefect(tmp_path):
     write_small_strip(tmp_path / "exp")
-    result = idic.identify_experiment(tmp_path / "exp", tmp_path / "run")
+    result = idic.identify(tmp_path / "exp", tmp_path / "run")
     assert result["status"] == "converged"
     report = idic.write_report(tmp_path / "run")
     assert report.read_text(encoding="utf-8").lstrip().lower().startswith("<!doctype html")
-    again = idic.identify_experiment(tmp_path / "exp", tmp_path / "run", resume=True)
+    again = idic.identify(tmp_path / "exp", tmp_path / "run", resume=True)
     assert again["parameters"] == result["parameters"]
 
 

@@ -16,7 +16,7 @@ from commands import assert_fair, campaign, contents, copy_of, idic, within_outc
 from hypothesis import strategies as st
 from spoil_run import describe, flip, forged, spoilt_runs
 
-from idic import identify_experiment
+from idic import identify
 from idic.cli.app import exit_code
 from idic.cli.outcomes import BAD_INPUT, DONE
 from idic.errors import InputError
@@ -33,7 +33,7 @@ OVERRIDES = {"options.weighting": "noise"}  # a diagnosis weighs by it
 def whole_run(base: str) -> Path:
     """The RUN of a base experiment; copied, never changed."""
     run = Path(mkdtemp(prefix="idic-fuzz-run-")) / base
-    identify_experiment(base_folder(base), run, overrides=OVERRIDES)
+    identify(base_folder(base), run, overrides=OVERRIDES)
     return run
 
 
@@ -61,7 +61,7 @@ def assert_the_same(found: dict, base: str) -> None:
 # what reads a RUN -------------------------------------------------------------------------------------
 def resume(run: Path, base: str, sure: bool) -> None:
     again = {"resume": True, "overrides": OVERRIDES}
-    answer = within_outcome(lambda: exit_code(identify_experiment(base_folder(base), run, **again)["status"]))
+    answer = within_outcome(lambda: exit_code(identify(base_folder(base), run, **again)["status"]))
     usual = exit_code(read_result(whole_run(base))["status"])
     assert_fair(answer, (usual, BAD_INPUT))
     if sure and answer.code == usual:
@@ -213,7 +213,7 @@ def test_a_run_whose_identity_is_no_identity_is_refused(identity):
         content = json.loads(described.read_text())
         content["attributes"]["identity"] = identity
         described.write_text(json.dumps(content))
-        answer = within_outcome(lambda: exit_code(identify_experiment(
+        answer = within_outcome(lambda: exit_code(identify(
             base_folder("cameras"), run, resume=True, overrides=OVERRIDES)["status"]))
         assert_fair(answer, (BAD_INPUT,))
         assert "belongs to another experiment" in answer.said

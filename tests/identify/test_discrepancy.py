@@ -92,7 +92,7 @@ def test_a_run_states_the_same_standard_deviations_as_memory(tmp_path):
     images = [np.clip(np.rint(experiment.stack.frame(k)), 0, 255).astype(np.uint8) for k in range(stack.n_frames)]
     write_images(tmp_path / "experiment", images)
     overrides = drawn.overrides | {"camera.noise_std_gv": 2.02}
-    result = idic.identify_experiment(tmp_path / "experiment", tmp_path / "run", overrides=overrides)
+    result = idic.identify(tmp_path / "experiment", tmp_path / "run", overrides=overrides)
     written = type(stack)(np.array(images, dtype=np.float32))
     memory = identify(load_experiment(tmp_path / "experiment", overrides, stack=written)).result
     assert result["discrepancy"]["significant"]

@@ -84,7 +84,7 @@ def write_folder(folder, toml=TOML, gaps=0.002):
 
 def test_height_images_of_a_solid_are_identified_from_their_folder(tmp_path):
     folder = write_folder(tmp_path / "test")
-    result = idic.identify_experiment(folder, tmp_path / "run")
+    result = idic.identify(folder, tmp_path / "run")
     assert result["status"] == "converged"
     for name, true in TRUTH.items():
         found = result["parameters"][f"BODY.{name}"]

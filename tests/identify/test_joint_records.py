@@ -16,7 +16,7 @@ from idic.identification.noise.channel_noise import weighted_std
 from idic.identification.result import joint_record_notes
 from idic.identification.step.increments import MAX_COARSE_REJECTIONS, meets_a_jump
 from idic.model import Column
-from idic.run import identify_experiment
+from idic.run import identify_run
 from idic.run.joint_result import derived_of_part
 
 OWN_STRENGTH = """
@@ -85,7 +85,7 @@ def test_a_shorter_experiment_after_a_longer_one_is_identified_with_it(clean, tm
     short = Twin(seed=1, grip=Twin.grip[:5], times=Twin.times[:5])
     paths = [write_folder(tmp_path / "long", Twin(), ELASTIC + GRIPS + FORCE, clean),
              write_folder(tmp_path / "short", short, ELASTIC + GRIPS + FORCE, (images[:5], force[:5]))]
-    result = identify_experiment(paths, tmp_path / "run")
+    result = identify_run(paths, tmp_path / "run")
     assert result["status"] == "converged" and result["parameters"]["BODY.E"]["std"] > 0.0
 
 

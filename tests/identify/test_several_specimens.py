@@ -18,7 +18,7 @@ from idic.identification import AcceptedPoint, evaluate_at, join, specimens_cont
 from idic.identification.specimens.scatter import scatter
 from idic.parameters import JointPrior, ParameterSet
 from idic.report import joint_page
-from idic.run import identify_experiment
+from idic.run import identify_run
 
 E1, E2, NU12, G12 = 60_000.0, 20_000.0, 0.15, 4_000.0
 WIDTH, HEIGHT, THICKNESS = 12.0, 36.0, 2.0
@@ -93,7 +93,7 @@ def test_three_directions_give_the_four_constants_that_no_one_of_them_gives(tmp_
     folders = [write_specimen(tmp_path / "along", 90.0), write_specimen(tmp_path / "across", 0.0),
                write_specimen(tmp_path / "shear", 45.0, turned)]
     out = tmp_path / "run"
-    result = identify_experiment(folders, out)
+    result = identify_run(folders, out)
     assert result["status"] == "converged"
     for name, truth in (("E1", E1), ("E2", E2), ("nu12", NU12), ("G12", G12)):
         entry = result["parameters"][f"PLY.{name}"]
@@ -110,7 +110,7 @@ def test_specimens_that_differ_are_told_apart_with_their_scatter(tmp_path):
     folders = [write_specimen(tmp_path / name, 0.0, stiffer=factor) for name, factor in factors.items()]
     locked = {f"material.PLY.{name}.identify": False for name in ("E1", "nu12", "G12")}
     locked |= {"material.PLY.E1.value": E1, "material.PLY.nu12.value": NU12, "material.PLY.G12.value": G12}
-    result = identify_experiment(folders, tmp_path / "run", overrides=locked)
+    result = identify_run(folders, tmp_path / "run", overrides=locked)
     found = result["specimens"]["PLY.E2"]
     for name, factor in factors.items():
         own = found["values"][name]

@@ -23,7 +23,7 @@ from idic.model import Stage, build_drives
 from idic.identification.systematic.treatments import AS_GIVEN
 from idic.parameters import JointPrior, Parameter, ParameterSet
 from idic.report import render_page, treatment_table
-from idic.run import SerialRunner, identify_experiment, systematic
+from idic.run import Console, identify_run, systematic
 from idic.run.reporting.write import load_record
 from idic.run.store.result_file import write_result
 from idic.virtual_tests import write_inp
@@ -89,7 +89,7 @@ def test_quadratic_elements_find_nearly_all_of_the_bias_of_linear_ones(clean, tm
         assert entry["std"] >= 0.999 * np.hypot(entry["std_noise"], entry["mesh_bias"])
         assert entry["ci95"][0] < converged.result["parameters"][name]["value"] < entry["ci95"][1]
     assert any("std counts it" in note for note in found.result["notes"])
-    stored = identify_experiment(path, tmp_path / "run")["parameters"]
+    stored = identify_run(path, tmp_path / "run")["parameters"]
     for name, entry in found.result["parameters"].items():
         for key in ("value", "std", "mesh_bias"):
             assert stored[name][key] == pytest.approx(entry[key], rel=1e-4), (name, key)
@@ -174,7 +174,7 @@ def test_a_finished_run_gets_both_and_its_worst_treatments_are_listed(clean, tmp
     path = write_folder(tmp_path / "test", Twin(), WHOLE + ORDINARY, clean)
     identify(path, tmp_path / "run")
     told = []
-    result = systematic(tmp_path / "run", SerialRunner(), progress=lambda done, total: told.append((done, total)))
+    result = systematic(tmp_path / "run", console=Console(tasks=lambda _, done, total: told.append((done, total))))
     assert told == [(k, 9) for k in range(1, 10)]
     assert len(result["treatments"]) == 8 and result["refinement"] == {"how": "elements of half the size", "failed": ""}
     assert {own["status"] for own in result["treatments"]} == {"converged"}
@@ -294,4 +294,4 @@ def test_a_bias_beyond_the_standard_deviation_is_noted():
 
 def test_a_folder_without_a_result_is_refused(tmp_path):
     with pytest.raises(InputError, match="there is no result"):
-        systematic(tmp_path, SerialRunner())
+        systematic(tmp_path)

@@ -171,7 +171,7 @@ def test_identify_is_a_function_and_a_package_whatever_was_imported_first(experi
     assert "out=" in told.value.remedy
     with pytest.raises(InputError, match="not an experiment") as told:
         idic.identify([experiment, experiment])
-    assert "identify_experiment" in told.value.remedy
+    assert "out=run" in told.value.remedy
 
 
 def test_a_simulation_that_fails_is_told_and_has_no_fields(experiment):

@@ -109,8 +109,8 @@ def test_an_identification_takes_what_was_expected(folder, tmp_path):
     (folder / "experiment.toml").write_text((folder / "experiment.toml").read_text()
                                             + "[options]\nmax_iterations = 2\n")
     expected = expected_cost(load_experiment(folder, {"options.element_order": "auto"}))
-    subprocess.run([sys.executable, "-c", "import sys; from idic import identify_experiment; "
-                    "identify_experiment(*sys.argv[1:])", str(folder), str(tmp_path / "run")], check=True)
+    subprocess.run([sys.executable, "-c", "import sys; from idic import identify; "
+                    "identify(*sys.argv[1:])", str(folder), str(tmp_path / "run")], check=True)
     spent = json.loads((tmp_path / "run" / "result.json").read_text())["cost"]
     assert 0.25 < expected.memory / (1e6 * spent["peak_rss_mb"]) < 4.0
     assert 0.25 < expected.time_s / spent["cpu_s"] < 4.0

@@ -32,7 +32,7 @@ def run(tmp_path_factory):
     """A tension test of an elastic plate with force, identified: E and nu."""
     root = tmp_path_factory.mktemp("evidence")
     path = write_folder(root / "test", Twin(seed=1), ELASTIC + GRIPS + FORCE + SETUP)
-    idic.identify_experiment(path, root / "run")
+    idic.identify(path, root / "run")
     return root / "run"
 
 

@@ -17,7 +17,7 @@ def run(tmp_path_factory):
     """The bulge test in its smallest size, from the truth: a step or two."""
     root = tmp_path_factory.mktemp("section")
     write_bulge(root / "test", noise=0.01, seed=3, size=SKETCH_SIZE)
-    idic.identify_experiment(root / "test", root / "run")
+    idic.identify(root / "test", root / "run")
     return root / "run"
 
 

@@ -26,7 +26,7 @@ from virtual_tests.small_strip import write_small_strip
 
 import idic
 from idic.errors import InputError
-from idic.run import identify_plainly, start_server
+from idic.run import identify_run, start_server
 from idic.run.workers.dask_connection import LOOPBACK
 from idic.run.workers.dask_settings import ONE_THREAD
 from idic.run.workers.prefect_server import QUIET
@@ -105,10 +105,10 @@ def test_the_flow_shows_named_tasks_in_prefect_and_n_plus_1_perturbed_runs_in_da
     script = tmp_path / "drive.py"
     script.write_text(textwrap.dedent("""
         import sys
-        from idic_flows.identify import run_identification
+        from idic_flows.public import identify
         if __name__ == "__main__":
-            result = run_identification([sys.argv[1]], sys.argv[2], scheduler=sys.argv[3], sensitivity="perturbed",
-                                        overrides={"options.max_iterations": 2})
+            result = identify([sys.argv[1]], sys.argv[2], scheduler=sys.argv[3], sensitivity="perturbed",
+                              overrides={"options.max_iterations": 2})
             print(result["status"], result["sensitivity"])
     """))
     with start_server() as server:
@@ -168,8 +168,7 @@ def test_a_flow_of_ones_own_calls_idic_and_a_run_pauses_between_the_stages_of_it
         paused = laboratory(1)
         resumed = laboratory(1)
         shown = shown_by(server, "flow_runs")
-    whole = idic.identify_experiment(tmp_path / "experiment", tmp_path / "whole",
-                                     overrides={"options.max_iterations": 4})
+    whole = idic.identify(tmp_path / "experiment", tmp_path / "whole", overrides={"options.max_iterations": 4})
     assert paused["status"] == "interrupted" and paused["paused_after_stage"] == 1
     assert {entry["stage"] for entry in paused["history"]} == {0}
     assert "paused_after_stage" not in resumed
@@ -204,5 +203,5 @@ def test_a_run_whose_process_was_killed_is_shown_as_crashed_with_its_tasks(share
 def test_a_pause_after_a_stage_that_is_none_is_refused(tmp_path):
     write_experiment(tmp_path / "experiment")
     with pytest.raises(InputError, match="--pause-after") as problem:
-        identify_plainly([tmp_path / "experiment"], tmp_path / "run", workers=0, pause_after=1)
+        identify_run([tmp_path / "experiment"], tmp_path / "run", pause_after=1)
     assert "[[stage]]" in problem.value.expected and not (tmp_path / "run").exists()

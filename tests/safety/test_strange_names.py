@@ -31,11 +31,11 @@ def test_nothing_is_written_outside_the_run_and_the_report_is_made(folder, tmp_p
     run = tmp_path / "laboratory" / "run"
     before = {file for file in tmp_path.rglob("*") if not file.is_relative_to(run)}
     few = {"options.max_iterations": 1}
-    result = idic.identify_experiment(folder, run, sensitivity="perturbed", overrides=few)
+    result = idic.identify(folder, run, sensitivity="perturbed", overrides=few)
     assert f"{SET}.E" in result["parameters"]
     assert COLUMN in json.loads((run / "result.json").read_text())["residual"]["channel_rms"]
     write_report(run)
     assert list((run / "figures").glob("channel_Force_2Ftop_N*")) and COLUMN in (run / "report.html").read_text()
     assert {file for file in tmp_path.rglob("*") if not file.is_relative_to(run)} == before
-    again = idic.identify_experiment(folder, run, sensitivity="perturbed", resume=True, overrides=few)
+    again = idic.identify(folder, run, sensitivity="perturbed", resume=True, overrides=few)
     assert again["parameters"] == result["parameters"]

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from idic.cli.app import app
 from idic.errors import InputError
-from idic.run import clean_run, identify_experiment, open_run, run_lock, write_report
+from idic.run import clean_run, identify_run, open_run, run_lock, write_report
 from idic.run.store.run_lock import RunBusy
 from idic.run.store.state_file import load_state, save_state
 
@@ -19,7 +19,7 @@ from idic.run.store.state_file import load_state, save_state
 def run(tmp_path_factory):
     """Its report is a page and a table of one line: a whole one takes 5 s and comes with the slow test."""
     folder = tmp_path_factory.mktemp("clean")
-    identify_experiment(write_experiment(folder / "test"), folder / "run", overrides={"options.max_iterations": 1})
+    identify_run(write_experiment(folder / "test"), folder / "run", overrides={"options.max_iterations": 1})
     for name in ("report.html", "tables/frames.csv", "figures/where.png"):
         file = folder / "run" / name
         file.parent.mkdir(exist_ok=True)
@@ -68,7 +68,7 @@ def test_a_run_whose_experiment_was_moved_says_how_to_tell_it_the_new_place(run,
         with pytest.raises(InputError, match="no longer where it was") as told:
             open_run(str(own))
         assert str(folder) in str(told.value) and "--resume" in told.value.remedy
-        identify_experiment(moved, own, resume=True, overrides={"options.max_iterations": 1})
+        identify_run(moved, own, resume=True, overrides={"options.max_iterations": 1})
         assert open_run(str(own)).settings["experiment"] == str(moved)
     finally:
         moved.rename(folder)

@@ -108,7 +108,7 @@ def test_the_folder_is_complete_and_repeatable(small, tmp_path):
 @pytest.mark.slow
 def test_five_parameters_from_130_percent(tmp_path):
     write_bulge(tmp_path / "bulge", reduced=True)
-    result = idic.identify_experiment(tmp_path / "bulge", tmp_path / "run")
+    result = idic.identify(tmp_path / "bulge", tmp_path / "run")
     assert result["status"] == "converged" and result["iterations"] <= 7
     for name, tolerance in zip(TRUTH, (1e-5, 2e-3, 1e-4, 1e-3, 1e-3), strict=True):
         # no noise: what the spline makes of 1.3 um pixels, worst for the modulus of the thin strip
@@ -119,7 +119,7 @@ def test_five_parameters_from_130_percent(tmp_path):
 def test_the_errors_lie_within_the_stated_standard_deviations(tmp_path):
     assert REDUCED_SIZE.columns == REDUCED
     write_bulge(tmp_path / "bulge", reduced=True, noise=0.01, seed=3)
-    result = idic.identify_experiment(tmp_path / "bulge", tmp_path / "run")
+    result = idic.identify(tmp_path / "bulge", tmp_path / "run")
     # the noise of the reference is in all frames: six seeds lie between 0.990 and 1.003, 0.5 % rms apart
     assert result["residual"]["image_chi2_dof"] == pytest.approx(1.0, abs=0.02)
     for name, value in TRUTH.items():

@@ -26,7 +26,7 @@ def folder(tmp_path_factory):
 def identified(folder, run, **options):
     start = scaled([FAR.get(name, 1.0) for name in TRUTH])
     more = {f"options.{name}": value for name, value in options.items()}
-    return idic.identify_experiment(folder, run, workers=0, overrides=start | BASICS | more)
+    return idic.identify(folder, run, workers=0, overrides=start | BASICS | more)
 
 
 def largest_error(result):

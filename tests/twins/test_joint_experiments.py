@@ -48,7 +48,7 @@ def pair(tmp_path_factory):
 @pytest.fixture(scope="module")
 def together(pair, tmp_path_factory):
     run = tmp_path_factory.mktemp("run") / "both"
-    return run, idic.identify_experiment(pair, run)
+    return run, idic.identify(pair, run)
 
 
 @pytest.mark.slow  # 10 s of CPU time
@@ -95,7 +95,7 @@ def test_steps_side_by_side_lead_several_experiments_to_the_same_answer(pair, to
     """From a third of the modulus: a step of twice the limit is worth it for both."""
     _, both = together
     far = {"material.BODY.E.value": TRUTH["E"] / 3.0, "options.trial_steps": 3}
-    found = idic.identify_experiment(pair, tmp_path / "run", overrides=far)
+    found = idic.identify(pair, tmp_path / "run", overrides=far)
     assert found["status"] == "converged" and found["rounds"] < found["evaluations"]
     for name, entry in both["parameters"].items():
         # two ends of one search: each stops when its next step is below 2 % of a standard deviation
@@ -116,7 +116,6 @@ def test_an_interrupted_run_of_several_goes_on_to_the_same_bits(pair, together, 
     class Stop(Exception):
         pass
 
-    from idic.run import SerialRunner, identify_on
 
     lines = []
 
@@ -126,12 +125,12 @@ def test_an_interrupted_run_of_several_goes_on_to_the_same_bits(pair, together, 
             raise Stop
 
     with pytest.raises(Stop):
-        identify_on(SerialRunner(), pair, tmp_path / "run", say=say)
+        idic.identify(pair, tmp_path / "run", say=say)
     with pytest.raises(InputError, match="exists already"):
-        idic.identify_experiment(pair, tmp_path / "run")
-    resumed = idic.identify_experiment(pair, tmp_path / "run", resume=True)
+        idic.identify(pair, tmp_path / "run")
+    resumed = idic.identify(pair, tmp_path / "run", resume=True)
     assert resumed["parameters"] == together[1]["parameters"]
-    assert idic.identify_experiment(pair, tmp_path / "run", resume=True)["parameters"] == resumed["parameters"]
+    assert idic.identify(pair, tmp_path / "run", resume=True)["parameters"] == resumed["parameters"]
 
 
 def test_a_kill_between_the_states_of_a_run_leaves_no_part_behind(pair, tmp_path, monkeypatch):
@@ -147,9 +146,9 @@ def test_a_kill_between_the_states_of_a_run_leaves_no_part_behind(pair, tmp_path
     monkeypatch.setattr(joint_run, "save_state", killed)
     short = {"options.max_iterations": 1}
     with pytest.raises(Kill):
-        idic.identify_experiment(pair, tmp_path / "run", overrides=short)
+        idic.identify(pair, tmp_path / "run", overrides=short)
     monkeypatch.undo()
-    result = idic.identify_experiment(pair, tmp_path / "run", overrides=short, resume=True)
+    result = idic.identify(pair, tmp_path / "run", overrides=short, resume=True)
     parts = [load_state(folder) for folder in joint_run.folders_of(tmp_path / "run").values()]
     assert {(part.status, part.evaluations) for part in parts} == {(result["status"], result["evaluations"])}
 
@@ -174,7 +173,7 @@ m = { value = 3.0, identify = true }
              for name, twin in (("slow", slow), ("fast", fast))]
     alone = [idic.identify(path) for path in paths]
     assert {entry["name"] for entry in alone[0]["not_identifiable"]} == {"BODY.eta", "BODY.m"}
-    both = idic.identify_experiment(paths, tmp_path / "run-both")
+    both = idic.identify(paths, tmp_path / "run-both")
     assert both["status"] == "converged" and not both["not_identifiable"]
     for name in ("yield_stress", "eta", "m"):
         entry = both["parameters"][f"BODY.{name}"]
@@ -187,11 +186,11 @@ def test_a_shared_parameter_that_is_stated_in_two_ways_is_refused(pair, tmp_path
     other = ELASTIC.replace("nu = { value = 0.25, identify = true }", "nu = 0.3")
     odd = write_folder(tmp_path / "odd", Twin(seed=5), other + GRIPS + FORCE)
     with pytest.raises(InputError, match="stated in two ways"):
-        idic.identify_experiment([pair[0], odd], tmp_path / "run")
+        idic.identify([pair[0], odd], tmp_path / "run")
     rubber = '\n[material.BODY]\nlaw = "neo_hookean"\nC10 = { value = 500, identify = true }\nkappa = 3000.0\n'
     odd = write_folder(tmp_path / "rubber", Twin(seed=5), rubber + GRIPS + FORCE)
     with pytest.raises(InputError, match="another law"):
-        idic.identify_experiment([pair[0], odd], tmp_path / "run")
+        idic.identify([pair[0], odd], tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
@@ -208,7 +207,7 @@ def test_a_schedule_joins_the_stages_of_all_experiments(pair):
 # idic compare -----------------------------------------------------------------------------------------------------
 def test_a_comparison_lists_the_differences_of_two_runs(pair, together, tmp_path):
     run, both = together
-    idic.identify_experiment(pair[0], tmp_path / "alone")
+    idic.identify(pair[0], tmp_path / "alone")
     content = compare_runs([tmp_path / "alone", run])
     alone, all_ = content["runs"]
     assert [alone["name"], all_["name"]] == ["alone", "both"]

@@ -20,7 +20,7 @@ def plate(shared_data, tmp_path_factory, request):
     truth = json.loads((folder / "truth.json").read_text())["parameters"]
     near = {name: 1.03 * value for name, value in truth.items()} | {"options.substeps": 1}
     start = near if request.param == "near" else {}
-    return truth, idic.identify_experiment(folder, tmp_path_factory.mktemp("plate") / "run", overrides=start)
+    return truth, idic.identify(folder, tmp_path_factory.mktemp("plate") / "run", overrides=start)
 
 
 def test_a_plate_with_a_hole_of_a_foreign_code_gives_its_parameters_back(plate):
@@ -95,7 +95,7 @@ def n_bytes(folder):
 def test_a_finished_run_takes_at_most_1_3_times_its_images(shared_data, tmp_path, order):
     """Six real images of 1.4 Mpx: 1.293 with 4404 nodes, 1.160 with 1500; what does not grow with them counts most."""
     folder = composite(shared_data("open-hole-composite"), tmp_path / "composite", n_frames=6)
-    idic.identify_experiment(folder, tmp_path / "run", overrides={"options.element_order": order,
+    idic.identify(folder, tmp_path / "run", overrides={"options.element_order": order,
                                                                   "options.max_iterations": 2})
     idic.write_report(tmp_path / "run")
     assert n_bytes(tmp_path / "run") < 1.3 * n_bytes(folder / "images")
@@ -103,7 +103,7 @@ def test_a_finished_run_takes_at_most_1_3_times_its_images(shared_data, tmp_path
 
 def test_a_real_composite_gives_ratios_from_images_alone(shared_data, tmp_path):
     folder = composite(shared_data("open-hole-composite"), tmp_path / "composite")
-    result = idic.identify_experiment(folder, tmp_path / "run")
+    result = idic.identify(folder, tmp_path / "run")
     assert result["status"] == "converged"
     assert {entry["name"] for entry in result["not_identifiable"]} == {"PLY.E1", "PLY.E2", "PLY.G12"}
     for name in ("PLY.E1", "PLY.E2", "PLY.G12"):

@@ -22,7 +22,7 @@ from idic.identification.loop import advance
 from idic.identification.step.increments import increment_notes
 from idic.images import Camera
 from idic.laws import compile as compile_law
-from idic.run import SerialRunner, identify_experiment, systematic
+from idic.run import identify_run, systematic
 from idic.run.store.state_file import load_state, save_state
 from idic.virtual_tests import strip_with_hole
 
@@ -188,7 +188,7 @@ def test_steps_of_two_frames_spare_the_comparison_with_finer_increments(plastic)
 @pytest.mark.slow
 def test_a_run_compares_with_steps_of_two_frames_as_memory_does(tmp_path):
     experiment = write_folder(tmp_path / "plastic", PLASTIC, 24, 0.25, 12.0, (2, 2, 1))
-    found, run = identify(experiment), identify_experiment(tmp_path / "plastic" / "experiment.toml", tmp_path / "run")
+    found, run = identify(experiment), identify_run(tmp_path / "plastic" / "experiment.toml", tmp_path / "run")
     compared = [entry for entry in found.state.history if entry.get("compared")]
     assert len(compared) == 1 and run["increments"] == found.result["increments"]
     for name, entry in found.result["parameters"].items():
@@ -303,11 +303,11 @@ def test_every_rate_dependent_law_is_within_a_standard_deviation_of_sixteen_time
 def test_a_run_folder_chooses_the_same_increments_and_tells_the_parts_of_the_bias(short, tmp_path):
     experiment, found = short
     run = tmp_path / "run"
-    result = identify_experiment(Path(experiment.folder) / "experiment.toml", run)
+    result = identify_run(Path(experiment.folder) / "experiment.toml", run)
     assert result["increments"] == found.result["increments"]
     for name, entry in found.result["parameters"].items():
         assert result["parameters"][name]["value"] == pytest.approx(entry["value"], rel=1e-6)
-    assessed = systematic(run, SerialRunner(), spread=False)
+    assessed = systematic(run, spread=False)
     for name, entry in assessed["parameters"].items():
         if entry["std"] is not None:
             assert abs(entry["time_bias"]) < entry["std"]

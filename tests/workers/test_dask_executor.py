@@ -364,12 +364,12 @@ def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
 
 
 def test_nothing_is_written_for_a_scheduler_that_is_not_there(tmp_path, monkeypatch):
-    from idic_flows.identify import run_identification
+    from idic_flows.public import identify
 
     monkeypatch.setattr("idic.run.workers.dask_connection.CONNECT_SECONDS", 1)
     folder = write_experiment(tmp_path / "test")
     with pytest.raises(InputError, match="cannot connect"):
-        run_identification([folder], tmp_path / "run", scheduler="127.0.0.1:1")
+        identify([folder], tmp_path / "run", scheduler="127.0.0.1:1")
     assert not (tmp_path / "run").exists()
 
 

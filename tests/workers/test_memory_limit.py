@@ -10,7 +10,7 @@ from idic.cli.app import app
 from idic.errors import InputError
 from idic.run import points, postprocess
 from idic.run.store import layout
-from idic.run import FrameArrays, checked_memory_limit, identify_experiment
+from idic.run import FrameArrays, checked_memory_limit, identify_run
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_a_limit_that_cannot_hold_is_refused(limit, workers, scheduler, found):
 def place(tmp_path_factory):
     """A folder with an experiment TEST and its RUN."""
     place = tmp_path_factory.mktemp("place")
-    identify_experiment(write_experiment(place / "TEST"), place / "RUN", overrides={"options.max_iterations": 1})
+    identify_run(write_experiment(place / "TEST"), place / "RUN", overrides={"options.max_iterations": 1})
     return place
 
 
@@ -74,7 +74,7 @@ def test_the_size_of_the_chunks_does_not_touch_the_result(tmp_path, monkeypatch)
     for size in (8_000_000, 2 * 8 * 20 * 2, 1):  # 3 frames, 2 frames, 1 frame of 20 nodes
         monkeypatch.setattr(layout, "CHUNK_BYTES", size)
         run = tmp_path / f"run-{size}"
-        result = identify_experiment(folder, run, overrides=options)
+        result = identify_run(folder, run, overrides=options)
         base = next((run / "run.zarr" / "evaluations").glob("*/base"))
         results.append((FrameArrays.open(base, "u").frames_per_chunk, result["parameters"], result["residual"]))
     assert [frames for frames, *_ in results] == [3, 2, 1]

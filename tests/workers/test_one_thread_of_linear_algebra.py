@@ -5,7 +5,7 @@ import pytest
 from experiment_file.small_experiment import write_experiment
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from idic.run import SerialRunner, identify_on
+from idic.run import Console, identify_run
 
 
 def threads():
@@ -26,5 +26,5 @@ def test_an_identification_limits_blas_to_one_thread_and_gives_it_back(tmp_path)
     with threadpool_limits(2, user_api="blas"):
         before = threads()
         with pytest.raises(Seen):
-            identify_on(SerialRunner(), write_experiment(tmp_path / "test"), tmp_path / "run", say=say)
+            identify_run(write_experiment(tmp_path / "test"), tmp_path / "run", console=Console(say))
         assert during == [{1}] and threads() == before == {2}

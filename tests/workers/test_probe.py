@@ -11,7 +11,7 @@ from experiment_file.small_experiment import write_experiment
 
 from idic.errors import InputError
 from idic.experiment_file import load_experiment
-from idic.run import check_scheduler, identify_plainly
+from idic.run import Workplace, check_scheduler, identify_run
 from idic.run.workers import probe as probing
 from idic.run.workers.dask_connection import LOOPBACK
 from idic.run.workers.dask_settings import ONE_THREAD
@@ -112,8 +112,8 @@ def test_a_relative_path_reaches_a_worker_in_another_folder(client, tmp_path, mo
     """Before, the worker looked for it in its own working folder."""
     write_experiment(tmp_path / "test")
     monkeypatch.chdir(tmp_path)
-    result = identify_plainly(["test"], "run", scheduler=client.scheduler.address,
-                              overrides={"options.max_iterations": 1})
+    result = identify_run(["test"], "run", workplace=Workplace(scheduler=client.scheduler.address),
+                          overrides={"options.max_iterations": 1})
     assert result["forward_runs"] >= 1 and (tmp_path / "run" / "result.json").exists()
 
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from idic.cli.app import app
 from idic.errors import InputError
 from idic.experiment_file import inputs_of
-from idic.run import Console, FrameArrays, RunStore, identify_plainly, read_array, write_array
+from idic.run import Console, FrameArrays, RunStore, Workplace, identify_run, read_array, write_array
 from idic.run.store.mirror.adopt import adopt
 from idic.run.store.mirror.manifest import Entry, Scanner, decoded, digest_of, encoded, run_files
 from idic.run.store.mirror.mirror import Mirror
@@ -45,7 +45,7 @@ def strip(tmp_path_factory):
     """An experiment and its RUN on this machine alone; three iterations see every kind of task."""
     folder = tmp_path_factory.mktemp("mine")
     write_experiment(folder / "test")
-    return folder, identify_plainly([folder / "test"], folder / "alone", workers=0, overrides=SHORT)
+    return folder, identify_run([folder / "test"], folder / "alone", overrides=SHORT)
 
 
 def contents(run):
@@ -67,13 +67,14 @@ def test_the_driver_serves_a_worker_that_sees_neither_run_nor_experiment(strip, 
     folder, alone = strip
     with blind_cluster(tmp_path / "worker", folder) as client:
         run = folder / "served"
-        result = identify_plainly([folder / "test"], run, scheduler=client.scheduler.address, store="driver",
-                                  overrides=SHORT)
+        workplace = Workplace(scheduler=client.scheduler.address, store="driver")
+        result = identify_run([folder / "test"], run, workplace=workplace, overrides=SHORT)
         assert not (tmp_path / "worker" / "tried").exists()
         assert_same(result, run, alone, folder / "alone")
         assert not list((tmp_path / "worker").rglob("*.tif")), "the folders of the worker are deleted at the end"
         with pytest.raises(InputError, match="--store URL"):  # without a store, this worker is refused
-            identify_plainly([folder / "test"], folder / "refused", scheduler=client.scheduler.address, overrides=SHORT)
+            identify_run([folder / "test"], folder / "refused", overrides=SHORT,
+                         workplace=Workplace(scheduler=client.scheduler.address))
     assert (tmp_path / "worker" / "tried").exists() and not (folder / "refused").exists()
 
 
@@ -111,9 +112,10 @@ def test_an_object_storage_gives_the_same_bits_and_a_damaged_object_is_not_used(
             if state.evaluations == 2:
                 raise KeyboardInterrupt
 
+        workplace = Workplace(scheduler=address, store=url)
         with pytest.raises(KeyboardInterrupt):
-            identify_plainly([folder / "test"], run, scheduler=address, store=url, overrides=SHORT,
-                             console=Console(iteration=stop_at_the_second))
+            identify_run([folder / "test"], run, workplace=workplace, overrides=SHORT,
+                         console=Console(iteration=stop_at_the_second))
         frames = sorted((run / "run.zarr" / "images" / "frames" / "c").rglob("0"))[0]
         while frames.is_dir():
             frames = next(frames.iterdir())
@@ -123,9 +125,9 @@ def test_an_object_storage_gives_the_same_bits_and_a_damaged_object_is_not_used(
         good = s3.cat_file(images)
         s3.pipe_file(images, good[:-1] + bytes([good[-1] ^ 1]))
         with pytest.raises(InputError) as refused:
-            identify_plainly([folder / "test"], run, resume=True, scheduler=address, store=url, overrides=SHORT)
+            identify_run([folder / "test"], run, resume=True, workplace=workplace, overrides=SHORT)
         assert "damaged" in str(refused.value) and f"the worker {next(iter(client.nthreads()))}" in str(refused.value)
-        result = identify_plainly([folder / "test"], run, resume=True, scheduler=address, store=url, overrides=SHORT)
+        result = identify_run([folder / "test"], run, resume=True, workplace=workplace, overrides=SHORT)
         assert s3.cat_file(images) == good
     assert not (tmp_path / "worker" / "tried").exists()
     assert_same(result, run, alone, folder / "alone")
@@ -140,10 +142,10 @@ def test_a_joint_run_through_a_store_has_the_bits_of_one_on_this_machine(store, 
     tests = [folder / "first", folder / "second"]
     for test in tests:
         write_experiment(test)
-    alone = identify_plainly(tests, folder / "alone", workers=0, overrides=SHORT)
+    alone = identify_run(tests, folder / "alone", overrides=SHORT)
     with blind_cluster(tmp_path / "worker", folder) as client:
-        result = identify_plainly(tests, folder / "stored", scheduler=client.scheduler.address, store=store,
-                                  overrides=SHORT)
+        workplace = Workplace(scheduler=client.scheduler.address, store=store)
+        result = identify_run(tests, folder / "stored", workplace=workplace, overrides=SHORT)
     assert not (tmp_path / "worker" / "tried").exists()
     assert result["parameters"] == alone["parameters"]
     runs = sorted(path.parent.relative_to(folder / "alone") for path in (folder / "alone").rglob("run.zarr"))
@@ -161,14 +163,14 @@ def test_the_files_of_an_external_solver_travel_and_its_program_is_asked_for_on_
     with blind_cluster(tmp_path / "forbidden", folder) as client:
         monkeypatch.setenv("IDIC_ALLOW_EXTERNAL", sys.executable)
         with pytest.raises(InputError) as refused:
-            identify_plainly([folder / "test"], folder / "never", scheduler=client.scheduler.address, store="driver",
-                             overrides=SHORT)
+            identify_run([folder / "test"], folder / "never", overrides=SHORT,
+                         workplace=Workplace(scheduler=client.scheduler.address, store="driver"))
         assert "permission to run" in str(refused.value) and "the worker tcp://" in str(refused.value)
         assert "on the workers of a cluster" in str(refused.value) and not (folder / "never").exists()
-    alone = identify_plainly([folder / "test"], folder / "alone", workers=0, overrides=SHORT)
+    alone = identify_run([folder / "test"], folder / "alone", overrides=SHORT)
     with blind_cluster(tmp_path / "worker", folder) as client:
-        result = identify_plainly([folder / "test"], folder / "served", scheduler=client.scheduler.address,
-                                  store="driver", overrides=SHORT)
+        workplace = Workplace(scheduler=client.scheduler.address, store="driver")
+        result = identify_run([folder / "test"], folder / "served", workplace=workplace, overrides=SHORT)
     assert not (tmp_path / "worker" / "tried").exists()
     assert_same(result, folder / "served", alone, folder / "alone")
 
@@ -178,8 +180,8 @@ def test_a_store_that_a_worker_cannot_reach_is_refused_with_the_worker_and_nothi
     folder, _ = strip
     with blind_cluster(tmp_path / "worker", folder, AWS_ENDPOINT_URL="http://127.0.0.1:9") as client:
         with pytest.raises(InputError) as refused:
-            identify_plainly([folder / "test"], folder / "never", scheduler=client.scheduler.address,
-                             store="s3://idic-test/x")
+            identify_run([folder / "test"], folder / "never",
+                         workplace=Workplace(scheduler=client.scheduler.address, store="s3://idic-test/x"))
         assert f"the worker {next(iter(client.nthreads()))}" in str(refused.value)
         assert "credentials" in str(refused.value)
     assert not (folder / "never").exists()

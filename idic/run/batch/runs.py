@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from idic.errors import InputError, NotConverged
-from idic.run.plain import identify_on
+from idic.run.identify import identify_run
+from idic.run.orchestrator import Console
 from idic.run.reporting.write import write_report
 from idic.run.store.run_lock import RunBusy
 from idic.run.workers.runner import SerialRunner, TaskRunner
+from idic.run.workers.workplace import Workplace
 
 LOG_FILE = "log.txt"
 BAD_INPUT, BUSY, ERROR = "bad_input", "busy", "error"
@@ -56,8 +58,10 @@ def identify_job(job: BatchJob, runner: TaskRunner,
     """Identify and write the report; an interruption is the only thing that is raised."""
     log = _Log(Path(job.out) / LOG_FILE)
     try:
-        result = _patiently(lambda: identify_on(runner, job.experiment, job.out, resume=True, overrides=job.overrides,
-                                                sensitivity=job.sensitivity, say=log.say, tasks=tasks))
+        result = _patiently(lambda: identify_run(job.experiment, job.out, resume=True, overrides=job.overrides,
+                                                 sensitivity=job.sensitivity, workplace=Workplace(runner=runner),
+                                                 console=Console.of_lines(log.say, tasks)))
+        log.say(result["status"])
         write_report(job.out)
         return BatchOutcome(job.name, result["status"], result=result)
     except RunBusy as problem:

@@ -8,6 +8,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from idic.diagnose import Candidate, Diagnosis, Margin, Notes, SEED, Stage, diagnose as diagnose_identification, silent
 from idic.run.diagnosis.far import judged_by_images, on_measured_motion
 from idic.run.diagnosis.enriched import write_enriched
@@ -18,9 +20,11 @@ from idic.run.diagnosis.source import open_source
 from idic.run.diagnosis.spotless import without_spots
 from idic.run.diagnosis.where import where_pictures
 from idic.run.judgement.floor import PointJob, measured_floor
+from idic.run.orchestrator import DIRECT, Command, Console, Hooks, Orchestrator
+from idic.run.prepared.context import experiments_of
 from idic.run.store.run_lock import run_lock
-from idic.run.workers.dask_executor import open_cluster
 from idic.run.workers.runner import TaskRunner
+from idic.run.workers.workplace import IN_PROCESS, Workplace
 
 
 def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: int = SEED,
@@ -57,14 +61,15 @@ def diagnose(run: str | Path, runner: TaskRunner, stage: Stage = silent, seed: i
     return made if register is None else replace(made, register=judged_by_images(made, register, stage))
 
 
-def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,
-                 library: Sequence[Candidate] | None = None, resume: bool = False, quick: bool = False) -> dict:
-    """Diagnose a finished RUN without a Prefect server; writes diagnosis.json, diagnosis.html, the enriched experiment.
+def diagnose_run(run: str | Path, *, resume: bool = False, quick: bool = False,
+                 library: Sequence[Candidate] | None = None, workplace: Workplace = IN_PROCESS,
+                 console: Console | None = None, orchestrator: Orchestrator = DIRECT) -> dict:
+    """Diagnose a finished RUN; writes diagnosis.json, diagnosis.html, the enriched experiment.
 
     Parameters
     ----------
-    workers : 0 runs everything in this process, otherwise so many Dask processes
-    stage, library, resume, quick : as in `diagnose`
+    resume, quick, library : as in `diagnose`
+    workplace, console, orchestrator : as of `idic.run.identify_run`
 
     Returns
     -------
@@ -75,10 +80,21 @@ def diagnose_run(run: str | Path, workers: int = 0, stage: Stage = silent,
     InputError
         If the RUN holds no finished identification, or another process works on it; nothing has been written then.
     """
-    began = time.perf_counter()
+    began, console = time.perf_counter(), console or Console()
     open_source(run)
-    with run_lock(run), open_cluster(workers) as runner:
-        return write_all(run, diagnose(run, runner, stage, library=library, resume=resume, quick=quick), began)
+    workplace.check(run, say=console.stage)
+
+    def work(hooks: Hooks) -> dict:
+        diagnosis = hooks.stage("diagnose", partial(diagnose, library=library, resume=resume, quick=quick), str(run),
+                                hooks.runner, console.stage)
+        console.stage("writing figures and the enriched experiment")
+        return hooks.stage("write", write_all, str(run), diagnosis, began)
+
+    with (run_lock(run), orchestrator.opened(), threadpool_limits(1, user_api="blas"),
+          workplace.opened(run, experiments_of(run), ("idic.run.diagnosis.diagnose",)) as runner):
+        command = Command("diagnose", "the diagnosis", {"run": str(run), "resume": resume, "quick": quick,
+                                                        "workers": runner.workers})
+        return orchestrator.conduct(command, runner, console, work)
 
 
 def write_all(run: str | Path, diagnosis: Diagnosis, began: float) -> dict:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from idic.run.workers.dask_executor import check_scheduler, checked_memory_limit, open_cluster
+from idic.run.workers.dask_executor import check_scheduler, checked_memory_limit, default_workers, open_cluster
 from idic.run.workers.mirrored_runner import checked_store, without_common_disk
 from idic.run.workers.probe import ExperimentToSee
 from idic.run.workers.runner import TaskRunner
@@ -22,6 +22,7 @@ class Workplace:
     memory_limit : of one worker process, "2GB"
     store : through which workers without a common disk get and send files: a URL of fsspec, or "driver"
     threads : of a simulation in this process
+    runner : workers that another command has opened; everything else is then ignored
     """
 
     workers: int | None = None
@@ -29,6 +30,15 @@ class Workplace:
     memory_limit: str | None = None
     store: str | None = None
     threads: int = 1
+    runner: TaskRunner | None = None
+
+    def worthwhile(self, worth_workers: bool) -> Workplace:
+        """This place; without a word of the user this process for a small run, as the start of workers takes longer
+        than they save, with a second thread where there is a second core."""
+        options = (self.workers, self.scheduler, self.memory_limit, self.runner)
+        if worth_workers or options != (None, None, None, None):
+            return self
+        return replace(self, workers=0, threads=min(2, default_workers()))
 
     def check(self, out: Path | str, to_see: Sequence[ExperimentToSee] = (),
               say: Callable[[str], None] = lambda text: None) -> None:
@@ -50,10 +60,15 @@ class Workplace:
         out, to_see : the RUN folder and the experiments that tasks read and write; preload : modules that workers
         import at once
         """
+        if self.runner is not None:
+            yield self.runner
+            return
         limit = checked_memory_limit(self.memory_limit, self.workers, self.scheduler)
         with (open_cluster(self.workers, self.scheduler, limit, preload, self.threads) as cluster,
               without_common_disk(cluster, self.store, out, to_see) as runner):
             yield runner
 
 
-__all__ = ["Workplace"]
+IN_PROCESS = Workplace(0)
+
+__all__ = ["IN_PROCESS", "Workplace"]
