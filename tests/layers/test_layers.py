@@ -269,11 +269,11 @@ def test_the_rules_find_an_offender():
     assert not allowed("idic.fe.time_march", "idic.experiment_file.load")
     assert not allowed("idic.fe.time_march", "idic.images.camera")
     assert not allowed("idic.fe.time_march", "idic.laws.elastic")
-    assert not allowed("idic.run.prepared.tasks", "idic_flows.identify")
+    assert not allowed("idic.run.prepared.tasks", "idic_flows.orchestrator")
     assert not allowed("idic.report.page", "idic.run.workers.runner")
     assert not allowed("idic.cli.studies_commands", "idic_studies.cases.gallery")
     assert not allowed("idic_flows.public", "idic_studies.flows.study")
-    assert allowed("idic.fe.time_march", "idic.laws.core.points") and allowed("idic.cli.app", "idic_flows.identify")
+    assert allowed("idic.fe.time_march", "idic.laws.core.points") and allowed("idic.cli.app", "idic_flows.orchestrator")
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}}) and not circles({"a": {"b"}, "b": {"c"}})
 
 
@@ -306,7 +306,7 @@ def test_importing_the_front_door_loads_nothing_heavy(module):
 
 def test_the_flows_load_no_prefect_until_they_run_and_no_statistics():
     """The latter take a third of the time in which a command or a worker starts."""
-    code = "import idic_flows.identify, sys; print(*sys.modules)"
+    code = "import idic_flows.orchestrator, sys; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert "idic.identification.driver" in loaded
     assert not {"prefect", "uvicorn", "scipy.stats", "scipy.signal"} & set(loaded)
