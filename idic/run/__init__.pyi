@@ -4,7 +4,7 @@ from .batch.runs import BatchJob, BatchOutcome, identify_whole
 from .batch.store import Batch
 from .calibration.run import CalibrationRun, run_calibration
 from .design import PAGE_FILE, write_design
-from .diagnosis.diagnose import diagnose, diagnose_run
+from .diagnosis.diagnose import diagnose_run
 from .diagnosis.files import diagnosis_content, free_parameters
 from .diagnosis.refits import run_refits
 from .diagnosis.source import open_source
@@ -16,7 +16,7 @@ from .judgement.residual_maps import residuals_of
 from .knots import chosen_tables
 from .orchestrator import Command, Console, DIRECT, Hooks, Orchestrator
 from .postprocess import has_force
-from .prepared.context import RunContext, correlation_context, experiments_of, open_run
+from .prepared.context import RunContext, correlation_context, open_run
 from .prepared.in_memory import Prepared, prepare_in_memory
 from .prepared.tasks import CorrelationJob, SimulationJob
 from .reporting.accepted_residual import accepted_residual
@@ -43,22 +43,21 @@ from .workers.mirrored_runner import refuse_store
 from .workers.peak_memory import peak_memory_mb
 from .workers.precompiling import compiling_meanwhile
 from .workers.prefect_server import PASSWORD, PrefectServer, start_server
-from .workers.runner import JobKillsWorkers, Progress, SerialRunner, TaskRunner
+from .workers.runner import JobKillsWorkers, SerialRunner, TaskRunner
 from .workers.working_folder import empty_folder, in_empty_folder
 from .workers.workplace import Workplace
 
 __all__ = [
     "BASE", "DIRECT", "FROM_PYTHON", "PAGE_FILE", "PASSWORD", "RESULT_FILE", "STATE_FILE", "Batch", "BatchJob",
     "BatchOutcome", "CalibrationRun", "Command", "Console", "CorrelationJob", "Folders", "FrameArrays", "Hooks",
-    "JobKillsWorkers", "Orchestrator", "Points", "PrefectServer", "Prepared", "Progress", "RunContext", "RunStore",
-    "SecondProcess", "SerialRunner", "SimulationJob", "TaskRunner", "Workplace", "ZarrStack", "accepted_residual",
-    "channels_of", "check_scheduler", "checked_memory_limit", "chosen_tables", "clean_run", "compare_runs",
-    "compiling_meanwhile", "correlation_context", "cpu_seconds", "diagnose", "diagnose_run", "diagnosis_content",
-    "drawing_beside", "empty_folder", "experiments_of", "export_fields", "export_laws", "finite", "folders_of",
-    "free_parameters", "group_name", "has_force", "headlines", "identify_batch", "identify_run", "identify_whole",
-    "import_meanwhile", "in_empty_folder", "ingest", "is_held", "is_joint", "open_cluster", "open_run", "open_source",
-    "peak_memory_mb", "prepare_in_memory", "process_lives", "read_array", "read_batch", "read_result",
-    "refuse_passed_point", "refuse_store", "replace_file", "residuals_of", "run_calibration", "run_lock", "run_refits",
-    "start_server", "systematic", "this_process", "use_one_thread", "without_spots", "write_array", "write_comparison",
-    "write_design", "write_json", "write_report",
+    "JobKillsWorkers", "Orchestrator", "Points", "PrefectServer", "Prepared", "RunContext", "RunStore", "SecondProcess",
+    "SerialRunner", "SimulationJob", "TaskRunner", "Workplace", "ZarrStack", "accepted_residual", "channels_of",
+    "check_scheduler", "checked_memory_limit", "chosen_tables", "clean_run", "compare_runs", "compiling_meanwhile",
+    "correlation_context", "cpu_seconds", "diagnose_run", "diagnosis_content", "drawing_beside", "empty_folder",
+    "export_fields", "export_laws", "finite", "folders_of", "free_parameters", "group_name", "has_force", "headlines",
+    "identify_batch", "identify_run", "identify_whole", "import_meanwhile", "in_empty_folder", "ingest", "is_held",
+    "is_joint", "open_cluster", "open_run", "open_source", "peak_memory_mb", "prepare_in_memory", "process_lives",
+    "read_array", "read_batch", "read_result", "refuse_passed_point", "refuse_store", "replace_file", "residuals_of",
+    "run_calibration", "run_lock", "run_refits", "start_server", "systematic", "this_process", "use_one_thread",
+    "without_spots", "write_array", "write_comparison", "write_design", "write_json", "write_report",
 ]
