@@ -8,7 +8,7 @@ import pytest
 
 from idic.diagnose.discretisation.known_error import MAX_FURTHER_SHARE, error_beside, further_share
 from idic.diagnose import identification_at, residual_evidence
-from idic.experiment_file import load_rendered
+from idic.experiment_file import load_experiment
 from idic.model import MotionError, build_forward, solve
 from idic.simulation_error import brick_mesh_error, mesh_error, refined, thick, thickness_error, without_reactions
 from idic.simulation_error.limits import NodeLimits
@@ -32,7 +32,7 @@ def known(folder, null, motion=None, **changes):
                                  np.zeros((experiment.n_frames, 1)), None)
 
     def recorded(seen):
-        return at(load_rendered(folder, write_public(folder, scene, seen, Paint(1, 2, noise_gv=0.5))))
+        return at(load_experiment(folder, stack=write_public(folder, scene, seen, Paint(1, 2, noise_gv=0.5))))
 
     mesh = refined(recorded(at_rest(scene)).experiment).experiment.mesh
     return recorded(Motion(mesh, *motion(recorded(at_rest(scene))))) if motion else recorded(at_rest(scene))
