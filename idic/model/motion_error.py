@@ -34,13 +34,13 @@ class MotionError:
         """A multiple, without the part of the thickness."""
         return MotionError(factor * self.u, factor * self.channels)
 
-    def plus(self, other: MotionError) -> MotionError:
+    def plus(self, error: MotionError) -> MotionError:
         """The sum of two, without the part of the thickness."""
-        return MotionError(self.u + other.u, self.channels + other.channels)
+        return MotionError(self.u + error.u, self.channels + error.channels)
 
-    def less(self, other: MotionError | None) -> MotionError:
+    def less(self, error: MotionError | None) -> MotionError:
         """By how much it is more than another one, None: than none; without the part of the thickness."""
-        return MotionError(self.u, self.channels) if other is None else self.plus(other.scaled(-1.0))
+        return MotionError(self.u, self.channels) if error is None else self.plus(error.scaled(-1.0))
 
     def on_top_of(self, mesh: MotionError | None) -> MotionError:
         """This error of plane stress on top of that of the mesh, None: of none."""
