@@ -1,13 +1,13 @@
 """A model with many increments in a frame is compared with bricks and with a finer mesh in few."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from idic.diagnose import identification_at
 from idic.experiment_file import load_experiment
-from idic.laws import get_law
 from idic.simulation_error import comparison, mesh_error, thickness_error
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
@@ -59,7 +59,7 @@ def test_a_model_with_few_increments_is_compared_in_its_own(yields, own):
 
 
 def test_a_law_with_time_keeps_two_simulations(yields, monkeypatch):
-    monkeypatch.setattr(comparison, "get_law", lambda name: replace(get_law(name), rate_dependent=True))
+    monkeypatch.setattr(comparison, "get_law", lambda name: SimpleNamespace(rate_dependent=True))
     np.testing.assert_allclose(comparison.compared_increments(yields), with_increments(2))
     own = with_increments(2)
     assert comparison.compared_increments(replace(yields, steps=own)) is own
