@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from idic.diagnose.chain import Diagnosis
-from idic.diagnose.discretisation.bricks import reason_against_bricks
 from idic.diagnose.discretisation.combinations import BRICKS, FINITE_STRAINS
 from idic.diagnose.next_test import reason_against_continuation
 from idic.diagnose.physics.candidate import MESH_TOO_COARSE
@@ -22,10 +21,11 @@ from idic.diagnose.residual.excess_left import MAX_EXCESS_LEFT, MAX_LOCAL_EXCESS
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.margin import PRACTICAL_MARGIN_PX
 from idic.diagnose.selection.rival import NO_CAUSE, Round
-from idic.identification import Identification, gripped_ends, z_text
+from idic.identification import Identification, z_text
 from idic.laws import get_law
 from idic.model import pixel_size
 from idic.parameters import Parameter
+from idic.simulation_error import gripped_ends, reason_against_bricks
 
 MIN_CARRYING_ELEMENTS = 60  # elements that carry the active law: fewer do not resolve its course in space
 MIN_RIVAL_SHARE = 0.3  # of the winner's drop of chi-square: a rival that may still overtake it
@@ -116,7 +116,7 @@ def _unit(parameter: Parameter) -> str:
 
 def untested_thickness(found: Identification) -> list[str]:
     """Where bricks of the specimen's thickness were not compared with plane stress."""
-    why = reason_against_bricks(found)
+    why = reason_against_bricks(found.experiment)
     if why is None:
         return []
     return [f"Plane stress was not tested: {why}. Bricks of the specimen's thickness ({found.experiment.thickness:.3g} "

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 from idic.diagnose.discretisation.following import is_at
 from idic.diagnose.discretisation.known_error import renewed_error, with_error
 from idic.diagnose.discretisation.neglected import Neglected, neglected
+from idic.diagnose.discretisation.sheet import sheet_and_bricks_at
 from idic.diagnose.discretisation.thickness_error import neglected_errors, with_bricks, with_thickness
 from idic.diagnose.discretisation.thickness_std import std_factors
-from idic.diagnose.discretisation.turns import begun_at
 from idic.diagnose.discretisation.weight import MIN_SHIFT_STD, weighed
 from idic.diagnose.free_form import NEXT_TEST, Base, FreeForm, free_form, has_other_sides, is_offered
 from idic.diagnose.locate.active_elements import ACTIVE_STATES, Activity, activity
@@ -311,7 +311,7 @@ def _with_known_error(source: ExperimentSource, residual: ResidualEvidence, null
     residual : of the identified model
     """
     error = source.motion_error
-    if error is None or (error.thickness is None and weighed(residual, error)[2] < MIN_SHIFT_STD):
+    if error is None or (error.thickness is None and weighed(residual, error).shift_std < MIN_SHIFT_STD):
         return None
     setting.stage("fit of the identified model with its known error")
     with setting.clock.step("final_s"):
@@ -439,7 +439,7 @@ def _turned(source: ExperimentSource, null: Refit, left: ResidualEvidence, setti
     if residual is None:
         return None
     there = identification_at(source.load(), null.values, null.local, null.steps)
-    begun = begun_at(there)
+    begun = sheet_and_bricks_at(there)
     new = None if begun is None else renewed_error(there, residual, setting.grid, begun)
     if begun is None or new is None:
         return None

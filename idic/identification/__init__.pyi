@@ -1,11 +1,7 @@
 from .coarse import CoarseFit, coarse_fit
 from .design import Design, JointDesign, design_test, join_designs
-from .discrepancy.mesh_error import LOOSE, MAX_NODES, projection
 from .discrepancy.normal_equations import Component, DiscrepancySystem, joined, reason_against
-from .discrepancy.strain_error import with_finite_strains
 from .driver import PointStore, StageHook, describe_evaluation, log_progress, next_local, run_loop
-from .finer_models.real_thickness import can_be_thick, extruded, gripped_ends, thick
-from .finer_models.refinement import RAISED, Refined, carried_local, refined
 from .frame_fit import FrameFit, camera_entries, frame_entries, mean_chi2, residual_summary, used_fits
 from .free_form.evidence import ChosenKnots, choose_knots
 from .free_form.forms import FreeCurve, FreeForm, FreeSpectrum, FreeSurface
@@ -23,11 +19,11 @@ from .kept_simulation import response_of
 from .loop import experiment_of, start, trial_states
 from .noise.channel_noise import MIN_STEP_SHARE, repeated_readings
 from .noise.input_noise import logged_noise, measured_noise, with_measured_noise
-from .point import chunk_frames, chunk_system, closed_evaluation, point_context
 from .plan.planned_test import (
-    DOT_SIGMA_PER_SPECKLE, Plan, VIRTUAL_SPECKLE, image_unit, load_plan, planned_speckle, recorded_or_planned,
+    DOT_SIGMA_PER_SPECKLE, VIRTUAL_SPECKLE, Plan, image_unit, load_plan, planned_speckle, recorded_or_planned,
 )
-from .result import Analysis, STRESS_UNITS, build_result
+from .point import chunk_frames, chunk_system, closed_evaluation, point_context
+from .result import STRESS_UNITS, Analysis, build_result
 from .sensitivity import checked_sensitivity, choose_sensitivity, perturbations
 from .specimens.own_values import specimens_content
 from .start_search import FoundStart, StartTrial, search
@@ -37,8 +33,8 @@ from .step.parameter_covariance import covariance, scaled_system, spectrum
 from .step.schedule import first_free, seen_in, wants_search
 from .step.stages import resolve_stages
 from .step.state import (
-    AcceptedPoint, Activation, Ending, EstimatorChoice, Evaluation, GENERALISED, HALF_RATE, IncrementChoice, LoopState,
-    ORDINARY, ParallelTrial, SchedulePosition, Trial, TrustRegion,
+    GENERALISED, HALF_RATE, ORDINARY, AcceptedPoint, Activation, Ending, EstimatorChoice, Evaluation, IncrementChoice,
+    LoopState, ParallelTrial, SchedulePosition, Trial, TrustRegion,
 )
 from .systematic.discretisation import discretisation_bias, time_step_bias
 from .systematic.spread import Assessment, determined_values, ratios_of, with_bias, with_spread, with_time_bias
@@ -46,24 +42,22 @@ from .systematic.treatments import Treatment, treatments
 from .weights import noise_weights, paper_weights
 
 __all__ = [
-    "DOT_SIGMA_PER_SPECKLE", "GENERALISED", "HALF_RATE", "LOOSE", "MAX_NODES", "MIN_STEP_SHARE", "ORDINARY", "RAISED",
-    "STRESS_UNITS", "VIRTUAL_SPECKLE", "AcceptedPoint", "Activation", "Analysis", "Assessment", "ChosenKnots",
-    "CoarseFit", "Component", "Design", "DiscrepancySystem", "ElementSums", "Ending", "EstimatorChoice", "Evaluation",
-    "FoundStart", "FrameFit", "FreeCurve", "FreeForm", "FreeSpectrum", "FreeSurface", "Identification",
-    "IncrementChoice", "Joint", "JointDesign", "LocalResidual", "LoopState", "ParallelTrial", "Plan", "PointStore",
-    "Refined", "Remedy", "SchedulePosition", "StageHook", "StartTrial", "Treatment", "Trial", "TrustRegion",
-    "build_result", "camera_entries", "can_be_thick", "carried_local", "check_method", "checked_sensitivity",
-    "choose_knots", "choose_sensitivity", "chooses_increments", "chunk_frames", "chunk_system", "closed_evaluation",
-    "coarse_fit", "covariance", "describe_evaluation", "design_test", "determined_values", "discretisation_bias",
-    "element_sums", "evaluate_at", "experiment_of", "extruded", "first_free", "frame_entries", "gripped_ends",
-    "identify", "image_unit", "is_two_step", "join", "join_designs", "joined", "joint_names", "load_plan",
-    "local_residual", "log_progress", "logged_noise", "may_begin_generalised", "mean_chi2", "measured_nodes",
-    "measured_noise", "measured_reference", "measured_start", "misfit", "motion_in_space", "needs_free_dic",
-    "needs_motion_in_space", "next_local", "noise_weights", "p_text", "paper_weights", "path_dependent_laws",
-    "perturbations", "planned_increments", "planned_speckle", "point_context", "point_discrepancy", "projection",
-    "rate_dependent_laws", "ratios_of", "reason_against", "recorded_or_planned", "refined", "regularisation_of",
-    "repeated_readings", "residual_summary", "resolve_stages", "response_of", "run_loop", "scaled_system", "search",
-    "seen_in", "specimens_content", "spectrum", "start", "starts_from_dic", "thick", "time_step_bias", "treatments",
-    "trial_states", "try_remedies", "used_fits", "wants_search", "with_bias", "with_finite_strains",
-    "with_measured_noise", "with_spread", "with_time_bias", "without_edges", "z_text",
+    "DOT_SIGMA_PER_SPECKLE", "GENERALISED", "HALF_RATE", "MIN_STEP_SHARE", "ORDINARY", "STRESS_UNITS",
+    "VIRTUAL_SPECKLE", "AcceptedPoint", "Activation", "Analysis", "Assessment", "ChosenKnots", "CoarseFit",
+    "Component", "Design", "DiscrepancySystem", "ElementSums", "Ending", "EstimatorChoice", "Evaluation", "FoundStart",
+    "FrameFit", "FreeCurve", "FreeForm", "FreeSpectrum", "FreeSurface", "Identification", "IncrementChoice", "Joint",
+    "JointDesign", "LocalResidual", "LoopState", "ParallelTrial", "Plan", "PointStore", "Remedy", "SchedulePosition",
+    "StageHook", "StartTrial", "Treatment", "Trial", "TrustRegion", "build_result", "camera_entries", "check_method",
+    "checked_sensitivity", "choose_knots", "choose_sensitivity", "chooses_increments", "chunk_frames", "chunk_system",
+    "closed_evaluation", "coarse_fit", "covariance", "describe_evaluation", "design_test", "determined_values",
+    "discretisation_bias", "element_sums", "evaluate_at", "experiment_of", "first_free", "frame_entries", "identify",
+    "image_unit", "is_two_step", "join", "join_designs", "joined", "joint_names", "load_plan", "local_residual",
+    "log_progress", "logged_noise", "may_begin_generalised", "mean_chi2", "measured_nodes", "measured_noise",
+    "measured_reference", "measured_start", "misfit", "motion_in_space", "needs_free_dic", "needs_motion_in_space",
+    "next_local", "noise_weights", "p_text", "paper_weights", "path_dependent_laws", "perturbations",
+    "planned_increments", "planned_speckle", "point_context", "point_discrepancy", "rate_dependent_laws", "ratios_of",
+    "reason_against", "recorded_or_planned", "regularisation_of", "repeated_readings", "residual_summary",
+    "resolve_stages", "response_of", "run_loop", "scaled_system", "search", "seen_in", "specimens_content", "spectrum",
+    "start", "starts_from_dic", "time_step_bias", "treatments", "trial_states", "try_remedies", "used_fits",
+    "wants_search", "with_bias", "with_measured_noise", "with_spread", "with_time_bias", "without_edges", "z_text",
 ]

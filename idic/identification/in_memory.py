@@ -43,6 +43,7 @@ from idic.identification.weights import noise_weights
 from idic.images import Camera
 from idic.model import Experiment, ForwardModel, build_forward, tried_increments
 from idic.parameters import ParameterSet
+from idic.simulation_error import ModelPoint
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,11 @@ class Identification:
     def parameters(self) -> ParameterSet:
         """All parameters at the accepted point."""
         return parameters_at(self.experiment, self.state)
+
+    @property
+    def model_point(self) -> ModelPoint:
+        """The model there without a known error, to compare it with another one (`idic.simulation_error`)."""
+        return ModelPoint(replace(self.experiment, motion_error=None), self.parameters, self.local, self.steps)
 
     def march(self, names: Sequence[str] = (), influence: bool = False) -> Iterator[FrameState]:
         """Simulate the accepted point once more, beginning at its solution where that is at hand.

@@ -2,7 +2,7 @@
 
 The mesh of a model is coarser than its body, and a thick body is not in plane stress: its motion at the same parameters
 differs from that of a finer mesh, or of bricks. A diagnosis adds the difference, so that no cause is blamed for it
-(`idic.diagnose.discretisation`).
+(`idic.simulation_error`, `idic.diagnose.discretisation`).
 """
 
 from __future__ import annotations
@@ -34,12 +34,19 @@ class MotionError:
         """A multiple, without the part of the thickness."""
         return MotionError(factor * self.u, factor * self.channels)
 
-    def with_thickness(self, thickness: MotionError) -> MotionError:
-        """With the error of plane stress on top."""
-        return MotionError(self.u + thickness.u, self.channels + thickness.channels, thickness)
+    def plus(self, error: MotionError) -> MotionError:
+        """The sum of two, without the part of the thickness."""
+        return MotionError(self.u + error.u, self.channels + error.channels)
+
+    def less(self, error: MotionError | None) -> MotionError:
+        """By how much it is more than another one, None: than none; without the part of the thickness."""
+        return MotionError(self.u, self.channels) if error is None else self.plus(error.scaled(-1.0))
+
+    def on_top_of(self, mesh: MotionError | None) -> MotionError:
+        """This error of plane stress on top of that of the mesh, None: of none."""
+        return replace(self if mesh is None else self.plus(mesh), thickness=self)
 
     @property
     def of_mesh(self) -> MotionError:
         """Without the error of plane stress."""
-        known = self.thickness
-        return self if known is None else MotionError(self.u - known.u, self.channels - known.channels)
+        return self if self.thickness is None else self.less(self.thickness)

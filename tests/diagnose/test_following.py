@@ -7,7 +7,7 @@ import pytest
 from side_twins import Side, write_folder
 
 from idic.diagnose.discretisation.following import following, moved, share_of_step
-from idic.diagnose.discretisation.weight import followed
+from idic.diagnose.discretisation.weight import weighed
 from idic.diagnose import identification_at, residual_evidence
 from idic.experiment_file import load_experiment
 from idic.identification import identify
@@ -46,8 +46,8 @@ def test_parameters_follow_an_error_before_it_is_simulated(found):
                                    found.steps).march()) for part in (1.0, 1.002)]
     error = MotionError(*(np.array([getattr(b, what) - getattr(a, what) for a, b in zip(*ways, strict=True)])
                           for what in ("u", "channels")))
-    assert followed(here, None, error)[name] == pytest.approx(-0.002 * values[name], rel=0.02)
-    assert followed(here, error, error)[name] == pytest.approx(0.0, abs=1e-9 * values[name])
+    assert weighed(here, error).moves[name] == pytest.approx(-0.002 * values[name], rel=0.02)
+    assert weighed(here, error.less(error)).moves[name] == pytest.approx(0.0, abs=1e-9 * values[name])
 
 
 def test_a_step_that_would_carry_a_modulus_to_zero_is_shortened_as_a_whole(found):

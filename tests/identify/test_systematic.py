@@ -15,7 +15,7 @@ from idic.correlation import CorrelationSystem
 from idic.fe import make_mesh
 from idic.identification import in_memory
 from idic.identification import (
-    Assessment, carried_local, determined_values, discretisation_bias, refined, scaled_system, spectrum, treatments,
+    Assessment, determined_values, discretisation_bias, scaled_system, spectrum, treatments,
     with_bias, with_spread,
 )
 from idic.identification.systematic.discretisation import beyond_data
@@ -26,6 +26,7 @@ from idic.report import render_page, treatment_table
 from idic.run import Console, identify_run, systematic
 from idic.run.reporting.write import load_record
 from idic.run.store.result_file import write_result
+from idic.simulation_error import refined
 from idic.virtual_tests import write_inp
 
 WHOLE = ELASTIC + GRIPS + FORCE
@@ -162,7 +163,7 @@ def test_measured_edges_are_carried_over_as_their_elements_interpolate_them(clea
     stretch = np.array([[1e-3, 2e-3], [-3e-3, 4e-3]])
     local = lambda drives, mesh: np.array([[(mesh.nodes @ stretch).ravel()[_dof(drives, i)]  # noqa: E731
                                             for i in range(drives.n_local)]])
-    found = carried_local(old, new, experiment, finer, local(old, experiment.mesh))
+    found = finer.carried_local(local(old, experiment.mesh))
     assert np.allclose(found, local(new, finer.experiment.mesh), atol=1e-15)
 
 

@@ -6,14 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.known_error import MAX_FURTHER_SHARE, error_beside, further_share
-from idic.diagnose.discretisation.mesh_error import (REACTION_LEFT, as_elastic, brick_mesh_error, compared_frames,
-                                                       motion_error, without_reactions)
 from idic.diagnose import identification_at, residual_evidence
 from idic.experiment_file import load_experiment
-from idic.identification import refined, thick
 from idic.model import MotionError, build_forward, solve
+from idic.simulation_error import brick_mesh_error, mesh_error, refined, thick, thickness_error, without_reactions
+from idic.simulation_error.limits import NodeLimits
+from idic.simulation_error.mesh import REACTION_LEFT, as_elastic, compared_frames
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
 from idic_studies.trial.scenes.solve import Motion, true_mesh
@@ -54,25 +53,25 @@ def test_the_error_of_bricks_is_that_against_finer_ones(tmp_path):
     """Of a beam whose elements are as large as half its thickness."""
     found = known(tmp_path, "elastic")
     experiment = found.experiment
-    error, twice = brick_mesh_error(found), refined(refined(experiment).experiment)
+    error, twice = brick_mesh_error(found.model_point), refined(refined(experiment).experiment)
     (coarse, coarse_force), (finest, force) = (bricks(one, found.parameters) for one in (experiment, twice.experiment))
     lacks = finest[:, :experiment.mesh.n_nodes] - coarse
     assert np.linalg.norm(error.u - lacks) < 0.6 * np.linalg.norm(lacks)
     assert np.abs(error.channels - (force - coarse_force)).max() < 0.6 * np.abs(force - coarse_force).max()
     # and is larger than that of the sheet, which has no grip that keeps its thickness
-    assert np.abs(error.channels).max() > 1.5 * np.abs(motion_error(found).channels).max()
+    assert np.abs(error.channels).max() > 1.5 * np.abs(mesh_error(found.model_point).channels).max()
 
 
 @pytest.mark.parametrize(("null", "share"), [("elastic", 0.1), pytest.param("plastic", 0.65, marks=pytest.mark.slow)])
 def test_of_too_many_bricks_the_error_is_that_of_an_elastic_body(null, share, tmp_path, monkeypatch):
     """In proportion to the motion and to the readings: of a beam that yields, about half of it."""
     found = known(tmp_path, null, finite=True)
-    whole = brick_mesh_error(found)
+    whole = brick_mesh_error(found.model_point)
     reading = found.experiment.channels[0]
     (given,) = bricks(found.experiment, found.parameters)[1].T
     measured = replace(found.experiment, channels=(replace(reading, values=given),))
-    monkeypatch.setattr("idic.diagnose.discretisation.mesh_error.MAX_NODES_OF_FINER_BRICKS", 0)
-    elastic = brick_mesh_error(replace(found, experiment=measured))
+    monkeypatch.setattr("idic.simulation_error.mesh.LIMITS", NodeLimits(solid_in_few_frames=0))
+    elastic = brick_mesh_error(replace(found.model_point, experiment=measured))
     assert np.linalg.norm(elastic.u - whole.u) < share * np.linalg.norm(whole.u)
     assert np.abs(elastic.channels - whole.channels).max() < share * np.abs(whole.channels).max()
 
@@ -84,7 +83,7 @@ def test_bodies_without_a_modulus_have_no_elastic_bricks(tmp_path):
 @pytest.mark.slow
 def test_the_error_of_bricks_of_rubber_is_found_in_a_few_frames(tmp_path):
     found = known(tmp_path, "rubber", frames=17)
-    error = brick_mesh_error(found)
+    error = brick_mesh_error(found.model_point)
     (_, coarse), (_, finer) = (bricks(one, found.parameters)
                                for one in (found.experiment, refined(found.experiment).experiment))
     limit = (1.0 + REACTION_LEFT) * (finer - coarse)
@@ -93,9 +92,9 @@ def test_the_error_of_bricks_of_rubber_is_found_in_a_few_frames(tmp_path):
 
 def test_bricks_that_are_too_many_keep_the_error_of_the_sheet(tmp_path, monkeypatch):
     found = known(tmp_path, "elastic")
-    monkeypatch.setattr("idic.diagnose.discretisation.mesh_error.MAX_LINEAR_BRICK_NODES", 1000)
-    assert brick_mesh_error(found) is None
-    sheet, of_bricks = motion_error(found), thickness_error(found)
+    monkeypatch.setattr("idic.simulation_error.mesh.LIMITS", NodeLimits(superposed=1000))
+    assert brick_mesh_error(found.model_point) is None
+    sheet, of_bricks = mesh_error(found.model_point), thickness_error(found.model_point)
     both = error_beside(found, of_bricks)
     np.testing.assert_allclose(both.u, sheet.u + of_bricks.u, atol=1e-12)
     assert error_beside(found, of_bricks, of_bricks).u == pytest.approx(2.0 * of_bricks.u)  # known: not found again
@@ -110,7 +109,7 @@ def test_what_finer_bricks_lack_still_is_estimated_from_the_recording(tmp_path, 
         return u[:, :once.mesh.n_nodes], channels[:, 0]
 
     found = known(tmp_path, "elastic", motion)
-    mesh, of_bricks = brick_mesh_error(found), thickness_error(found)
+    mesh, of_bricks = brick_mesh_error(found.model_point), thickness_error(found.model_point)
     error = error_beside(found, of_bricks)
     share = np.vdot(error.of_mesh.u, mesh.u) / np.vdot(mesh.u, mesh.u) - 1.0
     assert 0.7 < share < 1.3
@@ -122,8 +121,8 @@ def test_what_finer_bricks_lack_still_is_estimated_from_the_recording(tmp_path, 
     motions = without_reactions(mesh, found.experiment)
 
     def beside(factor):
-        there = replace(found.experiment, motion_error=motions.scaled(factor).with_thickness(
-            of_bricks.with_thickness(MotionError(0.0 * mesh.u, mesh.channels))))
+        held = of_bricks.plus(MotionError(0.0 * mesh.u, mesh.channels))
+        there = replace(found.experiment, motion_error=held.on_top_of(motions.scaled(factor)))
         return residual_evidence(replace(found, experiment=there, forward=build_forward(there)), light=False)
 
     assert further_share(beside(1.0 + share), motions) == 0.0

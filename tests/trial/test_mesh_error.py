@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from idic.diagnose.discretisation.known_error import with_error
-from idic.diagnose.discretisation.mesh_error import motion_error
 from idic.diagnose import identification_at, residual_evidence
 from idic.diagnose.residual.heldout import fit, grid_of
 from idic.experiment_file import load_experiment
-from idic.identification import identify, projection, refined
+from idic.identification import identify
 from idic.model import build_forward, solve
+from idic.simulation_error import mesh_error, projection, refined
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
 from idic_studies.trial.scenes.solve import solve as solve_scene
@@ -42,7 +42,7 @@ def test_the_error_of_a_mesh_is_that_against_elements_of_a_quarter_of_its_size(t
     experiment = recorded(tmp_path, "elastic", 2, 2.0)
     values = {f"BODY.{name}": value for name, value in NULLS["elastic"].truth.items()}
     found = identification_at(experiment, values, np.zeros((2, 1)), None)
-    error, first = motion_error(found), refined(experiment)
+    error, first = mesh_error(found.model_point), refined(experiment)
     second = refined(first.experiment)
     coarse, finest = (solve(build_forward(one), found.parameters) for one in (experiment, second.experiment))
     carry = second.carry @ first.carry

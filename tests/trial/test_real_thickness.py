@@ -8,22 +8,25 @@ import pytest
 
 from idic.diagnose import identification_at, residual_evidence
 from idic.diagnose.caution_texts import untested_thickness
-from idic.diagnose.discretisation.bricks import bricks_of, simulated_sheet, thickness_error
 from idic.diagnose.discretisation.combinations import (BRICKS, FINITE_STRAINS, Combination, drop_by,
                                                        probabilities)
 from idic.diagnose.discretisation.following import is_at, moved
 from idic.diagnose.discretisation.neglected import neglected
 from idic.diagnose.discretisation.thickness_error import are_shown, neglected_errors
-from idic.diagnose.discretisation.thickness_std import as_recorded, error_changes, std_factors
-from idic.diagnose.discretisation.turns import TURNED_STD, begun_at, in_turns, sheet_at, turned
-from idic.diagnose.discretisation.weight import MIN_ERROR_CHI2, change_matters, counts, error_column, weighed
+from idic.diagnose.discretisation.thickness_std import std_factors
+from idic.diagnose.discretisation.sheet import sheet_and_bricks_at, sheet_at
+from idic.diagnose.discretisation.turns import TURNED_STD, in_turns, turned
+from idic.diagnose.discretisation.weight import MIN_ERROR_CHI2, as_recorded, error_column, weighed
 from idic.diagnose.residual.heldout import grid_of
 from idic.experiment_file import load_experiment
 from idic.fe import boundary_faces, check_elements, halve, make_mesh, quadrature_rule, shape_gradients
-from idic.identification import extruded, identify
-from idic.identification.finer_models.real_thickness import MIDDLE, in_front
+from idic.identification import identify
 from idic.model import Column, Constant, Load, Measured, Parametrised, Prescribed, boundary_parameters, build_forward
 from idic.parameters import ParameterSet
+from idic import simulation_error
+from idic.simulation_error import bricks_of, extruded, simulated_sheet
+from idic.simulation_error.limits import NodeLimits
+from idic.simulation_error.real_thickness import MIDDLE, in_front
 from idic_studies.trial.scenes.calculix import solve_with_calculix
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
@@ -33,6 +36,10 @@ from idic_studies.trial.scenes.worlds import as_solid, world_scene
 BENDING = {"specimen": "bending", "columns": 146, "frames": 3, "programme": "monotonic", "thickness": 2.81,
            "solid": True, "finite": False, "noise": "white"}
 needs_calculix = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX is not installed")
+
+
+def thickness_error(found):
+    return simulation_error.thickness_error(found.model_point)
 
 
 def scene_of_world(grip=None, **changes):
@@ -70,8 +77,7 @@ def free_to_contract(experiment):
 
 
 def with_bricks_known(found, error):
-    nothing = type(error)(np.zeros_like(error.u), np.zeros_like(error.channels))
-    experiment = replace(found.experiment, motion_error=nothing.with_thickness(error))
+    experiment = replace(found.experiment, motion_error=error.on_top_of(None))
     return replace(found, experiment=experiment, forward=build_forward(experiment))
 
 
@@ -88,7 +94,7 @@ def test_a_bar_that_may_contract_is_in_plane_stress_whatever_its_thickness(tmp_p
 def test_bricks_of_a_large_mesh_are_simulated_where_motions_are_superposed(tmp_path, monkeypatch):
     """A plate of 1196 quadrilaterals has 8832 nodes of bricks, a second of work; it had none, and no caution."""
     scene = scene_of_world((0.0, 0.2))
-    monkeypatch.setattr("idic.diagnose.discretisation.bricks.MAX_BRICK_NODES", 1)
+    monkeypatch.setattr("idic.simulation_error.bricks.LIMITS", NodeLimits(solid=1))
     mesh = true_mesh(scene)
     found = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
     finite = replace(found.experiment, materials=tuple(
@@ -112,7 +118,7 @@ def test_a_sheet_without_bricks_is_told(tmp_path, monkeypatch):
                                                         element_sets=dict(sheet.element_sets)))
         (caution,) = untested_thickness(replace(found, experiment=made))
         assert said in caution and "2.81 mm" in caution
-    monkeypatch.setattr("idic.diagnose.discretisation.bricks.MAX_LINEAR_BRICK_NODES", 1000)
+    monkeypatch.setattr("idic.simulation_error.bricks.LIMITS", NodeLimits(superposed=1000))
     assert "more than 1000" in untested_thickness(found)[0]
     assert thickness_error(found) is None
 
@@ -179,7 +185,7 @@ def test_bricks_move_along_with_edges_that_are_measured(tmp_path):
     scene = scene_of_world((0.0, 0.2))
     mesh = true_mesh(scene)
     held = at_truth(tmp_path, scene, Motion(mesh, np.zeros((2, mesh.n_nodes, 2)), np.zeros(2)))
-    *_, sheet = simulated_sheet(held)
+    *_, sheet = simulated_sheet(held.model_point)
     errors = []
     for thickness in (None, 0.02):
         found = with_ends(held, lambda name, c: Measured(), thickness)
@@ -188,7 +194,7 @@ def test_bricks_move_along_with_edges_that_are_measured(tmp_path):
         rows = [int(drives.dofs[np.flatnonzero(drives.basis[:, k])[0]]) for k in drives.local]
         local[1] = sheet.u.ravel()[rows]
         found = replace(found, local=local)
-        *_, again = simulated_sheet(found)
+        *_, again = simulated_sheet(found.model_point)
         np.testing.assert_allclose(again.u, sheet.u, atol=1e-9)
         errors.append(thickness_error(found))
     real, thin = errors
@@ -230,7 +236,7 @@ def test_a_load_acts_through_the_thickness(tmp_path, kind, component, shape):
     def share(experiment):
         there = replace(found, experiment=experiment, forward=build_forward(experiment),
                         local=np.zeros((2, build_forward(experiment).drives.n_local)))
-        *_, plain = simulated_sheet(there)
+        *_, plain = simulated_sheet(there.model_point)
         return np.abs(thickness_error(there).u).max() / np.abs(plain.u).max()
 
     assert share(free) < 1e-8
@@ -257,7 +263,7 @@ def test_a_step_of_the_parameters_that_is_too_long_is_halved_until_they_have_les
     scene = scene_of_world((0.0, 0.2))
     found = at_truth(tmp_path, scene, solve(scene), E=1.05 * NULLS["elastic"].truth["E"])
     sheet = sheet_at(found)
-    bricks = bricks_of(found, sheet.frames)
+    bricks = bricks_of(found.model_point, sheet.frames)
     nothing = type(bricks.error)(np.zeros_like(bricks.error.u), np.zeros_like(bricks.error.channels))
     here = sheet.left(nothing)
     there, of_there = turned(sheet, here, bricks, 3.0 * here.step)
@@ -357,14 +363,13 @@ def test_turns_learn_how_the_error_follows_the_parameters(tmp_path, monkeypatch)
     _, there = in_turns(found, None, grid)
     learning = len(simulated)
     bricks = thickness_error(there)
-    left = sheet_at(there).left(type(bricks)(np.zeros_like(bricks.u), np.zeros_like(bricks.channels))
-                                .with_thickness(bricks))
+    left = sheet_at(there).left(bricks.on_top_of(None))
     assert np.abs(left.step / left.std).max() < TURNED_STD
     monkeypatch.setattr("idic.diagnose.discretisation.turns.learned", lambda slope, *_: slope)
     _, same = in_turns(found, None, grid)
     assert learning <= 3 < len(simulated) - learning
     monkeypatch.undo()
-    _, differentiated = in_turns(found, None, grid, begun=begun_at(found))
+    _, differentiated = in_turns(found, None, grid, begun=sheet_and_bricks_at(found))
     for name, std in zip(there.parameters.free, left.std, strict=True):
         assert abs(there.parameters[name].value - same.parameters[name].value) < 2.0 * TURNED_STD * std
         assert abs(there.parameters[name].value - differentiated.parameters[name].value) < 2.0 * TURNED_STD * std
@@ -375,7 +380,7 @@ def test_the_error_of_plane_stress_is_differentiated_by_the_law(tmp_path):
     plain = at_truth(tmp_path, scene, solve(scene))
     found = with_bricks_known(plain, thickness_error(plain))
     residual = residual_evidence(found, light=False)
-    changes = as_recorded(residual, error_changes(found))
+    changes = as_recorded(residual, sheet_and_bricks_at(found).bricks.changes)
     assert changes.names == residual.null.names == ("BODY.E", "BODY.nu")
     for j, step in enumerate((1.0, 1e-4)):  # 1 MPa, which moves nothing, and 0.0001
         high, low = (thickness_error(moved(found, {found.parameters.free[j]: sign * step})) for sign in (1.0, -1.0))
@@ -474,11 +479,9 @@ def test_an_error_that_the_stiffness_takes_up_is_counted_and_said(tmp_path):
     assert 0.0 < said.probability[BRICKS] < 1.0 and said.change_std["BODY.E"] > 0.0
     assert -0.04 < said.full[BRICKS]["BODY.E"] / 2000.0 < -0.01  # bricks are stiffer by 2 %
     lateral = thickness_error(at_truth(tmp_path / "two", scene, motion, nu=0.36))
-    change = type(error)(lateral.u - error.u, lateral.channels - error.channels)
-    assert weighed(residual, change)[0] < MIN_ERROR_CHI2 and counts(residual, change)  # by what it does to E alone
-    nothing = type(error)(np.zeros_like(error.u), np.zeros_like(error.channels))
-    old, new = (nothing.with_thickness(one) for one in (error, lateral))
-    assert change_matters(residual, old, new) and not change_matters(residual, old, old)
+    change = weighed(residual, lateral.on_top_of(None).less(error.on_top_of(None)))
+    assert change.chi2 < MIN_ERROR_CHI2 and change.matters  # by what it does to E alone
+    assert not weighed(residual, error.less(error)).matters
     assert BRICKS not in neglected_errors(with_bricks_known(found, error))
 
 

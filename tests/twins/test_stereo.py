@@ -29,11 +29,12 @@ from idic.diagnose.physics.candidate import Situation
 from idic.diagnose.residual.heldout import positions
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, read_toml
-from idic.identification import identify, noise_weights, refined
-from idic.identification.discrepancy.mesh_error import is_counted, mesh_error
+from idic.identification import identify, noise_weights
+from idic.identification.discrepancy.normal_equations import counts_mesh_error
 from idic.images import spline_slopes, spline_values
 from idic.model import Column, build_forward
 from idic.report.evidence.rig import rig_warnings
+from idic.simulation_error import ModelPoint, mesh_error_in, refined
 from idic.virtual_tests.stereo_plate import REDUCED, TRUTH, Size, plate_test, write_plate
 
 SMALL = Size(0.2, (100, 156), (2, 2, 2), (2, 3, 2, 1), (3, 4, 2, 1))
@@ -134,19 +135,19 @@ def test_two_textures_compared_pixel_by_pixel_give_the_same_equations(folder):
 
 def test_the_error_of_a_coarse_mesh_is_the_motion_of_a_finer_one_less_its_own(folder):
     experiment = load_experiment(folder)
-    assert is_counted(experiment)
+    assert counts_mesh_error(experiment)
     forward, parameters, last = build_forward(experiment), experiment.parameters, 2  # elastic up to there
     local = np.zeros((experiment.n_frames, forward.drives.n_local))
     rest = np.zeros_like(experiment.mesh.nodes)
-    found = mesh_error(experiment, forward, parameters, local, {last: rest})
+    found = mesh_error_in(ModelPoint(experiment, parameters, local), np.array([0, last]), [rest, rest])
     finer = refined(experiment)
     exact = list(build_forward(finer.experiment).march_at(parameters, local, np.array([0, last])))[-1]
     own = list(forward.march_at(parameters, local, np.array([0, last])))[-1]
     # 7 of 7704 N; the loose equilibrium is worth 1e-5 of the force
-    assert found.channels[last][0] == pytest.approx(exact.channels[0] - own.channels[0], abs=2e-5 * own.channels[0])
+    assert found.channels[1][0] == pytest.approx(exact.channels[0] - own.channels[0], abs=2e-5 * own.channels[0])
     at_nodes = exact.u[:experiment.mesh.n_nodes] - own.u  # the projection is another mean of the same field
-    assert np.corrcoef(found.u[last].ravel(), at_nodes.ravel())[0, 1] > 0.9
-    assert np.allclose(found.at(1)[0], 0.5 * found.u[last]) and np.allclose(found.at(1)[1], 0.5 * found.channels[last])
+    assert np.corrcoef(found.u[1].ravel(), at_nodes.ravel())[0, 1] > 0.9
+    assert np.allclose(found.at(1)[0], 0.5 * found.u[1]) and np.allclose(found.at(1)[1], 0.5 * found.channels[1])
 
 
 def test_exchanged_images_are_refused(folder, tmp_path):

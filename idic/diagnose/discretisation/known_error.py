@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
-from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.following import at_values, following, moved
-from idic.diagnose.discretisation.mesh_error import brick_mesh_error, motion_error, without_reactions
-from idic.diagnose.discretisation.turns import Begun, in_turns
-from idic.diagnose.discretisation.weight import change_matters, counts, error_column
+from idic.diagnose.discretisation.sheet import SheetAndBricks
+from idic.diagnose.discretisation.turns import in_turns
+from idic.diagnose.discretisation.weight import weighed
 from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
-from idic.diagnose.residual.score import null_model, score
 from idic.diagnose.residual.subspace import Grid
 from idic.identification import Identification
 from idic.model import MotionError
+from idic.simulation_error import brick_mesh_error, mesh_error, thickness_error, without_reactions
 
 # of the change by elements of half the size: with the order p of convergence 1/(2^p - 1) is left, here for p = 0.75
 MAX_FURTHER_SHARE = 1.5
@@ -27,8 +24,8 @@ def with_error(source: ExperimentSource,
                found: Identification) -> tuple[ExperimentSource, Identification, ResidualEvidence]:
     """The source and the identification with the error of the mesh added, where it matters, as they are elsewhere; and
     the residual of that identification."""
-    error, residual = motion_error(found), residual_evidence(found, light=False)
-    if error is None or not counts(residual, error):
+    error, residual = mesh_error(found.model_point), residual_evidence(found, light=False)
+    if error is None or not weighed(residual, error).matters:
         return source, found, residual
     source, found = knowing(source, found, error)
     return source, found, residual_evidence(found, light=False)
@@ -37,8 +34,8 @@ def with_error(source: ExperimentSource,
 def known_error(found: Identification, old: MotionError | None) -> MotionError | None:
     """The error of the mesh of a changed model, with that of plane stress where `old` counts it."""
     if old is None or old.thickness is None:
-        return motion_error(found)
-    return error_beside(found, thickness_error(found) or old.thickness)
+        return mesh_error(found.model_point)
+    return error_beside(found, thickness_error(found.model_point) or old.thickness)
 
 
 def error_beside(found: Identification, bricks: MotionError, of_sheet: MotionError | None = None) -> MotionError:
@@ -52,14 +49,13 @@ def error_beside(found: Identification, bricks: MotionError, of_sheet: MotionErr
 
     of_sheet : where it is known
     """
-    mesh = brick_mesh_error(found)
+    mesh = brick_mesh_error(found.model_point)
     if mesh is None:
-        nothing = MotionError(np.zeros_like(bricks.u), np.zeros_like(bricks.channels))
-        return (of_sheet or motion_error(found) or nothing).with_thickness(bricks)
-    error, own = mesh.with_thickness(bricks), without_reactions(mesh, found.experiment)
+        return bricks.on_top_of(of_sheet or mesh_error(found.model_point))
+    error, motions = bricks.on_top_of(mesh), without_reactions(mesh, found.experiment)
     there = at_values(found, replace(found.experiment, motion_error=error), found.parameters.as_values())
-    further = further_share(residual_evidence(there, light=False), own)
-    return MotionError(mesh.u + further * own.u, mesh.channels + further * own.channels).with_thickness(bricks)
+    further = further_share(residual_evidence(there, light=False), motions)
+    return bricks.on_top_of(mesh.plus(motions.scaled(further)))
 
 
 def further_share(residual: ResidualEvidence, mesh: MotionError) -> float:
@@ -67,15 +63,14 @@ def further_share(residual: ResidualEvidence, mesh: MotionError) -> float:
 
     residual : of a model that counts the error once
     """
-    found = score(residual.evidence, null_model(residual.evidence, residual.null), error_column(residual, mesh))
-    own, along = float(found.own[0]), float(found.U[0])
-    share = min(max(along / own, 0.0), MAX_FURTHER_SHARE) if own > 0.0 else 0.0
-    return share if 2.0 * share * along - share**2 * own > MIN_FURTHER_DROP else 0.0
+    weight = weighed(residual, mesh)
+    share = min(max(weight.along / weight.chi2, 0.0), MAX_FURTHER_SHARE) if weight.chi2 > 0.0 else 0.0
+    return share if 2.0 * share * weight.along - share**2 * weight.chi2 > MIN_FURTHER_DROP else 0.0
 
 
 def renewed_error(found: Identification, residual: ResidualEvidence, grid: Grid,
-                  begun: Begun | None = None) -> tuple[MotionError, Identification] | None:
-    """The error of a model at its present values, where it differs from the known one (`change_matters`), and the
+                  begun: SheetAndBricks | None = None) -> tuple[MotionError, Identification] | None:
+    """The error of a model at its present values, where it differs from the known one by what matters, and the
     model at the values that it is of: in turns with an error of plane stress, which the parameters follow.
 
     begun : where the turns begin, if that is known
@@ -89,8 +84,8 @@ def renewed_error(found: Identification, residual: ResidualEvidence, grid: Grid,
         if settled is None:
             return None
         bricks, there = settled[0].thickness, settled[1]
-    new = motion_error(there) if bricks is None else error_beside(there, bricks)
-    return (new, there) if new is not None and change_matters(residual, old, new) else None
+    new = mesh_error(there.model_point) if bricks is None else error_beside(there, bricks)
+    return (new, there) if new is not None and weighed(residual, new.less(old)).matters else None
 
 
 def knowing(source: ExperimentSource, found: Identification,

@@ -1,8 +1,9 @@
 """Where the error of plane stress is counted.
 
-Bricks of the stated thickness are simulated (`bricks`) whatever the residual says: the parameters can take up most of
-their difference (E off by 1.3 % beside `none`). Where the recording fits bricks, with or without finite strains
-(`combinations`), and no unknown is added, the difference is added to every simulation, and a caution says so.
+Bricks of the stated thickness are simulated (`idic.simulation_error.bricks`) whatever the residual says: the parameters
+can take up most of their difference (E off by 1.3 % beside `none`). Where the recording fits bricks, with or without
+finite strains (`combinations`), and no unknown is added, the difference is added to every simulation, and a caution
+says so.
 """
 
 from __future__ import annotations
@@ -11,10 +12,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.combinations import (BRICKS, FINITE_STRAINS, Combination, best_with, combinations,
                                                         drop_by)
-from idic.diagnose.discretisation.finite_strain_error import finite_strain_error
 from idic.diagnose.discretisation.known_error import error_beside, knowing
 from idic.diagnose.discretisation.turns import in_turns
 from idic.diagnose.refits.refit_job import ExperimentSource
@@ -25,6 +24,7 @@ from idic.diagnose.residual.score import null_model
 from idic.diagnose.residual.subspace import Grid
 from idic.identification import Identification
 from idic.model import MotionError
+from idic.simulation_error import strain_error, thickness_error
 
 MIN_DROP = 25.0  # of chi-square by bricks: five standard deviations
 MIN_DROP_SHARE = 0.5  # of what free motions and channels explain
@@ -37,8 +37,8 @@ def neglected_errors(found: Identification) -> dict[str, MotionError]:
     """The effects that a model neglects and that can be computed, by name; an experiment's bricks that are counted
     already are none."""
     known = found.experiment.motion_error
-    bricks = None if known is not None and known.thickness is not None else thickness_error(found)
-    errors = {BRICKS: bricks, FINITE_STRAINS: finite_strain_error(found)}
+    bricks = None if known is not None and known.thickness is not None else thickness_error(found.model_point)
+    errors = {BRICKS: bricks, FINITE_STRAINS: strain_error(found.model_point)}
     return {effect: error for effect, error in errors.items() if error is not None}
 
 

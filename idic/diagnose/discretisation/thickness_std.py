@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from idic.diagnose.discretisation.bricks import ErrorChanges, bricks_of, simulated_sheet
-from idic.diagnose.locate.freedoms import in_images
-from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.discretisation.sheet import sheet_and_bricks_at
+from idic.diagnose.discretisation.weight import as_recorded
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.diagnose.residual.score import NullModel, null_model, score
-from idic.errors import NotConverged
 from idic.identification import Identification
+from idic.simulation_error import ErrorChanges
 
 
 def std_factors(found: Identification, residual: ResidualEvidence) -> dict[str, float]:
@@ -30,11 +29,11 @@ def std_factors(found: Identification, residual: ResidualEvidence) -> dict[str, 
     known = residual.context.experiment.motion_error
     if known is None or known.thickness is None:
         return {}
-    changes = error_changes(found)
-    if changes is None:
+    both = sheet_and_bricks_at(found)
+    if both is None:
         return {}
     null = null_model(residual.evidence, residual.null)
-    D = taken_back(residual, null, changes)
+    D = taken_back(residual, null, both.bricks.changes)
     std = np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300))
     answer = np.linalg.pinv(np.eye(len(std)) - D)
     spread = answer @ (null.covariance / np.outer(std, std)) @ answer.T
@@ -51,21 +50,3 @@ def taken_back(residual: ResidualEvidence, null: NullModel, changes: ErrorChange
     D = np.zeros((len(std), len(std)))
     D[:, own] = score(residual.evidence, null, as_recorded(residual, changes)).moves * std[own] / std[:, None]
     return D
-
-
-def as_recorded(residual: ResidualEvidence, changes: ErrorChanges) -> Columns:
-    """Derivatives of an error as images and channels record them."""
-    frames = residual.evidence.frames
-    fields = np.array([in_images(residual, t, changes.u[frame]) for t, frame in enumerate(frames)])
-    return Columns(changes.names, fields, changes.channels[frames])
-
-
-def error_changes(found: Identification) -> ErrorChanges | None:
-    """Derivatives of the error of plane stress by the parameters of the laws: those of bricks less those of the sheet;
-    None where bricks cannot be simulated."""
-    names = tuple(name for name in found.parameters.free if found.forward.moves(name))  # type: ignore[union-attr]
-    try:
-        made = bricks_of(found, simulated_sheet(found, names), of_sheet=names)
-    except NotConverged:  # the sheet
-        return None
-    return None if made is None else made.changes

@@ -13,114 +13,27 @@ parameters, and the next turn takes (1 - D)^-1 s.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-
 import numpy as np
 
-from idic.correlation import FrameResponse, correlated_frames
-from idic.diagnose.discretisation.bricks import Bricks, bricks_of, simulated_sheet
-from idic.diagnose.discretisation.following import at_values, following, moved
+from idic.diagnose.discretisation.following import moved
+from idic.diagnose.discretisation.sheet import Left, Sheet, SheetAndBricks, sheet_at
 from idic.diagnose.discretisation.thickness_std import taken_back
 from idic.diagnose.residual.heldout import fit
-from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.score import null_model
 from idic.diagnose.residual.subspace import Grid
 from idic.errors import NotConverged
 from idic.identification import Identification
 from idic.model import MotionError
+from idic.simulation_error import Bricks, bricks_of
 
 MAX_TURNS, TURNED_STD = 12, 0.1  # of error and parameters; standard deviations of the last step
 SETTLED_SHARE = 1e-4  # of the mismatch in chi-square: a last step that would bring less is of no use to a wrong model
 PARTS_OF_STEP = (1.0, 0.5, 0.25, 0.125)
 
 
-@dataclass(frozen=True, eq=False)
-class Left:
-    """What the parameters would still move beside a held error.
-
-    found : with the error; step, std : (n,) of the free parameters, those that a bound holds back at rest; gain : of
-    chi-square by the step; gram : (n, n) its second derivative, halved
-    """
-
-    found: Identification
-    residual: ResidualEvidence
-    step: np.ndarray
-    std: np.ndarray
-    gain: float
-    gram: np.ndarray
-
-    def at(self, step: np.ndarray) -> Identification:
-        """After a step of the free parameters  # (n,)"""
-        return moved(self.found, dict(zip(self.found.parameters.free, step.tolist(), strict=True)))
-
-    def reached(self, step: np.ndarray) -> np.ndarray:
-        """The part of a step that the bounds of the parameters leave, in standard deviations  # (n,)"""
-        there = self.at(step).parameters
-        return np.array([there[name].value - self.found.parameters[name].value for name in there.free]) / self.std
-
-
-@dataclass(frozen=True, eq=False)
-class Sheet:
-    """A model simulated in plane stress, with derivatives by `names`, once for all errors; found : without an error"""
-
-    found: Identification
-    frames: tuple[FrameResponse, ...]
-    names: tuple[str, ...]
-
-    def guesses(self, other: Identification, names: Sequence[str]) -> Iterator[np.ndarray]:
-        """First guesses at other parameters, which the frames are differentiated by: to first order  # (n_nodes, 2)"""
-        change = np.array([other.parameters[name].value - self.found.parameters[name].value for name in names])
-        return (one.u + one.du @ change for one in self.frames)
-
-    def left(self, error: MotionError) -> Left:
-        """Beside an error."""
-        experiment = self.found.experiment
-        there = at_values(self.found, replace(experiment, motion_error=error), self.found.parameters.as_values())
-        wanted = set(correlated_frames(experiment, range(experiment.n_frames)))
-        responses = [replace(one, u=one.u + error.u[one.frame], channels=one.channels + error.channels[one.frame])
-                     for one in self.frames if one.frame in wanted]
-        residual = residual_evidence(there, light=False, responses=responses)
-        null, (steps, gain) = null_model(residual.evidence, residual.null), following(residual)
-        return Left(there, residual, np.array([steps.get(name, 0.0) for name in null.names]),
-                    np.sqrt(np.maximum(np.diagonal(null.covariance), 1e-300)), gain,
-                    null.gram)
-
-
-def sheet_at(found: Identification, near: Sheet | None = None) -> Sheet:
-    """The sheet at the parameters of an identification; near : at similar ones.
-
-    Raises
-    ------
-    NotConverged
-        If equilibrium is not found.
-    """
-    there = at_values(found, replace(found.experiment, motion_error=None), found.parameters.as_values())
-    names = tuple(name for name in there.parameters.free if there.forward.moves(name))
-    guesses = None if near is None else near.guesses(there, names)
-    return Sheet(there, tuple(simulated_sheet(there, names, guesses)), names)
-
-
-@dataclass(frozen=True, eq=False)
-class Begun:
-    """A model in plane stress and its bricks, with the derivatives of the error."""
-
-    sheet: Sheet
-    bricks: Bricks
-
-
-def begun_at(found: Identification) -> Begun | None:
-    """Where turns may begin; None where one of the two cannot be simulated."""
-    try:
-        sheet = sheet_at(found)
-    except NotConverged:
-        return None
-    bricks = bricks_of(sheet.found, sheet.frames, of_sheet=sheet.names)
-    return None if bricks is None else Begun(sheet, bricks)
-
-
 def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: float = np.inf,
-             first: MotionError | None = None, begun: Begun | None = None) -> tuple[MotionError, Identification] | None:
+             first: MotionError | None = None,
+             begun: SheetAndBricks | None = None) -> tuple[MotionError, Identification] | None:
     """The error of plane stress on top of that of the mesh, and the parameters that belong to it; None where bricks
     cannot be simulated, or where chi-square does not fall below the bar.
 
@@ -136,12 +49,12 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
             sheet = sheet_at(found)
         except NotConverged:
             return None
-        bricks = bricks_of(sheet.found, sheet.frames) if first is None else Bricks(first)
+        bricks = bricks_of(sheet.found.model_point, sheet.frames) if first is None else Bricks(first)
     else:
         sheet, bricks = begun.sheet, begun.bricks
     if bricks is None:
         return None
-    left = sheet.left(_on_top(mesh, bricks))
+    left = sheet.left(bricks.error.on_top_of(mesh))
     scale, slope = left.std, np.eye(len(left.step))
     if bricks.changes is not None:
         slope -= taken_back(left.residual, null_model(left.residual.evidence, left.residual.null), bricks.changes)
@@ -153,15 +66,15 @@ def in_turns(found: Identification, mesh: MotionError | None, grid: Grid, bar: f
         further = scale * np.linalg.lstsq(slope, left.step / scale)[0]
         turn = turned(sheet, left, bricks, further) or turned(sheet, left, bricks, left.step)
         if turn is None:
-            return _on_top(mesh, bricks), left.found
+            return bricks.error.on_top_of(mesh), left.found
         before, at, (sheet, bricks) = left, sheet.found.parameters, turn
-        left = sheet.left(_on_top(mesh, bricks))
+        left = sheet.left(bricks.error.on_top_of(mesh))
         taken = np.array([sheet.found.parameters[name].value - at[name].value for name in at.free])
         slope = learned(slope, taken / scale, (before.step - left.step) / scale, left.gram * np.outer(scale, scale))
         there = fit(left.residual, grid)
         if there.chi2 - left.gain >= bar:
             return None
-    return _on_top(mesh, bricks), left.at(left.step)
+    return bricks.error.on_top_of(mesh), left.at(left.step)
 
 
 def turned(sheet: Sheet, here: Left, bricks: Bricks, step: np.ndarray) -> tuple[Sheet, Bricks] | None:
@@ -178,7 +91,7 @@ def turned(sheet: Sheet, here: Left, bricks: Bricks, step: np.ndarray) -> tuple[
             continue
         known = here.found.experiment.motion_error
         if there.left(known).gain < here.gain:  # type: ignore[arg-type]
-            found = bricks_of(there.found, there.frames, bricks)
+            found = bricks_of(there.found.model_point, there.frames, bricks)
             if found is not None:
                 return there, found
     return None
@@ -191,9 +104,3 @@ def learned(slope: np.ndarray, taken: np.ndarray, change: np.ndarray, gram: np.n
     """
     weight = gram @ taken
     return slope + np.outer(change - slope @ taken, weight) / max(float(taken @ weight), 1e-300)
-
-
-def _on_top(mesh: MotionError | None, bricks: Bricks) -> MotionError:
-    """The error of plane stress on top of that of the mesh."""
-    nothing = MotionError(np.zeros_like(bricks.error.u), np.zeros_like(bricks.error.channels))
-    return (mesh or nothing).with_thickness(bricks.error)

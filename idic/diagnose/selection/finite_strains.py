@@ -14,7 +14,6 @@ from dataclasses import replace
 from typing import Any
 
 from idic.diagnose.discretisation.combinations import FINITE_STRAINS, combinations, drop_by
-from idic.diagnose.discretisation.finite_strain_error import finite_strain_error
 from idic.diagnose.discretisation.thickness_error import MIN_DROP
 from idic.diagnose.refits.refit import Refit, identification_at, residual_from_rest
 from idic.diagnose.refits.refit_job import ExperimentSource, Refits, refit_of_one
@@ -25,6 +24,7 @@ from idic.diagnose.screen.select import Screening
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, judge
 from idic.diagnose.selection.rivals import edits_of, variant_of
 from idic.identification import Identification
+from idic.simulation_error import strain_error
 
 
 def with_finite_strains_counted(rounds: Sequence[Round], null: Refit, whole: ResidualEvidence, refits: Refits,
@@ -77,7 +77,7 @@ def is_asked_for(found: Identification, residual: ResidualEvidence) -> bool:
 
     found, residual : of the model; False where it has them already, or none can be simulated
     """
-    error = finite_strain_error(found)
+    error = strain_error(found.model_point)
     if error is None:
         return False
     tried = combinations(residual, null_model(residual.evidence, residual.null), {FINITE_STRAINS: error})

@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.diagnose.discretisation.bricks import thickness_error
 from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.refits.refit import Refit, identification_at, residual_from_rest
@@ -31,6 +30,7 @@ from idic.diagnose.selection.rival import Rival, Round, judge, noise_of_evidence
 from idic.diagnose.selection.rivals import FIRST_ORDER_ERROR_SHARE, edits_of
 from idic.identification import ORDINARY
 from idic.model import MotionError
+from idic.simulation_error import thickness_error
 
 MAX_RIVALS = 2  # that are compared again
 # of the winner's evidence, in chi-square: what a rival may have lacked before; bricks are counted from 25 on, and may
@@ -148,5 +148,5 @@ def own_error(source: ExperimentSource, rival: Rival, known: MotionError, before
     fitted = rival.refitted
     found = identification_at(source.load(), fitted.values, fitted.local, fitted.steps)
     if known.thickness is not None and (before is None or before.thickness is None):
-        return known.of_mesh.with_thickness(thickness_error(found) or known.thickness)
+        return (thickness_error(found.model_point) or known.thickness).on_top_of(known.of_mesh)
     return known_error(found, known) or known

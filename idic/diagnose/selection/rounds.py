@@ -15,7 +15,7 @@ from idic.correlation import FrameResponse
 from idic.diagnose.discretisation.following import following
 from idic.diagnose.discretisation.known_error import known_error
 from idic.diagnose.discretisation.thickness_error import with_bricks
-from idic.diagnose.discretisation.weight import change_matters, error_column, followed
+from idic.diagnose.discretisation.weight import error_column, weighed
 from idic.diagnose.physics.candidate import Candidate
 from idic.diagnose.refits.refit import Refit, identification_at, is_residual_of, residual_from_rest
 from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits, Told, refit_of_one
@@ -261,12 +261,15 @@ def with_new_error(source: ExperimentSource, null: Refit, whole: ResidualEvidenc
         error = None if bricks is None else bricks[0]
         if error is None:
             error = known_error(found, known)
-            if error is None or not change_matters(whole, known, error):
+            if error is None:
                 return source, null, whole
+        change = weighed(whole, error.less(known))
+        if bricks is None and not change.matters:
+            return source, null, whole
         there = source.with_motion_error(error)
         setting.stage("fit with the error of the mesh")
         (again,) = setting.refits([refit_of_one(there, "null", null, setting.grid, setting.seed,
-                                                followed(whole, known, error), estimator=null.estimator)])
+                                                change.moves, estimator=null.estimator)])
         again = replace(again, phi=null.phi) if np.isnan(again.phi) else again  # of ordinary least squares, before
         after = residual_from_rest(there.load(), again) if again.usable else None
         return (source, null, whole) if after is None else (there, again, after)

@@ -24,12 +24,11 @@ from idic.identification.discrepancy.fields import (
     MOTION_LENGTH, N_CHANNEL_COURSES, N_COURSES, STRESS_LENGTH, Hats, course_correlation, courses, field_correlation,
     hats_over, root_of,
 )
-from idic.identification.discrepancy.mesh_error import MeshError, is_counted, mesh_error
-from idic.identification.discrepancy.strain_error import strain_error
 from idic.identification.free_motion.two_step import is_two_step
 from idic.identification.step.state import Evaluation
 from idic.model import Experiment, ForwardModel
 from idic.parameters import ParameterSet
+from idic.simulation_error import ErrorInFrames, ModelPoint, can_be_refined, mesh_error_in, strain_error_in
 
 MOTION, STRESS, CHANNEL = "motion", "stress", "channel"
 MESH, STRAINS = "mesh", "small strains"  # errors of known size
@@ -58,7 +57,7 @@ class DiscrepancySystem:
     simulated channels, None where they are not known; of several experiments: frames and channels of one after the
     other;
     mesh_error : (n + q,) the error of b by the mesh, None where it was not estimated
-    (`idic.identification.discrepancy.mesh_error`);
+    (`idic.simulation_error`);
     may_be_rough : whether what is finer than the fields may count as noise does. Not on solids whose mesh error, which
     moves parameters by more than noise of that size would, is not estimated
     strain_error : (n + q,) the error of b by small strains, None where the laws have no finite form
@@ -205,7 +204,7 @@ class _Fields:
     hats: Hats
     frames: Sequence[int]
     known: dict[int, Responses] | None
-    errors: Mapping[str, MeshError]
+    errors: Mapping[str, ErrorInFrames]
 
     @classmethod
     def of(cls, context: CorrelationContext, forward: object, local: np.ndarray, u: Iterable[np.ndarray],
@@ -219,9 +218,8 @@ class _Fields:
             known = _stress_responses(forward, context.parameters, local,
                                       _recorded(u, experiment.reference + 1, set(chosen.tolist()), motion), chosen,
                                       hats)
-            if is_counted(experiment):
-                errors[MESH] = mesh_error(experiment, forward, context.parameters, local, motion)
-            errors[STRAINS] = strain_error(experiment, forward, context.parameters, local, motion)
+            errors = errors_of_known_size(ModelPoint(replace(experiment, motion_error=None), context.parameters, local),
+                                          motion)
         return cls(experiment, hats, frames, known, {name: own for name, own in errors.items() if own is not None})
 
     @property
@@ -291,6 +289,24 @@ class _Fields:
         if self.errors:
             blocks.append(sparse.eye_array(len(self.errors)))
         return sparse.csc_array(sparse.block_diag(blocks))
+
+
+def counts_mesh_error(experiment: Experiment) -> bool:
+    """Whether the error of the motion by the mesh is a column: of solids, as far as the finer mesh is not too large.
+    In the plane a whole step on the finer mesh is cheap (`idic.identification.systematic.discretisation`)."""
+    return experiment.options.weighting == "noise" and experiment.n_dim == 3 and can_be_refined(experiment)
+
+
+def errors_of_known_size(point: ModelPoint, known: Mapping[int, np.ndarray]) -> dict[str, ErrorInFrames | None]:
+    """By the mesh and by small strains, as far as they are made.
+
+    known : (n_nodes, d) mm of the frames in which they are computed, the last one included; linear in between
+    """
+    experiment = point.experiment
+    frames = np.array([experiment.reference, *sorted(known)])
+    motions = [np.zeros_like(experiment.mesh.nodes), *(known[frame][:, :experiment.n_dim] for frame in sorted(known))]
+    of_mesh = {MESH: mesh_error_in(point, frames, motions)} if counts_mesh_error(experiment) else {}
+    return of_mesh | {STRAINS: strain_error_in(point, frames, motions)}
 
 
 def _stress_responses(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray, u: Iterable[np.ndarray],

@@ -24,13 +24,13 @@ from idic.correlation import CorrelationSystem, Weights
 from idic.errors import NotConverged
 from idic.fe import is_raised_by_default
 from idic.identification.discrepancy.normal_equations import DiscrepancySystem
-from idic.identification.finer_models.refinement import carried_local, refined
 from idic.identification.step.parameter_covariance import (
     MAX_UNDETERMINED_SHARE, scaled_system, spectrum, undetermined_share,
 )
 from idic.identification.step.state import Evaluation
-from idic.model import Experiment, build_drives
+from idic.model import Experiment
 from idic.parameters import ParameterSet
+from idic.simulation_error import refined
 
 Evaluate = Callable[[Experiment, Mapping[str, float], np.ndarray, bool, int | None], tuple[Evaluation, Weights]]
 
@@ -39,7 +39,7 @@ def is_coarse(experiment: Experiment) -> bool:
     """Whether an identification estimates its discretisation bias by itself: linear elements in the plane, as given.
 
     Of solids, which would cost more than the identification, the error of the motion is estimated
-    (`idic.identification.discrepancy.mesh_error`).
+    (`idic.identification.discrepancy.normal_equations`).
     """
     return (experiment.solver is None and experiment.options.weighting == "noise" and experiment.mesh.n_dim == 2
             and is_raised_by_default(experiment.mesh))
@@ -101,11 +101,10 @@ def discretisation_bias(evaluate: Evaluate, experiment: Experiment, values: Mapp
         If the finer model does not converge.
     """
     finer = refined(experiment)
-    start = carried_local(build_drives(experiment), build_drives(finer.experiment), experiment, finer, local)
-    evaluated, weights = evaluate(finer.experiment, values, start, generalised, increments)
+    evaluated, weights = evaluate(finer.experiment, values, finer.carried_local(local), generalised, increments)
     if evaluated.system is None:
         raise NotConverged(f"the finer model does not converge: {evaluated.message}")
-    return _biases(experiment, values, evaluated, ended, weights.image_noise), finer.how
+    return _biases(experiment, values, evaluated, ended, weights.image_noise), finer.way
 
 
 def time_step_bias(evaluate: Evaluate, experiment: Experiment, values: Mapping[str, float], local: np.ndarray,

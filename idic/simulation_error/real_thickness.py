@@ -64,7 +64,7 @@ def gripped_ends(experiment: Experiment) -> list[str]:
     for entry in experiment.prescribed:
         if not isinstance(entry.drive, (Measured, Parametrised)):
             components.setdefault(entry.nodes, set()).add(entry.component)
-    return [name for name, own in components.items() if own >= {"x", "y"}]
+    return [name for name, directions in components.items() if directions >= {"x", "y"}]
 
 
 def extruded(sheet: Mesh, depth: float) -> Mesh:
@@ -78,27 +78,27 @@ def extruded(sheet: Mesh, depth: float) -> Mesh:
     size = float(np.median(np.linalg.norm(sheet.nodes[cells[:, 0]] - sheet.nodes[cells[:, 1]], axis=1)))
     layers = int(np.clip(np.ceil(depth / (LAYER_SHARE * size)), 1, MAX_LAYERS))
     inner = _nodes_inside_a_layer(sheet)
-    n, own = sheet.n_nodes, np.arange(sheet.n_nodes)
+    n, nodes = sheet.n_nodes, np.arange(sheet.n_nodes)
     between = np.full(n, -1)
     between[inner] = np.arange(len(inner))
     pitch, solid = n + len(inner), []
     points = [np.column_stack([sheet.nodes, np.full(n, depth)])]
     for layer in range(layers):
-        top, bottom, half = own + layer * pitch, own + (layer + 1) * pitch, between + layer * pitch + n
+        top, bottom, half = nodes + layer * pitch, nodes + (layer + 1) * pitch, between + layer * pitch + n
         z = depth * (1.0 - (layer + np.array([0.5, 1.0])) / layers)
         points += [np.column_stack([sheet.nodes[inner], np.full(len(inner), z[0])]),
                    np.column_stack([sheet.nodes, np.full(n, z[1])])]
         solid.append((_bricks if _is_of_quadrilaterals(sheet) else _tetrahedra)(cells, bottom, half, top))
-    through = {name: np.concatenate([nodes + layer * pitch for layer in range(layers + 1)]
-                                    + [between[nodes][between[nodes] >= 0] + layer * pitch + n
+    through = {name: np.concatenate([members + layer * pitch for layer in range(layers + 1)]
+                                    + [between[members][between[members] >= 0] + layer * pitch + n
                                        for layer in range(layers)])
-               for name, nodes in sheet.node_sets.items()}
-    behind = len(solid[0]) // len(cells)  # elements behind one, in a layer
-    elements = {name: np.concatenate([((np.asarray(members) + layer * len(cells))[:, None] * behind
-                                       + np.arange(behind)).ravel() for layer in range(layers)])
+               for name, members in sheet.node_sets.items()}
+    n_behind = len(solid[0]) // len(cells)  # elements behind one, in a layer
+    elements = {name: np.concatenate([((np.asarray(members) + layer * len(cells))[:, None] * n_behind
+                                       + np.arange(n_behind)).ravel() for layer in range(layers)])
                 for name, members in sheet.element_sets.items()}
-    seen = {as_seen(name): np.asarray(nodes) for name, nodes in sheet.node_sets.items()}
-    sets = {"node_sets": through | seen | {MIDDLE: own + layers * pitch}, "element_sets": elements}
+    on_surface = {as_seen(name): np.asarray(members) for name, members in sheet.node_sets.items()}
+    sets = {"node_sets": through | on_surface | {MIDDLE: nodes + layers * pitch}, "element_sets": elements}
     body = np.concatenate(points), [(SOLID_CELLS[sheet.blocks[0].cell], np.concatenate(solid))]
     closed = make_mesh(*body, **sets)
     return make_mesh(*body, **sets, edge_sets=_face_sets(sheet, closed))
@@ -109,16 +109,16 @@ def _face_sets(sheet: Mesh, solid: Mesh) -> dict[str, np.ndarray]:
     front, faces = in_front(sheet, solid), boundary_faces(solid)
     corners = n_face_corners(solid.blocks[0].cell)
     places = [front[solid.face_nodes(face)[:corners]] for face in faces]
-    seen = [bool((solid.face_nodes(face) < sheet.n_nodes).all()) for face in faces]
-    behind: dict[frozenset[int], list[int]] = {}
+    on_surface = [bool((solid.face_nodes(face) < sheet.n_nodes).all()) for face in faces]
+    upright: dict[frozenset[int], list[int]] = {}
     for number, place in enumerate(places):
         if len(set(place.tolist())) == 2:
-            behind.setdefault(frozenset(place.tolist()), []).append(number)
-    found = {SEEN: faces[seen]}
+            upright.setdefault(frozenset(place.tolist()), []).append(number)
+    sets = {SEEN: faces[on_surface]}
     for name, edges in sheet.edge_sets.items():
         ends = [frozenset(sheet.face_nodes(edge)[:2].tolist()) for edge in edges]
-        found[name] = faces[[number for pair in ends for number in behind.get(pair, ())]]
-    return found
+        sets[name] = faces[[number for pair in ends for number in upright.get(pair, ())]]
+    return sets
 
 
 def as_seen(name: str) -> str:
@@ -128,9 +128,9 @@ def as_seen(name: str) -> str:
 
 def in_front(sheet: Mesh, solid: Mesh) -> np.ndarray:
     """The node of the sheet in front of every node of the solid behind it (`extruded`)  # (n_nodes of the solid,)"""
-    own, inner = np.arange(sheet.n_nodes), _nodes_inside_a_layer(sheet)
-    layers = (solid.n_nodes - len(own)) // (len(own) + len(inner))
-    return np.concatenate([own, *([inner, own] * layers)])
+    nodes, inner = np.arange(sheet.n_nodes), _nodes_inside_a_layer(sheet)
+    layers = (solid.n_nodes - len(nodes)) // (len(nodes) + len(inner))
+    return np.concatenate([nodes, *([inner, nodes] * layers)])
 
 
 def _is_of_quadrilaterals(sheet: Mesh) -> bool:
@@ -160,18 +160,18 @@ def _tetrahedra(cells: np.ndarray, bottom: np.ndarray, half: np.ndarray, top: np
     middles = np.take_along_axis(cells[:, 3:], np.stack([
         np.where((order[:, i] + 1) % 3 == order[:, j], order[:, i], order[:, j]) for i, j in TRIANGLE_EDGES], axis=1),
         axis=1)
-    found = []
-    for own in DIVIDED_PRISM:
-        nodes = [(bottom, top)[level][corners[:, corner]] for corner, level in own]
+    tetrahedra = []
+    for corners_of_tet in DIVIDED_PRISM:
+        nodes = [(bottom, top)[level][corners[:, corner]] for corner, level in corners_of_tet]
         for i, j in TET_EDGES:
-            (one, low), (other, high) = own[i], own[j]
-            edge = (min(one, other), max(one, other))
-            on = corners[:, one] if one == other else middles[:, TRIANGLE_EDGES.index(edge)]
+            (start, low), (end, high) = corners_of_tet[i], corners_of_tet[j]
+            edge = (min(start, end), max(start, end))
+            on = corners[:, start] if start == end else middles[:, TRIANGLE_EDGES.index(edge)]
             nodes.append((bottom if low == high == 0 else top if low == high else half)[on])
-        made = np.stack(nodes, axis=1)
-        made[odd] = made[odd][:, MIRRORED_TET]
-        found.append(made)
-    return np.stack(found, axis=1).reshape(-1, 10)
+        cell = np.stack(nodes, axis=1)
+        cell[odd] = cell[odd][:, MIRRORED_TET]
+        tetrahedra.append(cell)
+    return np.stack(tetrahedra, axis=1).reshape(-1, 10)
 
 
 def _through(entry: Temperature, front: np.ndarray) -> Temperature:
@@ -202,9 +202,9 @@ def _moved_through(experiment: Experiment, entry: Prescribed, solid: Mesh, front
                                             minus=None if drive.minus is None else as_seen(drive.minus)))
     if not isinstance(drive, Parametrised):
         return entry
-    own = set_nodes(experiment, entry.nodes)
-    shapes, courses = mode_shapes(experiment, own, drive, f"boundary.{entry.nodes}.{entry.component}")
+    edge = set_nodes(experiment, entry.nodes)
+    shapes, courses = mode_shapes(experiment, edge, drive, f"boundary.{entry.nodes}.{entry.component}")
     place = np.full(experiment.mesh.n_nodes, -1)
-    place[own] = np.arange(len(own))
+    place[edge] = np.arange(len(edge))
     return replace(entry, drive=replace(drive, shapes=shapes[place[front[solid.node_sets[entry.nodes]]]],
                                         courses=courses))
