@@ -17,14 +17,14 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
 from io import StringIO
 from pathlib import Path
-from types import CodeType, FrameType, ModuleType
+from types import CodeType, FrameType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
 
 import idic
 from idic.experiment_file import load_experiment
-from idic.identification import in_memory
+from idic.identification import identify
 from idic.images import ArrayStack
 from idic.model import Experiment
 from idic_studies.equality.counting import Counter
@@ -76,11 +76,11 @@ def strip() -> Experiment:
 
 def followed(experiment: Experiment) -> FrameWay:
     """Identify the experiment twice, the first time to compile, and follow one of its frames the second time."""
-    in_memory.identify(experiment)
+    identify(experiment)
     tracer = _Tracer()
     sys.setprofile(tracer.profile)
     try:
-        in_memory.identify(experiment)
+        identify(experiment)
     finally:
         sys.setprofile(None)
     return tracer.frame_way
@@ -91,21 +91,29 @@ class _Tracer:
 
     def __init__(self) -> None:
         self.frame_way = FrameWay(properties=set(_properties()))
-        self._frames = 0  # that have begun
-        self._root: FrameType | None = None  # the call of the followed one
+        self._frames, self._depth = 0, 0  # frames that have begun; open functions around the followed one
+        self._open: list[Place] = []
 
     def profile(self, frame: FrameType, event: str, _: Any) -> None:
         """Called by the interpreter at every call and return, by numba at those of compiled functions."""
-        if event == "call" and _is_source(frame.f_code):
-            if frame.f_code.co_name == FRAME:
-                self._frames += 1
-                self._root = frame if self._frames == FOLLOWED else self._root
-            if self._root is not None and "<" not in frame.f_code.co_name:
-                self.frame_way.calls[_place(frame.f_code)] += 1
-                if frame.f_code.co_name == KERNEL:
-                    self.frame_way.way = _stack(frame)
-        elif event == "return" and frame is self._root:
-            self._root = None
+        if event not in ("call", "return") or not _is_source(frame.f_code):
+            return
+        if event == "call" and frame.f_code.co_name == FRAME:
+            self._frames += 1
+            if self._frames == FOLLOWED:
+                self._open = _stack(frame.f_back)
+                self._depth = len(self._open)
+        if self._frames != FOLLOWED or len(self._open) < self._depth:
+            return
+        if event == "return":
+            self._open.pop()
+            self._depth += len(self._open) == self._depth  # the followed frame is done
+            return
+        self._open.append(_place(frame.f_code))
+        if "<" not in frame.f_code.co_name:
+            self.frame_way.calls[self._open[-1]] += 1
+        if frame.f_code.co_name == KERNEL:
+            self.frame_way.way = tuple(place for place in self._open if "<" not in place[1].rpartition(".")[2])
 
 
 def _is_source(code: CodeType) -> bool:
@@ -116,15 +124,14 @@ def _place(code: CodeType) -> Place:
     return str(Path(code.co_filename).relative_to(SOURCE.parent)), code.co_qualname
 
 
-def _stack(innermost: FrameType) -> tuple[Place, ...]:
-    """The functions from `identify` down to a frame of the interpreter; comprehensions are part of theirs."""
+def _stack(frame: FrameType | None) -> list[Place]:
+    """The open functions from `identify` down to a frame of the interpreter."""
     places: list[Place] = []
-    frame: FrameType | None = innermost
     while frame is not None:
-        if _is_source(frame.f_code) and "<" not in frame.f_code.co_name:
-            places.append(_place(frame.f_code))
+        if _is_source(frame.f_code):
+            places.insert(0, _place(frame.f_code))
         frame = None if frame.f_code.co_name == ENTRY else frame.f_back
-    return tuple(reversed(places))
+    return places
 
 
 def _modules() -> list[ModuleType]:
@@ -136,7 +143,8 @@ def _properties() -> Iterator[Place]:
     for module in _modules():
         for cls in (value for value in list(vars(module).values()) if isinstance(value, type)):
             yield from (_place(value.fget.__code__) for value in vars(cls).values()
-                        if isinstance(value, property) and value.fget and _is_source(value.fget.__code__))
+                        if isinstance(value, property) and isinstance(value.fget, FunctionType)
+                        and _is_source(value.fget.__code__))
 
 
 def lines(frame_way: FrameWay) -> Iterator[str]:
