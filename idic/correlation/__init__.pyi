@@ -11,10 +11,11 @@ from .height.section_nodes import section_motion
 from .image_equations.comparison import Reference
 from .image_equations.context import CorrelationContext, FrameResponse
 from .image_equations.equations import ColumnSum, FrameEquations, Weights, dense
-from .image_equations.frame import NodalEquations, ResidualMap, nodal_equations, residual_map, solve_brightness
+from .image_equations.frame import NodalEquations, nodal_equations
 from .image_equations.grey import GreyReference, blur_bias, frame_spline
 from .image_equations.image_kernel import residual_pass
 from .image_equations.reference import MAX_GRADIENT_NOISE, ReferenceImage, build_reference
+from .image_equations.residual import ResidualMap, residual_map, solve_brightness
 from .image_equations.system import (
     CorrelationSystem, FrameRecord, LocalEquations, OpenSums, eliminate, local_covariance, reduce_systems,
 )

@@ -21,7 +21,8 @@ from idic.correlation.field.equations import FieldEquations
 from idic.correlation.field.reference import FieldReference
 from idic.correlation.image_equations.frame import NodalEquations
 from idic.correlation.image_equations.system import CorrelationSystem, eliminate
-from idic.correlation.views.view import view_of
+from idic.correlation.views.pinhole_view import PinholeView
+from idic.correlation.views.view import View, view_of
 from idic.fe import nodal_deformation
 from idic.images import AnyCamera, PLACEMENT_STEM, PlacedCamera
 from idic.model import Experiment
@@ -60,23 +61,21 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
 
     A frame without contrast has no pixel in any sum.
     """
-    experiment, camera, reference = context.experiment, context.camera, context.reference
+    experiment, reference = context.experiment, context.reference
     response = turned_response(experiment, response)
-    nodes = experiment.mesh.nodes
-    view = view_of(experiment, camera).at(response.frame)
-    motion = view.motion(nodes, response.u)
-    nodal, own = reference.compare(experiment, response.frame, motion), global_columns(context, response)
+    nodes, view = experiment.mesh.nodes, view_of(experiment, context.camera).at(response.frame)
+    motion, jacobian = view.motion(nodes, response.u), view.jacobian(nodes, response.u)
+    nodal, columns = reference.compare(experiment, response.frame, motion), _columns(context, response, view, jacobian)
     if isinstance(reference, FieldReference) and isinstance(nodal, FieldEquations):
         alike = reference.kept.columns(view, nodes, response.u, response.local_du)
-        projected = nodal.gram_of(own, alike)
-        noise = NoiseTerms(SeenColumns(own, alike, reference.visible(nodal)))
+        projected = nodal.gram_of(columns, alike)
+        noise = NoiseTerms(SeenColumns(columns, alike, reference.visible(nodal)))
     else:
-        local_columns = view.columns(nodes, response.u, response.local_du)
-        columns = np.hstack([own, local_columns])
+        columns = np.hstack([columns, view.projected(jacobian, response.local_du)])
         if reference.shows_nothing(nodal):
             nodal = _without_pixels(reference, nodal)
-        projected = nodal.gram(columns, local_columns.shape[1])
-        noise = reference.noise_terms(nodal, response.frame, motion, columns, projected)
+        projected = nodal.gram(columns, response.local_du.shape[2])
+        noise = reference.noise_terms(nodal, columns, projected)
     return nodal, FrameEquations(
         gram=projected.matrix, rhs=projected.rhs, rr=nodal.rr, shared=noise.shared, kappa=nodal.kappa,
         channels=channel_equations(context, response), local_precision=context.local_precision, local_gap=-local,
@@ -106,31 +105,49 @@ def global_columns(context: CorrelationContext, response: FrameResponse,
 
     gradient : `nodal_gradient` of the motion, where it is known already
     """
-    nodes = context.experiment.mesh.nodes
     view = view_of(context.experiment, context.camera).at(response.frame)
-    moved = view.columns(nodes, response.u, at_fixed_pixels(context.experiment, response.u, response.du,
-                                                            context.moving))
-    columns = np.zeros((view.n_components * len(nodes), len(context.names)))
-    stem, placed = f"{context.experiment.camera_name}.", isinstance(context.camera, PlacedCamera)
+    return _columns(context, response, view, view.jacobian(context.experiment.mesh.nodes, response.u), gradient)
+
+
+def _columns(context: CorrelationContext, response: FrameResponse, view: View | PinholeView, jacobian: np.ndarray,
+             gradient: np.ndarray | None = None) -> np.ndarray:
+    """The same; view, jacobian : of the frame."""
+    experiment, nodes = context.experiment, context.experiment.mesh.nodes
+    of_camera = [name for name in context.names if name not in context.moving and _is_of_camera(context, name)]
+    if gradient is None and (of_camera or _moves_nodes(experiment, context.moving)):
+        gradient = nodal_gradient(experiment, response.u)
+    moved = view.projected(jacobian, at_fixed_pixels(experiment, response.u, response.du, context.moving, gradient))
+    columns, stem = np.zeros((len(moved), len(context.names))), f"{experiment.camera_name}."
     for i, name in enumerate(context.names):
         if name in context.moving:
             columns[:, i] = moved[:, context.moving.index(name)]
-        elif name.startswith(stem) or (placed and name.startswith(f"{PLACEMENT_STEM}.")):
-            if gradient is None:
-                gradient = nodal_gradient(context.experiment, response.u)
+        elif name in of_camera:
             columns[:, i] = view.camera_column(nodes, response.u, gradient, name.removeprefix(stem))
     return columns
 
 
-def at_fixed_pixels(experiment: Experiment, u: np.ndarray, du: np.ndarray, moving: Sequence[str]) -> np.ndarray:
+def _is_of_camera(context: CorrelationContext, name: str) -> bool:
+    """Whether a degree of freedom is one of this camera, or of the place of the specimen before it."""
+    placed = isinstance(context.camera, PlacedCamera) and name.startswith(f"{PLACEMENT_STEM}.")
+    return placed or name.startswith(f"{context.experiment.camera_name}.")
+
+
+def _moves_nodes(experiment: Experiment, moving: Sequence[str]) -> bool:
+    """Whether one of these degrees of freedom moves the nodes of the undeformed mesh."""
+    return any(morph.name in moving for morph in experiment.morphs)
+
+
+def at_fixed_pixels(experiment: Experiment, u: np.ndarray, du: np.ndarray, moving: Sequence[str],
+                    gradient: np.ndarray | None = None) -> np.ndarray:
     """Sensitivities at fixed points of the undeformed body instead of at nodes that move  # (n_nodes, dim, n_moving)
 
     Where a degree of freedom moves the nodes by V = dX/dlam: phi = dU/dlam - (grad u) V (docs/method.md, equation 5.5).
+    gradient : `nodal_gradient` of the motion, where it is known already
     """
-    velocity = {morph.name: morph.velocity for morph in experiment.morphs}
-    if velocity.keys().isdisjoint(moving):
+    if not _moves_nodes(experiment, moving):
         return du
-    du, gradient = du.copy(), nodal_gradient(experiment, u)
+    velocity = {morph.name: morph.velocity for morph in experiment.morphs}
+    du, gradient = du.copy(), nodal_gradient(experiment, u) if gradient is None else gradient
     for i, name in enumerate(moving):
         if name in velocity:
             v = experiment.turned(velocity[name])

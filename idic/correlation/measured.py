@@ -23,8 +23,9 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from idic.correlation.image_equations.comparison import NoiseTerms, Reference
-from idic.correlation.image_equations.frame import FrameGram, NodalEquations, ResidualMap, solve_brightness
+from idic.correlation.image_equations.frame import FrameGram, NodalEquations
 from idic.correlation.image_equations.grey import GreyReference
+from idic.correlation.image_equations.residual import ResidualMap, solve_brightness
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.model import Experiment
 
@@ -86,14 +87,13 @@ class MeasuredReference:
         rb = image.bb @ light.coefficients if len(light.coefficients) else image.rb
         return MeasuredEquations(image, self, known, q, float(light.rr + gap @ q + light.coefficients @ rb), rb)
 
-    def noise_terms(self, equations: MeasuredEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
-                    projected: FrameGram) -> NoiseTerms:
+    def noise_terms(self, equations: MeasuredEquations, columns: np.ndarray, projected: FrameGram) -> NoiseTerms:
         """Noise enters by the fields of `MeasuredEquations.noise` in the place of the columns."""
         m, nb, image = columns.shape[1], equations.n_brightness, equations.image
         fields, bright, gram = equations.noise(columns)
         noise, shared = np.zeros((m + nb, m + nb)), np.zeros((len(fields) + nb, m + nb))
         noise[:m, :m] = equations.kappa * gram
-        shared[:len(fields), :m] = self.image.shared_columns(self.filled(frame), fields, 0)
+        shared[:len(fields), :m] = self.image.shared_columns(image, fields, 0)
         shared[len(fields):, :m] = bright
         around = np.repeat(self.image.visible_share(image), 2)
         seen = equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
@@ -109,14 +109,14 @@ class MeasuredReference:
                        coefficients: np.ndarray) -> ResidualMap:
         return self.image.compare_pixels(experiment, frame, motion, coefficients)
 
-    def shared_columns(self, motion: np.ndarray, columns: np.ndarray, n_brightness: int) -> np.ndarray:
-        return self.image.shared_columns(motion, columns, n_brightness)
+    def shared_columns(self, equations: MeasuredEquations, columns: np.ndarray, n_brightness: int) -> np.ndarray:
+        return self.image.shared_columns(equations.image, columns, n_brightness)
 
     def shared_gram(self, experiment: Experiment, shared: np.ndarray) -> tuple[np.ndarray, int]:
         return self.image.shared_gram(experiment, shared)
 
-    def pull_back(self, motion: np.ndarray) -> np.ndarray:
-        return self.image.pull_back(motion)
+    def pull_back(self, equations: MeasuredEquations) -> np.ndarray:
+        return self.image.pull_back(equations.image)
 
     def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, Reference]:
         return self.image.synthetic_image(r)

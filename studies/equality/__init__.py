@@ -9,6 +9,9 @@ result.json and its like; sum, shape and type of every decoded array; the visibl
 of all files. It holds no durations, memory, dates or folders (`normal_text`, `contents`). With ``--arrays`` a
 comparison says by how much arrays differ.
 
+`python -m idic_studies.equality.frame_way` counts functions and files from `identify` to the equation, and what a frame
+computes more than once (`frame_way`).
+
 Records of the fast cases are committed in ``recorded``, for the default tests. Where a result changes on purpose:
 ``record --fast --out studies/equality/recorded``, with the reason in the commit.
 """

@@ -19,8 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.correlation.pixels.pixel_map import PixelMap, lowpass_shift
-from idic.images import PIXEL_BLUR_PX, derivative_maps, inside, matching_weights, spline_slopes, spline_values
+from idic.correlation.pixels.pixel_map import PixelMap, element_coefficients, element_curvature
+from idic.images import (
+    PIXEL_BLUR_PX, derivative_maps, fineness_of, inside, matching_weights, mean_shift, spline_slopes, spline_values,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,7 @@ def normal_equations(pixel_map: PixelMap, f: np.ndarray, g: np.ndarray, U: np.nd
     F = np.repeat(pixel_map.deformation_gradient(U), pixel_map.pixels_per_element, axis=0)  # (n_pixels, 2, 2)
     still = spline_values(f, x, degree)
     if lowpass_px > 0:
-        u = u + lowpass_shift(pixel_map, U, f, lowpass_px, camera_blur_px)  # (n_pixels, 2)
+        u = u + lowpass_shift(pixel_map, U, F, f, lowpass_px, camera_blur_px)  # (n_pixels, 2)
         weights = matching_weights(np.linalg.inv(F), lowpass_px, camera_blur_px)  # (n_pixels, 8)
         still = still + np.einsum("xm,mx->x", weights, derivative_maps(f, pixel_map.ix, pixel_map.iy))
     valid = inside(x + u, pixel_map.shape)
@@ -56,3 +58,15 @@ def normal_equations(pixel_map: PixelMap, f: np.ndarray, g: np.ndarray, U: np.nd
     grad_g = np.linalg.solve(np.swapaxes(F, 1, 2), spline_slopes(f, x, degree)[:, :, None])[:, :, 0]  # F^-T grad f
     L = np.where(valid[:, None], np.einsum("xc,xci->xi", grad_g, phi), 0.0)
     return PixelEquations(M=L.T @ L, b=L.T @ r, r=r, L=L, valid=valid)
+
+
+def lowpass_shift(pixel_map: PixelMap, U: np.ndarray, F: np.ndarray, f: np.ndarray, lowpass_px: float,
+                  camera_blur_px: float) -> np.ndarray:
+    """By how much a low-pass displaces the pattern at every pixel, docs/method.md, equation 1.12  # (n_pixels, 2) px
+
+    F : (n_pixels, 2, 2) deformation gradient
+    """
+    inverse = np.linalg.inv(F[pixel_map.start[:-1]])  # of the elements
+    curvature = element_curvature(pixel_map, element_coefficients(pixel_map, U), inverse)
+    shift = mean_shift(curvature, fineness_of(f, pixel_map.ix, pixel_map.iy), lowpass_px, camera_blur_px)
+    return np.repeat(shift, pixel_map.pixels_per_element, axis=0)

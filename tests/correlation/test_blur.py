@@ -62,8 +62,8 @@ def test_the_blur_of_a_frame_that_shows_a_part_of_the_specimen_is_that_of_the_wh
         frame = ndimage.gaussian_filter(np.roll(far, shift, axis=1)[:, :160], np.sqrt(0.15))
         spline = prefilter((128.0 + 0.9 * (frame - 128.0)).astype(np.float32), 3, 0.6)
         u = np.tile([float(shift), 0.0], (mesh.n_nodes, 1))
-        equations = with_blur(reference, nodal_equations(reference, spline, u, brightness), spline, u, brightness,
-                              np.tile(np.eye(2), (mesh.n_nodes, 1, 1)), Noise(None))
+        equations = with_blur(reference, nodal_equations(reference, spline, u, brightness), spline, brightness,
+                              Noise(None))
         x = solve_positive(equations.bb, equations.rb)
         found.append(x[-1])
         left = equations.rr - 2.0 * x @ equations.rb + x @ equations.bb @ x

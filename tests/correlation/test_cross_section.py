@@ -117,7 +117,8 @@ def test_the_shared_noise_of_the_reference_is_summed_pixel_by_pixel():
     for size in (0.5, 1.0):
         surface = Surface(size=size)
         motion, columns = surface.nodal(mesh, camera()), rng.normal(size=(3 * mesh.n_nodes, 4))
-        shared = shared + reference.shared_columns(motion, columns, 3)
+        equations = section_equations(reference, surface.deformed(), motion, "tilt")
+        shared = shared + reference.shared_columns(equations, columns, 3)
         _, L, *_ = pixelwise(pm, SURFACE.image(), surface.deformed(), motion)
         S = S + np.concatenate([L @ columns, levels(pm, 3)], axis=2)
     S = S[pm.valid]

@@ -58,12 +58,12 @@ def test_h_is_symmetric_and_on_the_reference_basis_the_same_sum(texture, kind, b
     share = nodal_equations(reference, prefilter(g), u, brightness)
     assert abs(share.H - share.H.T).max() < 1e-12 * abs(share.H).max()  # rounding
     fields = phi.reshape(2 * pm.n_nodes, -1)
-    shared, nb = GreyReference(**vars(reference)).shared_columns(u, fields, share.n_brightness), share.n_brightness
+    shared, nb = GreyReference(**vars(reference)).shared_columns(share, fields, share.n_brightness), share.n_brightness
     still = nodal_equations(reference, prefilter(f), np.zeros_like(u), brightness)
     basis = np.block([[still.H.toarray(), still.hb.toarray()], [still.hb.toarray().T, still.bb]])
     expected = share.gram(fields)
     assert np.abs(shared.T @ basis @ shared - expected.matrix).max() < 1e-12 * np.abs(expected.matrix).max()  # rounding
-    raw = np.concatenate([GreyReference(**vars(reference)).against_basis(u, share.q), share.rb])
+    raw = np.concatenate([GreyReference(**vars(reference)).against_basis(share, share.q), share.rb])
     against = shared.T @ raw
     assert np.abs(against - expected.rhs).max() < 1e-12 * np.abs(expected.rhs).max()  # rounding
     assert shared.shape == (2 * pm.n_nodes + nb, fields.shape[1] + nb)

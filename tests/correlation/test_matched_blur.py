@@ -187,7 +187,7 @@ def test_where_the_strain_has_a_gradient_the_blur_displaces_the_pattern(monkeypa
         monkeypatch.undo()
         for name in ("with", "without"):
             if name == "without":
-                monkeypatch.setattr(type(reference), "seen_motion", lambda self, motion: motion)
+                monkeypatch.setattr(type(reference), "seen_motion", lambda self, motion, inverse: motion)
             r = residual_map(reference, prefilter(g, 5, LOWPASS), u).r
             left.setdefault(name, []).append(np.linalg.solve(gradient.T @ gradient, gradient.T @ r))
     found = {name: np.mean(values, axis=0) for name, values in left.items()}
@@ -217,5 +217,5 @@ def test_the_curvature_of_a_motion_is_that_of_difference_quotients(kind):
         one, two = along[:, :, i], along[:, :, j]
         both = moved(one + two) - moved(one - two) - moved(two - one) + moved(-one - two)
         quotient[:, :, i, j] = both / (4.0 * h**2)
-    assert np.abs(element_curvature(pm, motion) - quotient).max() < 1e-5 + 1e-4 * np.abs(quotient).max()
+    assert np.abs(element_curvature(pm, motion, inverse) - quotient).max() < 1e-5 + 1e-4 * np.abs(quotient).max()
     assert (np.abs(quotient).max() > 1e-3) == (kind != "tri3")

@@ -22,7 +22,8 @@ from scipy import sparse
 from idic.correlation.image_equations.comparison import NodalBasis, NoiseTerms, Reference
 from idic.correlation.field.equations import FieldEquations, KeptProduct
 from idic.correlation.field.point_map import PointMap, build_point_map
-from idic.correlation.image_equations.frame import FrameGram, NodalEquations, ResidualMap
+from idic.correlation.image_equations.frame import FrameGram, NodalEquations
+from idic.correlation.image_equations.residual import ResidualMap
 from idic.fe import surface_cells
 from idic.images import Camera
 from idic.model import Depth, Experiment
@@ -166,12 +167,11 @@ class FieldReference(NodalBasis):
         gain = np.where(pm.component < 2, 1.0, g + (g - 1.0) / self.n_images)  # with 1/n_images: g (1 + 1/n_images)
         return ResidualMap(r, valid, gain.astype(np.float32), 1.0, self.n_images)
 
-    def noise_terms(self, equations: NodalEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
-                    projected: FrameGram) -> NoiseTerms:
+    def noise_terms(self, equations: NodalEquations, columns: np.ndarray, projected: FrameGram) -> NoiseTerms:
         """The columns alone: ordinary least squares. Points come and go, and their noise is correlated, which
         generalised least squares of independent pixels do not know."""
         return NoiseTerms(self.visible(equations)[:, None]
-                          * self.shared_columns(motion, columns, equations.n_brightness))
+                          * self.shared_columns(equations, columns, equations.n_brightness))
 
     def visible(self, equations: NodalEquations) -> np.ndarray:
         """How much of the points around a node, and of all, the frame shows  # (c n_nodes + nb,)"""
@@ -179,11 +179,11 @@ class FieldReference(NodalBasis):
         around = np.repeat(self.visible_share(equations), self.n_components)
         return np.concatenate([around, np.full(equations.n_brightness, seen)])
 
-    def pull_back(self, motion: np.ndarray) -> np.ndarray:
+    def pull_back(self, equations: NodalEquations) -> np.ndarray:
         """Nothing: points are material  # (n_nodes, c, c)"""
         return np.tile(np.eye(self.n_components), (self.pixel_map.n_nodes, 1, 1))
 
-    def shared_columns(self, motion: np.ndarray, columns: np.ndarray, n_brightness: int) -> np.ndarray:
+    def shared_columns(self, equations: NodalEquations, columns: np.ndarray, n_brightness: int) -> np.ndarray:
         """The columns as they are, then the rigid motion  # (c n_nodes + nb, m + nb)"""
         return np.block([[columns, np.zeros((len(columns), n_brightness))],
                          [np.zeros((n_brightness, columns.shape[1])), np.eye(n_brightness)]])

@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from idic.correlation.image_equations.comparison import NoiseTerms
-from idic.correlation.image_equations.frame import FrameGram, NodalEquations, ResidualMap
+from idic.correlation.image_equations.frame import FrameGram, NodalEquations
+from idic.correlation.image_equations.residual import ResidualMap
 from idic.correlation.pixels.section_map import RIM_PX, SectionMap
 from idic.correlation.height.section_nodes import (LEVELLING, ColumnSums, SectionMotion, column_sums, levelling_blocks,
                                                    nodal_sums, section_motion)
@@ -77,10 +78,9 @@ class SectionReference:
         """No: heights have no brightness."""
         return False
 
-    def noise_terms(self, equations: NodalEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
-                    projected: FrameGram) -> NoiseTerms:
+    def noise_terms(self, equations: NodalEquations, columns: np.ndarray, projected: FrameGram) -> NoiseTerms:
         """The columns alone: there are no generalised least squares of cross-sections."""
-        return NoiseTerms(self.shared_columns(motion, columns, equations.n_brightness))
+        return NoiseTerms(self.shared_columns(equations, columns, equations.n_brightness))
 
     def pattern_maps(self) -> Mapping[str, tuple[np.ndarray, ...]]:
         """None of heights."""
@@ -92,7 +92,7 @@ class SectionReference:
         shown = pm.to_image(from_blocks(self.f, pm.shape[0])[pm.valid] - r)
         return np.where(np.isnan(shown), 0.0, shown) + self.level, replace(self, lowpass_px=0.0)
 
-    def shared_columns(self, motion: np.ndarray, columns: np.ndarray, n_brightness: int) -> np.ndarray:
+    def shared_columns(self, equations: NodalEquations, columns: np.ndarray, n_brightness: int) -> np.ndarray:
         """Columns of one frame as multiples of f_x and of 1, image column by image column; they add over the frames.
 
         ``L = (f_x + dh/dx) / (1 + du/dx) u' - h' = a f_x + c``: the noise of the reference image multiplies their sum.
@@ -105,8 +105,7 @@ class SectionReference:
         -------
         array (2 n_columns + nb, m + nb) : a, c and the levelling columns.
         """
-        pm = self.pixel_map
-        moved = section_motion(pm, motion)
+        pm, moved = self.pixel_map, equations.motion
         fields = pm.at_columns(columns.reshape(pm.n_nodes, 3, -1)[:, [0, 2]])  # (n_columns, 2, m)
         along = (pm.side / moved.stretch)[:, None] * fields[:, 0]
         n, m = pm.n_columns, columns.shape[1]
@@ -116,27 +115,9 @@ class SectionReference:
         whole[2 * n:, m:] = np.eye(n_brightness)
         return whole
 
-    def pull_back(self, motion: np.ndarray) -> np.ndarray:
-        """What takes a nodal field of a frame to the reference: L = f_x v - (h' - h_x v), v = u' / (1 + u_x)
-
-        Means over the columns around each node; the identity where there is none.
-
-        Returns
-        -------
-        array (n_nodes, 3, 3)
-        """
-        pm = self.pixel_map
-        moved = section_motion(pm, motion)
-        values = np.stack([1.0 / moved.stretch, pm.side * moved.dh / moved.stretch], axis=1)
-        total, size = np.zeros((pm.n_nodes, 2)), np.zeros(pm.n_nodes)
-        for nodes, weight in zip(pm.conn.T, pm.weight.T**2, strict=True):
-            np.add.at(total, nodes, weight[:, None] * values)
-            np.add.at(size, nodes, weight)
-        seen = size > 0.0
-        found = np.tile(np.eye(3), (pm.n_nodes, 1, 1))
-        found[seen, 0, 0] = total[seen, 0] / size[seen]
-        found[seen, 2, 0] = -total[seen, 1] / size[seen]
-        return found
+    def pull_back(self, equations: NodalEquations) -> np.ndarray:
+        """What takes a nodal field of a frame to the reference  # (n_nodes, 3, 3)"""
+        return equations.motion.pull_back
 
     def shared_gram(self, experiment: Experiment, shared: np.ndarray) -> tuple[np.ndarray, int]:
         """S^T S of summed `shared_columns`, the first rows of `shared`; the Gram matrix and the number of those
@@ -215,7 +196,7 @@ def section_equations(reference: SectionReference, image: np.ndarray, motion: np
     lost, lost_pixels = _lost(pm, frame.valid, seen)
     return NodalEquations(q, matrix, hb, bb, rb, float(sums[:, 2].sum()), n_valid, pm.n_pixels - n_valid, lost,
                       lost_pixels, np.bincount(pm.edge, sums[:, 2], pm.n_elements),
-                      float((total.one / moved.stretch).sum() / max(n_valid, 1)))
+                      float((total.one / moved.stretch).sum() / max(n_valid, 1)), motion=moved)
 
 
 def _lost(pm: SectionMap, valid: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

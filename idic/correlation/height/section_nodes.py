@@ -9,6 +9,7 @@ and r f_x. Edge elements give the slope of the bulge, dh/dx, exactly column by c
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
@@ -41,6 +42,7 @@ class ColumnSums:
 class SectionMotion:
     """Motion at the columns: u (px along the image row) and h (height), and their slopes per px  # (n_columns,) each"""
 
+    section_map: SectionMap
     u: np.ndarray
     h: np.ndarray
     du: np.ndarray
@@ -51,6 +53,28 @@ class SectionMotion:
         """1 + du/dx, kept away from zero."""
         return np.maximum(1.0 + self.du, 1e-3)
 
+    @cached_property
+    def pull_back(self) -> np.ndarray:
+        """What takes a nodal field of the frame to the reference: L = f_x v - (h' - h_x v), v = u' / (1 + u_x)
+
+        Means over the columns around each node; the identity where there is none.
+
+        Returns
+        -------
+        array (n_nodes, 3, 3)
+        """
+        section = self.section_map
+        values = np.stack([1.0 / self.stretch, section.side * self.dh / self.stretch], axis=1)
+        total, size = np.zeros((section.n_nodes, 2)), np.zeros(section.n_nodes)
+        for nodes, weight in zip(section.conn.T, section.weight.T**2, strict=True):
+            np.add.at(total, nodes, weight[:, None] * values)
+            np.add.at(size, nodes, weight)
+        inside = size > 0.0
+        matrices = np.tile(np.eye(3), (section.n_nodes, 1, 1))
+        matrices[inside, 0, 0] = total[inside, 0] / size[inside]
+        matrices[inside, 2, 0] = -total[inside, 1] / size[inside]
+        return matrices
+
 
 def section_motion(section_map: SectionMap, motion: np.ndarray) -> SectionMotion:
     """Nodal motion at the columns, mirrored where they show the other half  # motion (n_nodes, 3)"""
@@ -59,7 +83,7 @@ def section_motion(section_map: SectionMap, motion: np.ndarray) -> SectionMotion
     field = motion[:, [0, 2]]
     value, slope = section_map.at_columns(field), section_map.slope_at_columns(field)
     side = section_map.side
-    return SectionMotion(side * value[:, 0], value[:, 1], side * slope[:, 0], slope[:, 1])
+    return SectionMotion(section_map, side * value[:, 0], value[:, 1], side * slope[:, 0], slope[:, 1])
 
 
 def column_sums(fx: np.ndarray, valid: np.ndarray, y: np.ndarray) -> ColumnSums:

@@ -13,18 +13,20 @@ The instrument may add an offset ("frame") or an offset and two tilts ("tilt") t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.image_equations.comparison import NodalBasis, at_nodes
-from idic.correlation.image_equations.frame import NodalEquations, ResidualMap
+from idic.correlation.image_equations.comparison import NodalBasis
+from idic.correlation.image_equations.frame import NodalEquations
+from idic.correlation.image_equations.residual import ResidualMap
 from idic.correlation.height.gaps import HeightFrame, height_frame
 from idic.correlation.height.surface_blocks import convection, height_blocks, scatter
 from idic.correlation.height.surface_pass import N_HEIGHT_SUMS, height_pass, height_residuals
 from idic.correlation.pixels.blocks import Pattern, sparsity
-from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, inverse_gradients
-from idic.correlation.pixels.pixel_map import PixelMap, element_coefficients
+from idic.correlation.pixels.cells import N_NODES, TRANSFORMS
+from idic.correlation.pixels.pixel_map import PixelMap, at_nodes, element_coefficients, inverse_gradients
 from idic.errors import InputError
 from idic.images import gradient_at_pixels, lowpass, noise_gain, still_gain
 from idic.model import Experiment
@@ -76,10 +78,6 @@ class HeightReference(NodalBasis):
         return height_residual_map(self, self._heights(experiment, frame), motion, experiment.options.brightness,
                                    coefficients)
 
-    def pull_back(self, motion: np.ndarray) -> np.ndarray:
-        """G at the nodes (docs/method.md, equation 9.3)  # (n_nodes, 3) -> (n_nodes, 3, 3)"""
-        return at_nodes(self.pixel_map, convected(self, element_coefficients(self.pixel_map, motion))[0])
-
     def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, HeightReference]:
         """An image with the residual r (n_pixels,) at rest  # (ny, nx), and this reference without low-pass"""
         shown = self.pixel_map.to_image(self.f - r)
@@ -87,6 +85,25 @@ class HeightReference(NodalBasis):
 
     def _heights(self, experiment: Experiment, frame: int) -> HeightFrame:
         return height_frame(experiment.stack.frame(frame), self.level, self.degree, self.lowpass_px)
+
+
+@dataclass(frozen=True, eq=False)
+class HeightMotion:
+    """The motion of one frame, element by element; made once per frame.
+
+    coefficients : (n_elements, 3, 8) of displacement (px) and rise; G : (n_elements, 3, 3) of docs/method.md, equation
+    9.3; det : (n_elements,) det F
+    """
+
+    pixel_map: PixelMap
+    coefficients: np.ndarray
+    G: np.ndarray
+    det: np.ndarray
+
+    @cached_property
+    def pull_back(self) -> np.ndarray:
+        """G at the nodes  # (n_nodes, 3, 3)"""
+        return at_nodes(self.pixel_map, self.G)
 
 
 def build_height_reference(pixel_map: PixelMap, image: np.ndarray, degree: int = 5,
@@ -130,18 +147,17 @@ def height_equations(reference: HeightReference, frame: HeightFrame, motion: np.
     exclude : array of pixel numbers, optional
         Pixels of the map to leave out.
     """
-    pm, coefficients = reference.pixel_map, _motion(reference, frame, motion)
-    valid = _initially_valid(pm.n_pixels, exclude)
+    pm, moved = reference.pixel_map, height_motion(reference, frame, motion)
+    valid = pm.valid_but(exclude)
     sums, lost = np.empty((pm.n_elements, N_HEIGHT_SUMS)), np.empty(pm.n_elements, dtype=np.int64)
     c = frame.spline.coefficients
-    height_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, coefficients, c.ravel(),
-                c.shape[1], frame.spline.degree, frame.gap_windows.ravel(), valid, sums, lost)
-    G, det = convected(reference, coefficients)
+    height_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, reference.fx, reference.fy, moved.coefficients,
+                c.ravel(), c.shape[1], frame.spline.degree, frame.gap_windows.ravel(), valid, sums, lost)
     concerned = np.flatnonzero(lost)
     slot = np.full(pm.n_elements, -1, dtype=np.int64)
     slot[concerned] = np.arange(len(concerned))
     q, data = np.zeros(3 * pm.n_nodes), np.zeros(len(reference.pattern.indices))
-    scatter(pm.conn, pm.kind, N_NODES, TRANSFORMS, G, sums, slot, reference.blocks,
+    scatter(pm.conn, pm.kind, N_NODES, TRANSFORMS, moved.G, sums, slot, reference.blocks,
             height_blocks(pm, reference.fx, reference.fy, concerned, valid), reference.pattern.place,
             reference.pattern.stride, q, data)
     H = sparse.csr_array((data, reference.pattern.indices, reference.pattern.indptr), shape=(len(q), len(q)))
@@ -149,10 +165,10 @@ def height_equations(reference: HeightReference, frame: HeightFrame, motion: np.
     hb = H @ rises  # (3 n_nodes, nb)
     pixels = pm.pixels_per_element - lost
     n_lost, rr = int(lost.sum()), sums[:, -1]
-    kappa = float((pixels / np.maximum(np.abs(det), 1e-3)).sum() / max(pixels.sum(), 1))
+    kappa = float((pixels / np.maximum(np.abs(moved.det), 1e-3)).sum() / max(pixels.sum(), 1))
     lost_pixels = np.flatnonzero(valid == 0) if n_lost else np.zeros(0, dtype=np.int64)
     return NodalEquations(q, H, sparse.csr_array(hb), rises.T @ hb, rises.T @ q, float(rr.sum()), pm.n_pixels - n_lost,
-                      n_lost, lost, lost_pixels, rr.copy(), kappa)
+                      n_lost, lost, lost_pixels, rr.copy(), kappa, motion=moved)
 
 
 def height_residual_map(reference: HeightReference, frame: HeightFrame, motion: np.ndarray, levelling: str = "none",
@@ -162,11 +178,11 @@ def height_residual_map(reference: HeightReference, frame: HeightFrame, motion: 
     if coefficients is not None and len(coefficients):
         rise = reference.tilts[:, :LEVELLING[levelling]] @ coefficients
         motion = np.column_stack([motion[:, :2], motion[:, 2] + rise])
-    valid = _initially_valid(pm.n_pixels, exclude)
+    valid = pm.valid_but(exclude)
     r, tx, ty = (np.empty(pm.n_pixels, dtype=np.float32) for _ in range(3))
     c = frame.spline.coefficients
-    height_residuals(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, _motion(reference, frame, motion), c.ravel(),
-                     c.shape[1], frame.spline.degree, frame.gap_windows.ravel(), valid, r, tx, ty)
+    height_residuals(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, _coefficients(reference, frame, motion),
+                     c.ravel(), c.shape[1], frame.spline.degree, frame.gap_windows.ravel(), valid, r, tx, ty)
     return ResidualMap(r, valid.astype(bool), noise_gain(tx, ty, frame.spline.degree, frame.spline.lowpass_px),
                        still_gain(reference.lowpass_px))
 
@@ -188,28 +204,21 @@ def level_rises(reference: HeightReference, levelling: str) -> np.ndarray:
     return rises
 
 
-def convected(reference: HeightReference, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """G of every element (n_elements, 3, 3) and det F (n_elements,) of a motion (n_elements, 3, 8)."""
-    pm = reference.pixel_map
-    inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
-    inverse_gradients(np.ascontiguousarray(coefficients[:, :2]), pm.centre, pm.inverse_jacobian, inverse, det)
+def height_motion(reference: HeightReference, frame: HeightFrame, motion: np.ndarray) -> HeightMotion:
+    """The motion of one frame in the image; motion : (n_nodes, 3) as for `height_equations`."""
+    pm, coefficients = reference.pixel_map, _coefficients(reference, frame, motion)
+    inverse, det = inverse_gradients(pm, np.ascontiguousarray(coefficients[:, :2]))
     G = np.empty((pm.n_elements, 3, 3))
     convection(coefficients, pm.centre, pm.inverse_jacobian, inverse, G)
-    return G, det
+    return HeightMotion(pm, coefficients, G, det)
 
 
-def _motion(reference, frame, motion):
+def _coefficients(reference: HeightReference, frame: HeightFrame, motion: np.ndarray) -> np.ndarray:
+    """Coefficients of a nodal motion  # (n_nodes, 3) -> (n_elements, 3, 8)"""
     if frame.spline.shape != reference.pixel_map.shape:
         raise ValueError(f"frame of {frame.spline.shape} px, reference of {reference.pixel_map.shape} px")
     if np.shape(motion) != (reference.pixel_map.n_nodes, 3):
         raise ValueError(f"a nodal motion must be ({reference.pixel_map.n_nodes}, 3), got {np.shape(motion)}")
     if not np.isfinite(motion).all():
         raise ValueError("the nodal motion is not finite")
-    return element_coefficients(reference.pixel_map, motion)  # (n_elements, 3, 8)
-
-
-def _initially_valid(n_pixels, exclude):
-    valid = np.ones(n_pixels, dtype=np.uint8)
-    if exclude is not None:
-        valid[exclude] = 0
-    return valid
+    return element_coefficients(reference.pixel_map, motion)

@@ -19,10 +19,10 @@ from typing import Protocol, Self
 import numpy as np
 
 from idic.correlation.image_equations.equations import BasisEquations, SeenColumns
-from idic.correlation.image_equations.frame import FrameGram, NodalEquations, ResidualMap
+from idic.correlation.image_equations.frame import FrameGram, NodalEquations
+from idic.correlation.image_equations.residual import ResidualMap
+from idic.correlation.pixels.pixel_map import PixelMap, at_nodes
 from idic.correlation.pixels.section_map import SectionMap
-from idic.correlation.pixels.cells import N_NODES
-from idic.correlation.pixels.pixel_map import PixelMap
 from idic.model import Experiment
 
 
@@ -77,18 +77,18 @@ class Reference(Protocol):
     def shows_nothing(self, equations: NodalEquations) -> bool:
         """Whether the frame has no contrast: a closed shutter, or a specimen out of view."""
 
-    def noise_terms(self, equations: NodalEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
-                    projected: FrameGram) -> NoiseTerms:
+    def noise_terms(self, equations: NodalEquations, columns: np.ndarray, projected: FrameGram) -> NoiseTerms:
         """How noise enters the equations; columns : (c n_nodes, m), projected : ``equations.gram(columns)``."""
 
-    def shared_columns(self, motion: np.ndarray, columns: np.ndarray, n_brightness: int) -> np.ndarray:
-        """Columns (c n_nodes, m) and the brightness in the basis of the reference  # (n_shared, m + n_brightness)"""
+    def shared_columns(self, equations: NodalEquations, columns: np.ndarray, n_brightness: int) -> np.ndarray:
+        """Columns (c n_nodes, m) of a frame and its brightness in the basis of the reference  # (n_shared, m +
+        n_brightness)"""
 
     def shared_gram(self, experiment: Experiment, shared: np.ndarray) -> tuple[np.ndarray, int]:
         """S^T S of summed `shared_columns`, the first rows of `shared`; the Gram matrix and the number of those
         rows."""
 
-    def pull_back(self, motion: np.ndarray) -> np.ndarray:
+    def pull_back(self, equations: NodalEquations) -> np.ndarray:
         """What takes nodal fields of a frame to the reference, F^-1 or its like for heights  # (n_nodes, c, c)"""
 
     def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, Reference]:
@@ -116,9 +116,9 @@ class NodalBasis(ABC):
     def compare(self, experiment: Experiment, frame: int, motion: np.ndarray) -> NodalEquations:
         """Nodal equations of one frame under a nodal motion (n_nodes, n_components)."""
 
-    @abstractmethod
-    def pull_back(self, motion: np.ndarray) -> np.ndarray:
+    def pull_back(self, equations: NodalEquations) -> np.ndarray:
         """What takes nodal fields of a frame to the reference  # (n_nodes, c, c)"""
+        return equations.motion.pull_back
 
     @property
     def image(self) -> Self:
@@ -133,10 +133,10 @@ class NodalBasis(ABC):
         """None of heights."""
         return {}
 
-    def shared_columns(self, motion: np.ndarray, columns: np.ndarray, n_brightness: int) -> np.ndarray:
+    def shared_columns(self, equations: NodalEquations, columns: np.ndarray, n_brightness: int) -> np.ndarray:
         """The columns at the nodes of the reference, then the brightness  # (c n_nodes + nb, m + nb)"""
-        mean, size, nb = self.pull_back(motion), motion.shape[1], n_brightness
-        fields = np.einsum("nij,njm->nim", mean, columns.reshape(len(mean), size, -1)).reshape(len(columns), -1)
+        mean, nb = self.pull_back(equations), n_brightness
+        fields = np.einsum("nij,njm->nim", mean, columns.reshape(*mean.shape[:2], -1)).reshape(len(columns), -1)
         whole = np.zeros((len(columns) + nb, columns.shape[1] + nb))
         whole[:len(columns), :columns.shape[1]] = fields
         whole[len(columns):, columns.shape[1]:] = np.eye(nb)
@@ -152,42 +152,31 @@ class NodalBasis(ABC):
                                   still.hb.T @ fields + still.bb @ brightness])
         return shared[:len(product)].T @ product, len(product)
 
-    def noise_terms(self, equations: NodalEquations, frame: int, motion: np.ndarray, columns: np.ndarray,
-                    projected: FrameGram) -> NoiseTerms:
+    def noise_terms(self, equations: NodalEquations, columns: np.ndarray, projected: FrameGram) -> NoiseTerms:
         """The columns in the basis of the reference, and the frame against it."""
         n, m = len(equations.q), projected.n_columns
-        nodal = self.against_basis(motion, np.column_stack([equations.q, projected.h_columns, equations.hb.toarray()]))
+        nodal = self.against_basis(equations, np.column_stack([equations.q, projected.h_columns,
+                                                               equations.hb.toarray()]))
         product = np.vstack([nodal[:, 1:], np.hstack([projected.matrix[m:, :m], equations.bb])])
-        around = np.repeat(self.visible_share(equations), motion.shape[1])
+        around = np.repeat(self.visible_share(equations), self.n_components)
         seen = equations.n_valid / max(equations.n_valid + equations.n_lost, 1)
         visible = np.concatenate([around, np.full(equations.n_brightness, seen)])
         rhs = np.concatenate([nodal[:, 0], equations.rb])
-        shared = self.shared_columns(motion, columns, equations.n_brightness)
+        shared = self.shared_columns(equations, columns, equations.n_brightness)
         return NoiseTerms(visible[:, None] * shared,
                           BasisEquations(rhs, product, visible, np.full(n + len(equations.rb), equations.kappa)))
 
-    def against_basis(self, motion: np.ndarray, nodal: np.ndarray) -> np.ndarray:
+    def against_basis(self, equations: NodalEquations, nodal: np.ndarray) -> np.ndarray:
         """Sums of (N^T grad f) times something, from the same sums with the convected gradient.
 
         The convected gradient is undone by the mean at the nodes that `shared_columns` uses.
 
         nodal : (c n_nodes, ...)
         """
-        undone = np.linalg.inv(self.pull_back(motion))  # (n_nodes, c, c)
+        undone = np.linalg.inv(self.pull_back(equations))  # (n_nodes, c, c)
         return np.einsum("nji,njk->nik", undone, nodal.reshape(*undone.shape[:2], -1)).reshape(nodal.shape)
 
     def visible_share(self, equations: NodalEquations) -> np.ndarray:
         """How much of the pixels around a node the frame shows, 0 … 1  # (n_nodes,)"""
         shown = 1.0 - equations.lost / np.maximum(self.pixel_map.pixels_per_element, 1)
         return at_nodes(self.pixel_map, shown[:, None, None])[:, 0, 0]
-
-
-def at_nodes(pixel_map: PixelMap, matrices: np.ndarray) -> np.ndarray:
-    """Mean over the elements around each node, the identity where there is none  # (nel, c, c) -> (n_nodes, c, c)"""
-    used = np.arange(pixel_map.conn.shape[1]) < N_NODES[pixel_map.kind][:, None]
-    nodes, owner = pixel_map.conn[used], np.nonzero(used)[0]
-    size = matrices.shape[1]
-    total = np.zeros((pixel_map.n_nodes, size, size))
-    np.add.at(total, nodes, matrices[owner])
-    count = np.bincount(nodes, minlength=pixel_map.n_nodes)
-    return np.where(count[:, None, None] > 0, total / np.maximum(count, 1)[:, None, None], np.eye(size))

@@ -11,17 +11,18 @@ together with all other unknowns of the frame.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numba import njit
 from scipy import sparse
 
-from idic.correlation.image_equations.image_kernel import N_SUMS, image_pass, residual_pass
-from idic.correlation.pixels.blocks import element_blocks
-from idic.correlation.pixels.cells import N_NODES, TRANSFORMS, inverse_gradients
-from idic.correlation.pixels.pixel_map import element_coefficients
+from idic.correlation.image_equations.image_kernel import N_SUMS, image_pass
+from idic.correlation.image_equations.image_motion import ImageMotion, image_motion
 from idic.correlation.image_equations.reference import Brightness, ReferenceImage
-from idic.images import Spline, matched_gain, noise_gain, still_gain
+from idic.correlation.pixels.blocks import element_blocks
+from idic.correlation.pixels.cells import N_NODES, TRANSFORMS
+from idic.images import Spline
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,8 @@ class NodalEquations:
     squares : tuple of float, optional
         Sums of squares of f and of g(x + u) about their means, patch by patch (GV²), of grey images, whatever of their
         light is unknown.
+    motion : ImageMotion, or HeightMotion, SectionMotion of heights; optional
+        The motion that the frame was compared under; None of points, which are material.
     """
 
     q: np.ndarray
@@ -66,6 +69,7 @@ class NodalEquations:
     element_rr: np.ndarray
     kappa: float
     squares: tuple[float, float] | None = field(default=None, kw_only=True)
+    motion: Any = field(default=None, kw_only=True)
 
     @property
     def n_brightness(self) -> int:
@@ -101,69 +105,6 @@ class FrameGram:
     h_columns: np.ndarray | None
 
 
-@dataclass(frozen=True, eq=False)
-class BrightnessFit:
-    """Least-squares brightness ``g(x + u) = f + coefficients[2p] f_centred + coefficients[2p+1]``; rr: r^2 left."""
-
-    coefficients: np.ndarray  # (nb,)
-    rr: float
-
-
-@dataclass(frozen=True, eq=False)
-class ResidualMap:
-    """Residual of every pixel of the map, brightness removed.
-
-    r : (n_pixels,) float32 GV; 0 where not valid.  valid : (n_pixels,) bool.
-    noise_gain : (n_pixels,) w^2 of the interpolator: the variance of r under pure noise is sigma^2 (1 + w^2);
-    still_gain : with a low-pass, the variance of the reference's blurred noise / sigma^2 takes the place of the 1;
-    n_images : averaged to the reference; matched_gain : (n_pixels,) still_gain where the blur of the reference is
-    matched to that of the frame (`idic.images.matched_blur`), None where nowhere.
-    """
-
-    r: np.ndarray
-    valid: np.ndarray
-    noise_gain: np.ndarray
-    still_gain: float = 1.0
-    n_images: int = 1
-    matched_gain: np.ndarray | None = None
-
-    @property
-    def reference_gain(self) -> np.ndarray | float:
-        """Variance of the reference in r / sigma^2, of one image  # (n_pixels,), or one number for all"""
-        return self.still_gain if self.matched_gain is None else self.matched_gain
-
-    def chi2_dof(self, noise_std: float) -> float:
-        """Mean over valid pixels of r^2 / [sigma^2 (still_gain / n_images + w^2)]: 1 for noise alone; nan: no pixel.
-
-        docs/method.md, equations 11.1 and 11.2.
-        """
-        if not self.valid.any():
-            return float("nan")
-        variance = self.reference_gain / self.n_images + self.noise_gain
-        return float(np.mean(self.r[self.valid].astype(float)**2 / variance[self.valid]) / noise_std**2)
-
-
-@dataclass(frozen=True, eq=False)
-class ImageMotion:
-    """The motion of one frame in the image, element by element; made once per frame.
-
-    Attributes
-    ----------
-    u : array (n_elements, 2, 8), px
-        Monomial coefficients of the displacement, with the shift of a low-passed pattern.
-    inverse : array (n_elements, 2, 2), det : array (n_elements,)
-        F^-1 and det F, F the deformation gradient in pixel coordinates.
-    blur_maps : array (8, n_pixels), blur_weights : array (n_elements, 8)
-        Derivatives of f and their weights that give it the blur of the frame; both empty without a low-pass.
-    """
-
-    u: np.ndarray
-    inverse: np.ndarray
-    det: np.ndarray
-    blur_maps: np.ndarray
-    blur_weights: np.ndarray
-
-
 def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "frame",
                     exclude: np.ndarray | None = None) -> NodalEquations:
     """Compare one frame with the reference under a nodal displacement.
@@ -180,7 +121,7 @@ def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
         Pixels of the map to leave out, e.g. `lost_pixels` of an earlier call.
     """
     pm, layout = reference.pixel_map, reference.layout(brightness)
-    valid = _initially_valid(pm.n_pixels, exclude)
+    valid = pm.valid_but(exclude)
     motion = image_motion(reference, spline, u_px)  # u(x), F^-1
     sums, lost = _element_sums(reference, layout, spline, motion, valid)  # r = f - g(x + u), valid without lost pixels
     blocks = _blocks_of_valid(reference, lost, valid)  # grad f grad f^T of the elements
@@ -192,67 +133,7 @@ def nodal_equations(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
         lost_pixels=np.flatnonzero(valid == 0) if n_lost else np.zeros(0, dtype=np.int64),
         element_rr=sums[:, 16].copy(),
         kappa=float((blocks.grey[:, 0] / np.maximum(np.abs(motion.det), 1e-3)).sum() / max(pm.n_pixels - n_lost, 1)),
-        squares=_squares_about_mean(bb, rb, rr))
-
-
-def image_motion(reference: ReferenceImage, spline: Spline, u_px: np.ndarray) -> ImageMotion:
-    """The motion of one frame in the image; u_px : as for `nodal_equations`."""
-    pm = reference.pixel_map
-    u = _motion(reference, spline, u_px)
-    inverse, det = np.empty((pm.n_elements, 2, 2)), np.empty(pm.n_elements)
-    inverse_gradients(u, pm.centre, pm.inverse_jacobian, inverse, det)
-    return ImageMotion(u, inverse, det, *reference.matching(inverse))
-
-
-def solve_brightness(equations: NodalEquations) -> BrightnessFit:
-    """Gain and offset of a frame where nothing else is unknown; a patch without a pixel keeps 0."""
-    if equations.n_brightness == 0:
-        return BrightnessFit(np.zeros(0), equations.rr)
-    coefficients = np.linalg.pinv(equations.bb, hermitian=True) @ equations.rb
-    return BrightnessFit(coefficients, float(equations.rr - coefficients @ equations.rb))
-
-
-@dataclass(frozen=True, eq=False)
-class PixelResidual:
-    """Residual of every pixel of the map, brightness in it.
-
-    r : (n_pixels,) float32 GV, 0 where not valid; valid : (n_pixels,) bool; tx, ty : (n_pixels,) place between the
-    pixels of the frame; weights : of the matched blur (`ReferenceImage.matching`).
-    """
-
-    r: np.ndarray
-    valid: np.ndarray
-    tx: np.ndarray
-    ty: np.ndarray
-    weights: np.ndarray
-
-
-def pixel_residual(reference: ReferenceImage, spline: Spline, u_px: np.ndarray,
-                   exclude: np.ndarray | None = None) -> PixelResidual:
-    """Residual pixel by pixel as it is; exclude : as for `nodal_equations`."""
-    pm = reference.pixel_map
-    valid = _initially_valid(pm.n_pixels, exclude)
-    r, tx, ty = (np.empty(pm.n_pixels, dtype=np.float32) for _ in range(3))
-    motion = image_motion(reference, spline, u_px)
-    residual_pass(pm.start, pm.ix, pm.iy, pm.a, pm.b, reference.f, motion.blur_maps, motion.blur_weights, motion.u,
-                  spline.coefficients.ravel(), spline.coefficients.shape[1], spline.degree,
-                  np.int32(reference.border_px), valid, r, tx, ty)
-    return PixelResidual(r, valid.astype(bool), tx, ty, motion.blur_weights)
-
-
-def residual_map(reference: ReferenceImage, spline: Spline, u_px: np.ndarray, brightness: str = "none",
-                 coefficients: np.ndarray | None = None, exclude: np.ndarray | None = None) -> ResidualMap:
-    """Residual pixel by pixel; brightness `coefficients` (nb,), as `solve_brightness` finds them, are removed."""
-    pm, found = reference.pixel_map, pixel_residual(reference, spline, u_px, exclude)
-    r, valid, weights = found.r, found.valid, found.weights
-    if coefficients is not None and len(coefficients):
-        layout = reference.layout(brightness)
-        patch = np.repeat(layout.patch, pm.pixels_per_element)
-        gain, offset = np.asarray(coefficients, dtype=np.float32).reshape(-1, 2).T
-        r += np.where(valid, gain[patch] * (reference.f - layout.mean[patch]) + offset[patch], np.float32(0))
-    gain = np.repeat(matched_gain(weights, reference.lowpass_px), pm.pixels_per_element) if len(weights) else None
-    return ResidualMap(r, valid, noise_gain(found.tx, found.ty, spline.degree, spline.lowpass_px),
-                       still_gain(reference.lowpass_px), reference.n_images, gain)
+        squares=_squares_about_mean(bb, rb, rr), motion=motion)
 
 
 def _element_sums(reference: ReferenceImage, layout: Brightness, spline: Spline, motion: ImageMotion,
@@ -287,25 +168,6 @@ def _nodal_sums(reference: ReferenceImage, layout: Brightness, motion: ImageMoti
         return q, H, sparse.csr_array((n_dof, 0))
     return q, H, sparse.csr_array((coupling, layout.pattern.indices, layout.pattern.indptr),
                                   shape=(n_dof, layout.n_columns))
-
-
-def _motion(reference, spline, u_px):
-    if np.ndim(u_px) == 3:
-        return reference.seen_motion(u_px)
-    if spline.shape != reference.pixel_map.shape:
-        raise ValueError(f"frame of {spline.shape} px, reference of {reference.pixel_map.shape} px")
-    if np.shape(u_px) != (reference.pixel_map.n_nodes, 2):  # the kernels below read two components, whatever is there
-        raise ValueError(f"a nodal displacement must be ({reference.pixel_map.n_nodes}, 2), got {np.shape(u_px)}")
-    if not np.isfinite(u_px).all():
-        raise ValueError("the nodal displacement is not finite")
-    return reference.seen_motion(element_coefficients(reference.pixel_map, u_px))  # (n_elements, 2, 8)
-
-
-def _initially_valid(n_pixels, exclude):
-    valid = np.ones(n_pixels, dtype=np.uint8)
-    if exclude is not None:
-        valid[exclude] = 0
-    return valid
 
 
 def _centre(reference, layout):

@@ -18,12 +18,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy import sparse
 
-from idic.correlation.image_equations.comparison import NodalBasis, at_nodes
-from idic.correlation.image_equations.frame import (
-    NodalEquations, PixelResidual, ResidualMap, nodal_equations, pixel_residual, residual_map,
-)
-from idic.correlation.pixels.pixel_map import PixelMap
+from idic.correlation.image_equations.comparison import NodalBasis
+from idic.correlation.image_equations.frame import NodalEquations, nodal_equations
 from idic.correlation.image_equations.reference import ReferenceImage, build_reference
+from idic.correlation.image_equations.residual import PixelResidual, ResidualMap, pixel_residual, residual_map
+from idic.correlation.pixels.pixel_map import PixelMap
 from idic.images import DEGREES, Spline, blur_column, lowpass_weights, prefilter
 from idic.model import Experiment, Noise
 
@@ -46,14 +45,15 @@ class GreyReference(NodalBasis, ReferenceImage):
                               motion: np.ndarray) -> tuple[NodalEquations, PixelResidual]:
         """`compare`, and the residual of every pixel with the brightness in it, from one reading of the frame."""
         spline = frame_spline(experiment, frame)
-        return self._compared(experiment, spline, motion), pixel_residual(self, spline, motion)
+        equations = self._compared(experiment, spline, motion)
+        return equations, pixel_residual(self, spline, equations.motion)
 
     def _compared(self, experiment: Experiment, spline: Spline, motion: np.ndarray) -> NodalEquations:
         brightness = experiment.options.brightness
         equations = nodal_equations(self, spline, motion, brightness)
         if experiment.options.defocus == "none":
             return equations
-        return with_blur(self, equations, spline, motion, brightness, self.pull_back(motion), experiment.noise)
+        return with_blur(self, equations, spline, brightness, experiment.noise)
 
     def compare_pixels(self, experiment: Experiment, frame: int, motion: np.ndarray,
                        coefficients: np.ndarray) -> ResidualMap:
@@ -68,10 +68,6 @@ class GreyReference(NodalBasis, ReferenceImage):
     def shows_nothing(self, equations: NodalEquations) -> bool:
         """Whether the frame has hardly any contrast on the specimen."""
         return contrast_ratio(equations) < MIN_CONTRAST_RATIO
-
-    def pull_back(self, motion: np.ndarray) -> np.ndarray:
-        """F^-1 at the nodes  # (n_nodes, 2) px -> (n_nodes, 2, 2)"""
-        return at_nodes(self.pixel_map, np.linalg.inv(self.pixel_map.deformation_gradient(motion)))
 
     def synthetic_image(self, r: np.ndarray) -> tuple[np.ndarray, GreyReference]:
         """An image with the residual r (n_pixels,) at rest  # (ny, nx) float32, and this reference"""
@@ -135,19 +131,14 @@ def blur_bias(noise: Noise, reference: ReferenceImage) -> float:
     return product / reference.n_images
 
 
-def with_blur(reference: ReferenceImage, equations: NodalEquations, spline: Spline, u_px: np.ndarray, brightness: str,
-              pull_back: np.ndarray, noise: Noise) -> NodalEquations:
-    """The equations of a frame with the column of its blur after those of its brightness.
-
-    Parameters
-    ----------
-    pull_back : (n_nodes, 2, 2) F^-1 at the nodes
-    """
+def with_blur(reference: ReferenceImage, equations: NodalEquations, spline: Spline, brightness: str,
+              noise: Noise) -> NodalEquations:
+    """The equations of a frame with the column of its blur after those of its brightness."""
     column = reference.blur_column.astype(float)
     lost = equations.lost_pixels if equations.n_lost else None
-    found = pixel_residual(reference, spline, u_px, lost)
+    found = pixel_residual(reference, spline, equations.motion, lost)
     still_q, still_rb = _coupling(reference, brightness) if lost is None else _sums_of_blur(reference, brightness, lost)
-    q = np.einsum("nij,ni->nj", pull_back, still_q.reshape(-1, 2)).ravel()
+    q = np.einsum("nij,ni->nj", equations.motion.pull_back, still_q.reshape(-1, 2)).ravel()
     seen = found.valid
     rhs = float(column[seen] @ found.r[seen].astype(float)) - blur_bias(noise, reference) * int(seen.sum())
     n = equations.n_brightness

@@ -113,15 +113,15 @@ class ReferenceImage:
                 return self.derivatives, weights
         return np.empty((8, 0), dtype=np.float32), np.empty((0, 8), dtype=np.float32)
 
-    def seen_motion(self, motion: np.ndarray) -> np.ndarray:
+    def seen_motion(self, motion: np.ndarray, inverse: np.ndarray) -> np.ndarray:
         """Where a low-passed frame shows the pattern of the reference, under this motion  # (n_elements, 2, 8) px
 
-        docs/method.md, equation 1.12; without a low-pass the motion itself.
+        inverse : (n_elements, 2, 2) its F^-1. docs/method.md, equation 1.12; without a low-pass the motion itself.
         """
         if self.image_gv is None:
             return motion
         seen = motion.copy()
-        seen[:, :, 0] += mean_shift(element_curvature(self.pixel_map, motion), self.fineness, self.lowpass_px,
+        seen[:, :, 0] += mean_shift(element_curvature(self.pixel_map, motion, inverse), self.fineness, self.lowpass_px,
                                     self.camera_blur_px)
         return seen
 

@@ -22,12 +22,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from idic.correlation.image_equations.comparison import at_nodes
 from idic.correlation.image_equations.context import CorrelationContext
-from idic.correlation.image_equations.frame import nodal_equations, residual_map
+from idic.correlation.image_equations.frame import nodal_equations
 from idic.correlation.image_equations.grey import GreyReference
+from idic.correlation.image_equations.residual import residual_map
 from idic.correlation.pinhole.agreement import seen_as_well
-from idic.correlation.pinhole.two_views import columns_between, moves_at_rest, pulled_back, way_between
+from idic.correlation.pinhole.two_views import columns_between, moves_at_rest, way_between
+from idic.correlation.pixels.pixel_map import at_nodes
 from idic.correlation.views.pinhole_view import in_space
 from idic.correlation.image_equations.system import CorrelationSystem, solve_positive
 from idic.images import Spline, prefilter
@@ -171,8 +172,7 @@ class _Comparison:
         seen = self._seen()
         spline, motion = self._spline(), way_between(self.reference.pixel_map, one, two)
         self.nodal = nodal_equations(self.reference, spline, motion, BRIGHTNESS, np.flatnonzero(~seen))
-        self.back = pulled_back(self.reference.pixel_map, motion)
-        self.pair, left = self._judged(spline, motion)
+        self.pair, left = self._judged(spline)
         self.phi = self.weight * left  # of one weight at all points of a search: it is to fall
         self.weight /= self.pair.excess
 
@@ -190,13 +190,13 @@ class _Comparison:
         matched = reference.level + self.gain * (mean - self.other.level)
         return prefilter(matched.astype(np.float32), reference.degree, reference.lowpass_px)
 
-    def _judged(self, spline: Spline, motion: np.ndarray) -> tuple[TexturePair, float]:
+    def _judged(self, spline: Spline) -> tuple[TexturePair, float]:
         """The pair, and the sum of squares that counts: no more than at the least correlation that is used."""
         nodal, reference = self.nodal, self.reference
         brightness = solve_positive(nodal.bb, nodal.rb)
         rr, (_, squares) = max(nodal.rr - float(brightness @ nodal.rb), 0.0), nodal.squares or (0.0, 0.0)
         correlation = float(np.sqrt(max(1.0 - rr / squares, 0.0))) if squares > 0.0 else 0.0
-        left = residual_map(reference, spline, motion, BRIGHTNESS, brightness, nodal.lost_pixels)
+        left = residual_map(reference, spline, nodal.motion, BRIGHTNESS, brightness, nodal.lost_pixels)
         starts, r = reference.pixel_map.start[:-1], np.where(left.valid, left.r, 0.0).astype(float)
         gradient = [np.where(left.valid, d, 0.0).astype(float) for d in (reference.fx, reference.fy)]
         sums = sum(float((np.add.reduceat(d * r, starts) ** 2).sum()) for d in gradient)  # of each element
@@ -216,7 +216,7 @@ class _Comparison:
         share = np.zeros(pixel_map.n_nodes)  # of the pixels around a node that both cameras show
         share[pixel_map.visible_nodes] = self.reference.visible_share(self.nodal)[pixel_map.visible_nodes]
         fields = share[:, None, None] * columns.reshape(-1, 2, n)
-        back = at_nodes(pixel_map, self.back)
+        back = at_nodes(pixel_map, self.nodal.motion.inverse)
         density = np.abs(np.linalg.det(back))  # pixels of the first camera per pixel of the second
         of_one = np.einsum("nij,njm->nim", back, fields).reshape(columns.shape)
         of_two = -self.gain**2 * (density[:, None, None] * fields).reshape(columns.shape)

@@ -11,8 +11,7 @@ import numpy as np
 
 from idic.correlation.image_equations.context import CorrelationContext
 from idic.correlation.views.pinhole_view import in_space, solved_at_seen, surface_tangents
-from idic.correlation.pixels.cells import (N_MONOMIALS, N_NODES, NODE_POINTS, TRANSFORMS, inverse_gradients,
-                                           monomials)
+from idic.correlation.pixels.cells import N_MONOMIALS, N_NODES, NODE_POINTS, TRANSFORMS, monomials
 from idic.correlation.pixels.pixel_map import PixelMap
 from idic.images import PLACEMENT_STEM, PlacedCamera
 from idic.model import Experiment
@@ -32,13 +31,6 @@ def way_between(pixel_map: PixelMap, one: CorrelationContext, two: CorrelationCo
         apart = (two.camera.project(places) - one.camera.project(places)).reshape(-1, len(points), 2)
         found[of_kind] = np.einsum("kq,eqc->eck", TRANSFORMS[quadratic][:, :len(points)], apart)
     return found
-
-
-def pulled_back(pixel_map: PixelMap, motion: np.ndarray) -> np.ndarray:
-    """F^-1 of every element  # (n_elements, 2, 2)"""
-    inverse = np.empty((pixel_map.n_elements, 2, 2))
-    inverse_gradients(motion, pixel_map.centre, pixel_map.inverse_jacobian, inverse, np.empty(pixel_map.n_elements))
-    return inverse
 
 
 def columns_between(one: CorrelationContext, two: CorrelationContext, names: tuple[str, ...]) -> np.ndarray:

@@ -64,63 +64,6 @@ def to_monomials(values, conn, kind, transforms, n_nodes, out):
                 out[e, c, k] = total
 
 
-@njit(cache=True, nogil=True)
-def inverse_gradients(motion, centre, inverse_jacobian, inverse, det):
-    """Inverse and determinant of F = I + du/d(a, b) d(a, b)/dx at the centre of every element.
-
-    motion (n_elements, 2, 8) monomial coefficients of u; centre (n_elements, 2); inverse_jacobian (n_elements, 2, 2);
-    results inverse (n_elements, 2, 2), det (n_elements,). A flattened element (det 0) gets inverse 0 and takes no part.
-    """
-    for e in range(motion.shape[0]):
-        a, b = centre[e]
-        f = np.eye(2)
-        for c in range(2):
-            m = motion[e, c]
-            by_a = m[1] + b * m[3] + 2.0 * a * m[4] + 2.0 * a * b * m[6] + b * b * m[7]
-            by_b = m[2] + a * m[3] + 2.0 * b * m[5] + a * a * m[6] + 2.0 * a * b * m[7]
-            for d in range(2):
-                f[c, d] += by_a * inverse_jacobian[e, 0, d] + by_b * inverse_jacobian[e, 1, d]
-        det[e] = f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0]
-        scale = 1.0 / det[e] if det[e] != 0.0 else 0.0
-        inverse[e, 0, 0], inverse[e, 0, 1] = scale * f[1, 1], -scale * f[0, 1]
-        inverse[e, 1, 0], inverse[e, 1, 1] = -scale * f[1, 0], scale * f[0, 0]
-
-
-@njit(cache=True, nogil=True)
-def curvatures(motion, geometry, centre, inverse_jacobian, inverse, found):
-    """Second derivatives of u at the centre of every element along the axes of the frame, u_c,kl F^-1_ki F^-1_lj.
-
-    geometry (n_elements, 2, 8) monomial coefficients of the places of the nodes, the others as in `inverse_gradients`;
-    found (n_elements, 2, 2, 2) by c, i, j in px/px².
-    """
-    second, slope, by = np.empty((2, 3)), np.empty((2, 2)), np.empty((2, 2))
-    for e in range(motion.shape[0]):
-        a, b = centre[e]
-        for i in range(2):
-            for j in range(2):  # d (a, b) / d frame
-                by[i, j] = inverse_jacobian[e, i, 0] * inverse[e, 0, j] + inverse_jacobian[e, i, 1] * inverse[e, 1, j]
-        for c in range(2):
-            m = motion[e, c]
-            by_a = m[1] + b * m[3] + 2.0 * a * m[4] + 2.0 * a * b * m[6] + b * b * m[7]
-            by_b = m[2] + a * m[3] + 2.0 * b * m[5] + a * a * m[6] + 2.0 * a * b * m[7]
-            for d in range(2):
-                slope[c, d] = by_a * inverse_jacobian[e, 0, d] + by_b * inverse_jacobian[e, 1, d]
-        for c in range(2):
-            m = motion[e, c]
-            for k in range(3):  # by a a, a b, b b, less what the curved coordinates have of it
-                order = 4 if k == 0 else (3 if k == 1 else 5)
-                second[c, k] = m[order] - slope[c, 0] * geometry[e, 0, order] - slope[c, 1] * geometry[e, 1, order]
-            one = m[6] - slope[c, 0] * geometry[e, 0, 6] - slope[c, 1] * geometry[e, 1, 6]
-            two = m[7] - slope[c, 0] * geometry[e, 0, 7] - slope[c, 1] * geometry[e, 1, 7]
-            second[c, 0] = 2.0 * (second[c, 0] + b * one)
-            second[c, 1] += 2.0 * (a * one + b * two)
-            second[c, 2] = 2.0 * (second[c, 2] + a * two)
-            for i in range(2):
-                for j in range(2):
-                    found[e, c, i, j] = (second[c, 0] * by[0, i] * by[0, j] + second[c, 2] * by[1, i] * by[1, j]
-                                         + second[c, 1] * (by[0, i] * by[1, j] + by[1, i] * by[0, j]))
-
-
 # for the pixel map: the cell of each pixel, and the place of the pixel in it ------------------
 @njit(cache=True, nogil=True)
 def find_owners(geometry, triangle, boxes, mask, column0, row0, tolerance):

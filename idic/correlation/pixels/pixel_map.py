@@ -1,4 +1,5 @@
-"""Which pixel lies where in which element: the static table that every image pass runs over.
+"""Which pixel lies where in which element: the static table that every image pass runs over, and the motion of its
+elements.
 
 Geometry only: it does not know a grey value. Pixels are sorted by element; pixels of no element, outside the mask or
 of elements outside the image are simply not in the table.
@@ -8,15 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numba import njit
 from scipy import sparse
 
-from idic.correlation.pixels.cells import (CELLS, EDGES, N_MONOMIALS, N_NODES, TRANSFORMS, curvatures, find_owners,
-                                           inverse_gradients, monomial_slopes, monomials, sort_by_owner, to_monomials)
+from idic.correlation.pixels.cells import (CELLS, EDGES, N_MONOMIALS, N_NODES, TRANSFORMS, find_owners, monomial_slopes,
+                                           monomials, sort_by_owner, to_monomials)
 from idic.errors import InputError
 from idic.fe import Block
-from idic.images import Camera, fineness_of, mean_shift
+from idic.images import Camera
 
 EDGE_TOLERANCE = 1e-6  # of a cell's size: a pixel on the edge between two elements belongs to one of them
 
@@ -89,6 +92,13 @@ class PixelMap:
     def _is_node(self):
         return np.arange(N_MONOMIALS) < N_NODES[self.kind][:, None]  # (n_elements, 8)
 
+    def valid_but(self, exclude: np.ndarray | None) -> np.ndarray:
+        """1 of every pixel, 0 of those with the numbers `exclude`  # (n_pixels,) uint8"""
+        valid = np.ones(self.n_pixels, dtype=np.uint8)
+        if exclude is not None:
+            valid[exclude] = 0
+        return valid
+
     def points(self) -> np.ndarray:
         """(column, row) of the pixels  # (n_pixels, 2)"""
         return np.column_stack([self.ix, self.iy]).astype(float)
@@ -119,33 +129,12 @@ class PixelMap:
 
     def deformation_gradient(self, u_px: np.ndarray) -> np.ndarray:
         """F = d(x + u)/dx in pixel coordinates, one per element  # (n_nodes, 2) px -> (n_elements, 2, 2)"""
-        coefficients = element_coefficients(self, u_px)
-        slopes = monomial_slopes(self.centre[:, 0], self.centre[:, 1])
-        return np.eye(2) + np.einsum("eck,ekd,edj->ecj", coefficients, slopes, self.inverse_jacobian, optimize=True)
+        return element_gradients(self, element_coefficients(self, u_px))
 
-
-def element_curvature(pixel_map: PixelMap, coefficients: np.ndarray) -> np.ndarray:
-    """Second derivatives of the motion along the axes of the frame, one per element; 0 where an element is flattened
-
-    coefficients : (n_elements, 2, 8) px -> (n_elements, 2, 2, 2) px/px², by component and both directions
-    """
-    n = pixel_map.n_elements
-    inverse, found = np.empty((n, 2, 2)), np.empty((n, 2, 2, 2))
-    inverse_gradients(coefficients, pixel_map.centre, pixel_map.inverse_jacobian, inverse, np.empty(n))
-    curvatures(coefficients, element_coefficients(pixel_map, pixel_map.nodes_px), pixel_map.centre,
-               pixel_map.inverse_jacobian, inverse, found)
-    return found
-
-
-def lowpass_shift(pixel_map: PixelMap, U: np.ndarray, f: np.ndarray, lowpass_px: float,
-                  camera_blur_px: float) -> np.ndarray:
-    """By how much a low-pass displaces the pattern at every pixel, docs/method.md, equation 1.12  # (n_pixels, 2) px
-
-    U : (n_nodes, 2) displacement of the nodes, px; f : the low-passed reference, GV
-    """
-    curvature = element_curvature(pixel_map, element_coefficients(pixel_map, U))
-    shift = mean_shift(curvature, fineness_of(f, pixel_map.ix, pixel_map.iy), lowpass_px, camera_blur_px)
-    return np.repeat(shift, pixel_map.pixels_per_element, axis=0)
+    @cached_property
+    def geometry(self) -> np.ndarray:
+        """Monomial coefficients of the places of the nodes  # (n_elements, 2, 8) px"""
+        return element_coefficients(self, self.nodes_px)
 
 
 def element_coefficients(pixel_map: PixelMap, nodal: np.ndarray) -> np.ndarray:
@@ -156,6 +145,44 @@ def element_coefficients(pixel_map: PixelMap, nodal: np.ndarray) -> np.ndarray:
     out = np.empty((pixel_map.n_elements, nodal.shape[1], N_MONOMIALS))
     to_monomials(nodal, pixel_map.conn, pixel_map.kind, TRANSFORMS, N_NODES, out)
     return out
+
+
+def element_gradients(pixel_map: PixelMap, coefficients: np.ndarray) -> np.ndarray:
+    """F of a motion given by its coefficients, one per element  # (n_elements, 2, 8) px -> (n_elements, 2, 2)"""
+    slopes = monomial_slopes(pixel_map.centre[:, 0], pixel_map.centre[:, 1])
+    return np.eye(2) + np.einsum("eck,ekd,edj->ecj", coefficients, slopes, pixel_map.inverse_jacobian, optimize=True)
+
+
+def inverse_gradients(pixel_map: PixelMap, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """F^-1 and det F of a motion given by its coefficients (n_elements, 2, 8) px; both 0 where an element is flattened
+
+    # (n_elements, 2, 2), (n_elements,)
+    """
+    inverse, det = np.empty((pixel_map.n_elements, 2, 2)), np.empty(pixel_map.n_elements)
+    _inverse_gradients(coefficients, pixel_map.centre, pixel_map.inverse_jacobian, inverse, det)
+    return inverse, det
+
+
+def element_curvature(pixel_map: PixelMap, coefficients: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+    """Second derivatives of a motion along the axes of the frame, one per element; 0 where an element is flattened
+
+    coefficients : (n_elements, 2, 8) px, inverse : (n_elements, 2, 2) F^-1 -> (n_elements, 2, 2, 2) px/px², by
+    component and both directions
+    """
+    curvature = np.empty((pixel_map.n_elements, 2, 2, 2))
+    _curvatures(coefficients, pixel_map.geometry, pixel_map.centre, pixel_map.inverse_jacobian, inverse, curvature)
+    return curvature
+
+
+def at_nodes(pixel_map: PixelMap, matrices: np.ndarray) -> np.ndarray:
+    """Mean over the elements around each node, the identity where there is none  # (nel, c, c) -> (n_nodes, c, c)"""
+    used = np.arange(pixel_map.conn.shape[1]) < N_NODES[pixel_map.kind][:, None]
+    nodes, owner = pixel_map.conn[used], np.nonzero(used)[0]
+    size = matrices.shape[1]
+    total = np.zeros((pixel_map.n_nodes, size, size))
+    np.add.at(total, nodes, matrices[owner])
+    count = np.bincount(nodes, minlength=pixel_map.n_nodes)
+    return np.where(count[:, None, None] > 0, total / np.maximum(count, 1)[:, None, None], np.eye(size))
 
 
 def build_pixel_map(nodes: np.ndarray, cells: Sequence[Block], camera: Camera, image_shape: tuple[int, int],
@@ -268,3 +295,60 @@ def nothing_visible(nodes_px: np.ndarray, shape: tuple[int, int], mask: np.ndarr
         found=f"a mesh from column {low[0]:.0f} to {high[0]:.0f}, row {low[1]:.0f} to {high[1]:.0f}",
         remedy="check pixel_size_mm, origin_px, axes and mesh_unit; `idic check` draws the mesh on the image",
     )
+
+
+@njit(cache=True, nogil=True)
+def _inverse_gradients(motion, centre, inverse_jacobian, inverse, det):
+    """Inverse and determinant of F = I + du/d(a, b) d(a, b)/dx at the centre of every element.
+
+    motion (n_elements, 2, 8) monomial coefficients of u; centre (n_elements, 2); inverse_jacobian (n_elements, 2, 2);
+    results inverse (n_elements, 2, 2), det (n_elements,). A flattened element (det 0) gets inverse 0 and takes no part.
+    """
+    for e in range(motion.shape[0]):
+        a, b = centre[e]
+        f = np.eye(2)
+        for c in range(2):
+            m = motion[e, c]
+            by_a = m[1] + b * m[3] + 2.0 * a * m[4] + 2.0 * a * b * m[6] + b * b * m[7]
+            by_b = m[2] + a * m[3] + 2.0 * b * m[5] + a * a * m[6] + 2.0 * a * b * m[7]
+            for d in range(2):
+                f[c, d] += by_a * inverse_jacobian[e, 0, d] + by_b * inverse_jacobian[e, 1, d]
+        det[e] = f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0]
+        scale = 1.0 / det[e] if det[e] != 0.0 else 0.0
+        inverse[e, 0, 0], inverse[e, 0, 1] = scale * f[1, 1], -scale * f[0, 1]
+        inverse[e, 1, 0], inverse[e, 1, 1] = -scale * f[1, 0], scale * f[0, 0]
+
+
+@njit(cache=True, nogil=True)
+def _curvatures(motion, geometry, centre, inverse_jacobian, inverse, found):
+    """Second derivatives of u at the centre of every element along the axes of the frame, u_c,kl F^-1_ki F^-1_lj.
+
+    geometry (n_elements, 2, 8) monomial coefficients of the places of the nodes, the others as in `_inverse_gradients`;
+    found (n_elements, 2, 2, 2) by c, i, j in px/px².
+    """
+    second, slope, by = np.empty((2, 3)), np.empty((2, 2)), np.empty((2, 2))
+    for e in range(motion.shape[0]):
+        a, b = centre[e]
+        for i in range(2):
+            for j in range(2):  # d (a, b) / d frame
+                by[i, j] = inverse_jacobian[e, i, 0] * inverse[e, 0, j] + inverse_jacobian[e, i, 1] * inverse[e, 1, j]
+        for c in range(2):
+            m = motion[e, c]
+            by_a = m[1] + b * m[3] + 2.0 * a * m[4] + 2.0 * a * b * m[6] + b * b * m[7]
+            by_b = m[2] + a * m[3] + 2.0 * b * m[5] + a * a * m[6] + 2.0 * a * b * m[7]
+            for d in range(2):
+                slope[c, d] = by_a * inverse_jacobian[e, 0, d] + by_b * inverse_jacobian[e, 1, d]
+        for c in range(2):
+            m = motion[e, c]
+            for k in range(3):  # by a a, a b, b b, less what the curved coordinates have of it
+                order = 4 if k == 0 else (3 if k == 1 else 5)
+                second[c, k] = m[order] - slope[c, 0] * geometry[e, 0, order] - slope[c, 1] * geometry[e, 1, order]
+            one = m[6] - slope[c, 0] * geometry[e, 0, 6] - slope[c, 1] * geometry[e, 1, 6]
+            two = m[7] - slope[c, 0] * geometry[e, 0, 7] - slope[c, 1] * geometry[e, 1, 7]
+            second[c, 0] = 2.0 * (second[c, 0] + b * one)
+            second[c, 1] += 2.0 * (a * one + b * two)
+            second[c, 2] = 2.0 * (second[c, 2] + a * two)
+            for i in range(2):
+                for j in range(2):
+                    found[e, c, i, j] = (second[c, 0] * by[0, i] * by[0, j] + second[c, 2] * by[1, i] * by[1, j]
+                                         + second[c, 1] * (by[0, i] * by[1, j] + by[1, i] * by[0, j]))

@@ -79,8 +79,15 @@ class PinholeView:
 
     def columns(self, nodes: np.ndarray, u: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Nodal sensitivities in the image  # (n_nodes, 2|3, m) mm per unit -> (2 n_nodes, m)"""
-        jacobian = self.moved_camera.jacobian(self.deformed(nodes, u))[:, :, :columns.shape[1]]
-        return np.einsum("ncd,ndm->ncm", jacobian, columns).reshape(2 * len(nodes), -1)
+        return self.projected(self.jacobian(nodes, u), columns)
+
+    def jacobian(self, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Derivative of the position in the frame by that of a deformed node  # (n_nodes, 2, 3) px/mm"""
+        return self.moved_camera.jacobian(self.deformed(nodes, u))
+
+    def projected(self, jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """The same as `columns`; jacobian : of the frame, `jacobian`."""
+        return np.einsum("ncd,ndm->ncm", jacobian[:, :, :columns.shape[1]], columns).reshape(2 * len(columns), -1)
 
     def camera_column(self, nodes: np.ndarray, u: np.ndarray, gradient: np.ndarray, name: str) -> np.ndarray:
         """Sensitivity to a parameter of camera or placement at fixed reference pixels  # (2 n_nodes,) px per unit

@@ -87,14 +87,20 @@ class View:
 
     def columns(self, nodes: np.ndarray, u: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Nodal sensitivities in the image  # (n_nodes, dim, m) mm per unit -> (n_components n_nodes, m)"""
-        jacobian = self.moved_camera.jacobian(self.points(self.deformed(nodes, u)))  # (n_nodes, 2, 2)
-        if self.kind == SECTION:
-            jacobian = jacobian * [1.0, 0.0]  # the height does not move in the image
+        return self.projected(self.jacobian(nodes, u), columns)
+
+    def jacobian(self, nodes: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Derivative of the position in the frame by that of a deformed node  # (n_nodes, 2, 2) px/mm"""
+        jacobian = self.moved_camera.jacobian(self.points(self.deformed(nodes, u)))
+        return jacobian * [1.0, 0.0] if self.kind == SECTION else jacobian  # the height does not move in the image
+
+    def projected(self, jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """The same as `columns`; jacobian : of the frame, `jacobian`."""
         plane = jacobian[:, :, :1] * columns[:, None, 0] + jacobian[:, :, 1:] * columns[:, None, 1]
         if self.kind == GREY:
-            return plane.reshape(2 * len(nodes), -1)
+            return plane.reshape(2 * len(columns), -1)
         whole = np.concatenate([plane, self.rise * in_space(columns)[:, self.axis:self.axis + 1]], axis=1)
-        return whole.reshape(3 * len(nodes), -1)
+        return whole.reshape(3 * len(columns), -1)
 
     def camera_column(self, nodes: np.ndarray, u: np.ndarray, gradient: np.ndarray, name: str) -> np.ndarray:
         """Sensitivity to a camera parameter at fixed reference pixels  # (n_components n_nodes,)

@@ -140,7 +140,7 @@ class _CameraPasses:
         self.maps = _ResidualMaps(context, [response.frame for response in responses], motions)
         self.sums = [self.maps.compare(t) for t in range(len(self.maps))]
         self.seen = _seen_dofs(self.sums[0])
-        self.back = np.array([context.reference.pull_back(motion) for motion in motions])
+        self.back = np.array([context.reference.pull_back(equations) for equations in self.sums])
         self.inverse_variance = 1.0 / context.weights.image_noise**2
         self.local_columns = [view.columns(nodes, response.u, response.local_du)
                               for view, response in zip(self.views, self.responses, strict=True)]

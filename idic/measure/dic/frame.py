@@ -160,7 +160,7 @@ def _result(nodal, smoother, factor, u, iterations, step, tolerance) -> DicFrame
 def _factorise(reference: ReferenceImage, nodal: NodalEquations, u, smoother: Smoother,
                old: Factorisation | None) -> Factorisation | None:
     """A new one where the strain or the visible pixels changed, else the old one; None: too few nodes are measured."""
-    gradients = reference.pixel_map.deformation_gradient(u)
+    gradients = nodal.motion.gradient
     if old is not None and abs(nodal.n_valid - old.n_valid) <= _MAX_PIXEL_CHANGE * nodal.n_valid:
         change = gradients - old.gradients
         if np.sqrt(np.mean(change**2)) <= _MAX_STRAIN_CHANGE[0] and np.abs(change).max() <= _MAX_STRAIN_CHANGE[1]:
