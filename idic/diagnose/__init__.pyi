@@ -1,12 +1,12 @@
 from .caution_texts import cautions
-from .chain import Diagnosis, SEED, diagnose
+from .chain import SEED, diagnose
+from .diagnosis import Diagnosis
 from .findings import mismatch_content, refitted_form, unexplained
 from .locate.left_place import left_place
 from .locate.mismatch import Mismatch, SelectedEffect
 from .locate.mismatch_words import MOTION, place_words
 from .locate.place import element_centres, in_words
 from .model_change import LawPair, WindowCurve, law_pairs, window_curves
-from .notes import Notes
 from .physics.candidate import Candidate, FAMILIES, MESH_TOO_COARSE, Variant
 from .refits.refit import Refit, identification_at
 from .refits.refit_job import ExperimentSource, RefitJob, run_refit
@@ -29,8 +29,9 @@ from .screen.misregistration import HIDDEN_BY_MOTION
 from .screen.score_columns import ScoreColumn
 from .screen.select import MAX_FAMILYWISE_P, MAX_HIDDEN_VISIBILITY, Ranked, screen_candidates
 from .selection.block_step import holds
+from .selection.notes import Notes
 from .selection.rival import NO_CAUSE, Rival, Round
-from .selection.rounds import Stage, silent
+from .selection.state import Stage, silent
 from .selection.verdict import Verdict
 
 __all__ = [
