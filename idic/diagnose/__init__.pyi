@@ -13,7 +13,7 @@ from .refits.refit_job import ExperimentSource, RefitJob, run_refit
 from .residual.evidence import Columns, Evidence
 from .residual.excess_left import MIN_EXCESS_Z
 from .residual.heldout import Fit, better_blocks, ratio
-from .residual.margin import Margin, PRACTICAL_MARGIN_PX
+from .residual.margin import Margin
 from .residual.measured_motion import (
     OutOfRegister, by_motion, holds_motion, image_chi2, may_be_out_of_register, out_of_register, with_edge_modes,
 )
@@ -31,12 +31,13 @@ from .screen.select import MAX_FAMILYWISE_P, MAX_HIDDEN_VISIBILITY, Ranked, scre
 from .selection.block_step import holds
 from .selection.notes import Notes
 from .selection.rival import NO_CAUSE, Rival, Round
+from .selection.stages import stages
 from .selection.state import Stage, silent
 from .selection.verdict import Verdict
 
 __all__ = [
     "DUST", "FAMILIES", "HIDDEN_BY_MOTION", "JUDGEMENT", "LEFT_OUT", "MARGIN_PX", "MAX_FAMILYWISE_P",
-    "MAX_HIDDEN_VISIBILITY", "MESH_TOO_COARSE", "MIN_EXCESS_Z", "MOTION", "NO_CAUSE", "PAINT", "PRACTICAL_MARGIN_PX",
+    "MAX_HIDDEN_VISIBILITY", "MESH_TOO_COARSE", "MIN_EXCESS_Z", "MOTION", "NO_CAUSE", "PAINT",
     "SEED", "SUPPOSED_EXPANSION_PER_K", "Candidate", "Columns", "Diagnosis", "Evidence", "ExperimentSource", "Fit",
     "LawPair", "LeftOut", "Margin", "Mismatch", "Notes", "OutOfRegister", "Ranked", "Refit", "RefitJob",
     "ResidualEvidence", "Rival", "Round", "ScoreColumn", "SelectedEffect", "Spot", "Stage", "Variant", "Verdict",
@@ -44,6 +45,6 @@ __all__ = [
     "decoy_scores", "diagnose", "element_centres", "find_spots", "holds", "holds_motion", "identification_at",
     "image_chi2", "in_words", "law_pairs", "left_place", "map_of_noise", "maps_of_evidence", "maps_of_identification",
     "may_be_out_of_register", "mismatch_content", "null_model", "out_of_register", "place_words", "ratio",
-    "refitted_form", "residual_evidence", "run_refit", "score", "screen_candidates", "silent", "thinned",
+    "refitted_form", "residual_evidence", "run_refit", "score", "screen_candidates", "silent", "stages", "thinned",
     "unexplained", "window_curves", "with_edge_modes",
 ]

@@ -6,7 +6,7 @@ cover: a search that had not converged, a formal fit, refits that were cut short
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -40,19 +40,7 @@ STATUS_WORDS = {"stalled": "no step lowered the residual", "max_iterations": "it
 
 def cautions(diagnosis: Diagnosis) -> list[str]:
     """Everything that the error bars do not say, in sentences."""
-    before, after = diagnosis.verdict.before, diagnosis.verdict.after
-    search = search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
-    camera = [diagnosis.state.setting.margin.words] if diagnosis.state.setting.margin.px > PRACTICAL_MARGIN_PX else []
-    outline = outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word)
-    register = [] if diagnosis.register is None else [diagnosis.register.words]
-    return [*register, *_quick(diagnosis), *too_coarse(diagnosis.rounds), *outline, *thickness_caution(diagnosis),
-            *finite_caution(diagnosis), *mesh_caution(diagnosis), *neglected_cautions(diagnosis),
-            *([] if diagnosis.state.setting.quick else untested_thickness(diagnosis.found)),
-            *other_axis_caution(diagnosis), *search, *camera, *formal_fit(diagnosis.remainder.local),
-            *channel_cautions(diagnosis.remainder.channels, diagnosis.verdict.in_channels), *_few_elements(diagnosis),
-            *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_given_up(diagnosis.rounds),
-            *refits_cut_short(diagnosis.rounds),
-            *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
+    return [text for caution in CAUTIONS for text in caution(diagnosis)]
 
 
 def too_coarse(rounds: Sequence[Round]) -> list[str]:
@@ -63,6 +51,23 @@ def too_coarse(rounds: Sequence[Round]) -> list[str]:
              and (one is rounds[-1] or (one.winner and one.winner.ranked.candidate.name in candidate.rivals))}
     return [f"{title.capitalize()}: {why}. Until then a gradient or an inclusion may stand for them."
             for title, why in shown.items()]
+
+
+def _convergence(diagnosis: Diagnosis) -> list[str]:
+    """Where the identification had not converged, and where the enriched model explains motions worse."""
+    before, after = diagnosis.verdict.before, diagnosis.verdict.after
+    return search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
+
+
+def _margin(diagnosis: Diagnosis) -> list[str]:
+    """Where the camera shows more at rest than the practical margin."""
+    margin = diagnosis.state.setting.margin
+    return [margin.words] if margin.px > PRACTICAL_MARGIN_PX else []
+
+
+def _register(diagnosis: Diagnosis) -> list[str]:
+    """Where the images are out of register with the identified model."""
+    return [] if diagnosis.register is None else [diagnosis.register.words]
 
 
 def _quick(diagnosis: Diagnosis) -> list[str]:
@@ -331,3 +336,27 @@ def _few_elements(diagnosis: Diagnosis) -> list[str]:
             f"about {max(carrying, 1.0):.0f} of them. The error bars of its parameters ({names}) count noise only, not "
             f"the "
             "coarseness of the mesh there. Run  idic systematic  on the enriched model, or refine the mesh."]
+
+
+CAUTIONS: tuple[Callable[[Diagnosis], list[str]], ...] = (  # in the order in which they are told
+    _register,
+    _quick,
+    lambda diagnosis: too_coarse(diagnosis.rounds),
+    lambda diagnosis: outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word),
+    thickness_caution,
+    finite_caution,
+    mesh_caution,
+    neglected_cautions,
+    lambda diagnosis: [] if diagnosis.state.setting.quick else untested_thickness(diagnosis.found),
+    other_axis_caution,
+    _convergence,
+    _margin,
+    lambda diagnosis: formal_fit(diagnosis.remainder.local),
+    lambda diagnosis: channel_cautions(diagnosis.remainder.channels, diagnosis.verdict.in_channels),
+    _few_elements,
+    lambda diagnosis: softening_caution(diagnosis.rounds),
+    _not_simulated,
+    lambda diagnosis: refits_given_up(diagnosis.rounds),
+    lambda diagnosis: refits_cut_short(diagnosis.rounds),
+    lambda diagnosis: rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after),
+)

@@ -40,6 +40,7 @@ from idic.diagnose.selection.moves.table import selected
 from idic.diagnose.selection.moves.whole_fit import fitted_to_recording, whole_fit, with_std_of_bricks
 from idic.diagnose.selection.rival import Round, causes_of
 from idic.diagnose.selection.rivals import edits_of
+from idic.diagnose.selection.stages import NULL_FIT
 from idic.diagnose.selection.state import Clock, Setting, Stage, State, Watch, silent, unwatched
 from idic.diagnose.selection.verdict import Verdict, conclude, is_of_readings
 from idic.errors import NotConverged
@@ -93,7 +94,7 @@ def diagnose(source: ExperimentSource, found: Identification, refits: Refits, st
 
 def compared_with(identified: Identified, setting: Setting) -> State:
     """The state before the selection: the identified model fitted to the copy for choosing."""
-    setting.stage("fit of the identified model to one of two copies of the recording")
+    setting.stage(f"{NULL_FIT} to one of two copies of the recording")
     source, found = identified.source, identified.found
     with setting.clock.step("null_s"):
         (null,) = setting.refits([RefitJob("null", source, ("null",), ({},), (found.parameters.as_values(),),
@@ -151,7 +152,7 @@ def _corrected(state: State) -> FittedModel | None:
             model.error.thickness is None
             and weighed(model.residual, model.error)[2] < MIN_SHIFT_STD):  # type: ignore[arg-type]
         return None
-    setting.stage("fit of the identified model with its known error")
+    setting.stage(f"{NULL_FIT} with its known error")
     with setting.clock.step("final_s"):
         fit = whole_fit(setting, model)
         if not fit.usable:

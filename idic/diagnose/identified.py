@@ -14,6 +14,7 @@ from idic.diagnose.residual.heldout import Fit, fit, grid_of
 from idic.diagnose.residual.margin import ASSUMED, Margin
 from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
 from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.selection.stages import EVIDENCE, PLACE
 from idic.diagnose.selection.state import Clock, Stage
 from idic.errors import NotConverged
 from idic.identification import Identification
@@ -46,12 +47,12 @@ class Identified:
 def as_identified(source: ExperimentSource, found: Identification, margin: Margin, quick: bool, stage: Stage,
                   clock: Clock) -> Identified:
     """The identified model with the error of its mesh, and of plane stress where the recording shows it."""
-    stage("residual evidence of the identified model")
+    stage(EVIDENCE)
     with clock.step("gather_s"):
         source, found, residual = with_error(source, found)
         grid = grid_of(residual)
         misfit = fit(residual, grid)
-    stage("side, onset and place of the mismatch")
+    stage(PLACE)
     with clock.step("locate_s"):
         first = Identified(source, found, residual, grid, misfit, located(found, residual, margin), {})
         if first.is_mismatched or not quick:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.diagnose import (
-    Diagnosis, Fit, Margin, PRACTICAL_MARGIN_PX, Ranked, Refit, Rival, Round, better_blocks, cautions,
+    Diagnosis, Fit, Ranked, Refit, Rival, Round, better_blocks, cautions,
     content as courses_content, in_words, left_place, mismatch_content, ratio, refitted_form, unexplained,
 )
 from idic.parameters import ParameterSet
@@ -71,7 +71,7 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
         "free_form": None if diagnosis.free_form is None else diagnosis.free_form.content(),
         "spots": [],
         "register": None if diagnosis.register is None else diagnosis.register.content(),
-        "rounds": [_round(one) for one in diagnosis.rounds], "margin": margin_content(margin),
+        "rounds": [_round(one) for one in diagnosis.rounds], "margin": margin.content(),
         "cost": dict(diagnosis.state.setting.clock.seconds) | {"wall_s": wall_s},
     }
     content = finite(content)
@@ -83,14 +83,6 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
     content["not_excluded"] = [entry | {"title": titles.get(entry["name"], entry["name"])}
                                for entry in left_open]
     return content
-
-
-def margin_content(margin: Margin) -> dict:
-    """The practical margin, and what it rests on."""
-    floor = margin.floor
-    return {"px": margin.px, "assumed_px": PRACTICAL_MARGIN_PX, "camera_px": margin.camera_px,
-            "camera_floor_px": None if floor is None else floor.px,
-            "still_frames": [] if floor is None else list(floor.frames), "words": margin.words}
 
 
 def _left(diagnosis: Diagnosis) -> dict:

@@ -14,6 +14,7 @@ from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import Screening
+from idic.diagnose.selection import stages
 from idic.diagnose.selection.move import Move
 from idic.diagnose.selection.moves.shortlist import is_under_way, judged
 from idic.diagnose.selection.rival import Rival, causes_of
@@ -85,7 +86,7 @@ def on_both_copies(state: State) -> State:
 
 
 def _stage(state: State) -> str:
-    return f"judgement on both copies: {', '.join(r.ranked.called for r in undecided(state.round.rivals))}"  # type: ignore
+    return f"{stages.BOTH_COPIES}: {', '.join(r.ranked.called for r in undecided(state.round.rivals))}"  # type: ignore
 
 
 BOTH_COPIES = Move("both copies", "refits_s", applies=needs_both, edit=on_both_copies, stage=_stage)

@@ -20,6 +20,7 @@ from idic.diagnose.screen.misregistration import reason_to_wait
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, screen_candidates
 from idic.diagnose.screen.situation import situation
+from idic.diagnose.selection import stages
 from idic.diagnose.selection.move import Move
 from idic.diagnose.selection.rival import Round, causes_of
 from idic.diagnose.selection.state import State, Watch, unwatched
@@ -88,4 +89,4 @@ def _trials(library: Sequence[Candidate], is_measured: bool, here: Situation, re
 
 
 SCREENING = Move("screening", "screening_s", applies=lambda state: state.is_open, edit=opened,
-                 stage=lambda state: f"screening of the library, round {state.number + 1}")
+                 stage=lambda state: f"{stages.SCREENING}, round {state.number + 1}")

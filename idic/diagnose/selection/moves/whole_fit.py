@@ -21,6 +21,7 @@ from idic.diagnose.refits.refit import Refit
 from idic.diagnose.refits.refit_job import ExperimentSource, refit_of_one
 from idic.diagnose.selection.move import Move, moved
 from idic.diagnose.selection.moves.other_axis import fit_from_other_axes, is_another_answer, is_better
+from idic.diagnose.selection.stages import ENRICHED_RESIDUAL, WHOLE_FIT
 from idic.diagnose.selection.state import Setting, State
 from idic.identification import Identification
 
@@ -134,8 +135,8 @@ def with_stds(state: State) -> State:
 
 def _stage(state: State) -> str:
     if state.setting.quick:
-        return "residual of the enriched model"
-    return "fit of the enriched model to the whole recording"
+        return ENRICHED_RESIDUAL
+    return WHOLE_FIT
 
 
 def _is_simulated(state: State) -> bool:
