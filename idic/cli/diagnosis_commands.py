@@ -11,13 +11,6 @@ from idic.cli.app import (FileStore, MemoryLimit, Run, Scheduler, UsePrefect, Wo
 from idic.cli.command import user_path
 from idic.cli.outcomes import outcome
 
-STAGES = ("residual evidence of the identified model", "side, onset and place of the mismatch",
-          "fit of the identified model",
-          "screening of the library", "refit", "judgement on both copies",
-          "fit of the enriched model to the whole recording",
-          "writing figures")
-QUICK_STAGES = (*STAGES[:5], "residual of the enriched model", STAGES[-1])
-
 
 @app.command()
 def diagnose(
@@ -37,11 +30,11 @@ def diagnose(
     with outcome(run=run, resume=True):
         from idic.cli.diagnosis_tables import candidates_table, told
         from idic.cli.progress import progress_view
+        from idic.diagnose import stages
         from idic.run import Console, Workplace, diagnose_run, open_source
 
         open_source(run)  # before a server is started
-        with progress_view(terminal(stderr=True), run,
-                           QUICK_STAGES if quick else STAGES) as view:
+        with progress_view(terminal(stderr=True), run, stages(quick)) as view:
             content = diagnose_run(run, resume=resume, quick=quick, console=Console(view.stage),
                                    workplace=Workplace(workers, scheduler, memory_limit, store),
                                    orchestrator=orchestrator_of(prefect))

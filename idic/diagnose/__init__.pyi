@@ -1,19 +1,19 @@
 from .caution_texts import cautions
-from .chain import Diagnosis, SEED, diagnose
+from .chain import SEED, diagnose
+from .diagnosis import Diagnosis
 from .findings import mismatch_content, refitted_form, unexplained
 from .locate.left_place import left_place
 from .locate.mismatch import Mismatch, SelectedEffect
 from .locate.mismatch_words import MOTION, place_words
 from .locate.place import element_centres, in_words
 from .model_change import LawPair, WindowCurve, law_pairs, window_curves
-from .notes import Notes
 from .physics.candidate import Candidate, FAMILIES, MESH_TOO_COARSE, Variant
 from .refits.refit import Refit, identification_at
 from .refits.refit_job import ExperimentSource, RefitJob, run_refit
 from .residual.evidence import Columns, Evidence
 from .residual.excess_left import MIN_EXCESS_Z
 from .residual.heldout import Fit, better_blocks, ratio
-from .residual.margin import Margin, PRACTICAL_MARGIN_PX
+from .residual.margin import Margin
 from .residual.measured_motion import (
     OutOfRegister, by_motion, holds_motion, image_chi2, may_be_out_of_register, out_of_register, with_edge_modes,
 )
@@ -29,13 +29,15 @@ from .screen.misregistration import HIDDEN_BY_MOTION
 from .screen.score_columns import ScoreColumn
 from .screen.select import MAX_FAMILYWISE_P, MAX_HIDDEN_VISIBILITY, Ranked, screen_candidates
 from .selection.block_step import holds
+from .selection.notes import Notes
 from .selection.rival import NO_CAUSE, Rival, Round
-from .selection.rounds import Stage, silent
+from .selection.stages import stages
+from .selection.state import Stage, silent
 from .selection.verdict import Verdict
 
 __all__ = [
     "DUST", "FAMILIES", "HIDDEN_BY_MOTION", "JUDGEMENT", "LEFT_OUT", "MARGIN_PX", "MAX_FAMILYWISE_P",
-    "MAX_HIDDEN_VISIBILITY", "MESH_TOO_COARSE", "MIN_EXCESS_Z", "MOTION", "NO_CAUSE", "PAINT", "PRACTICAL_MARGIN_PX",
+    "MAX_HIDDEN_VISIBILITY", "MESH_TOO_COARSE", "MIN_EXCESS_Z", "MOTION", "NO_CAUSE", "PAINT",
     "SEED", "SUPPOSED_EXPANSION_PER_K", "Candidate", "Columns", "Diagnosis", "Evidence", "ExperimentSource", "Fit",
     "LawPair", "LeftOut", "Margin", "Mismatch", "Notes", "OutOfRegister", "Ranked", "Refit", "RefitJob",
     "ResidualEvidence", "Rival", "Round", "ScoreColumn", "SelectedEffect", "Spot", "Stage", "Variant", "Verdict",
@@ -43,6 +45,6 @@ __all__ = [
     "decoy_scores", "diagnose", "element_centres", "find_spots", "holds", "holds_motion", "identification_at",
     "image_chi2", "in_words", "law_pairs", "left_place", "map_of_noise", "maps_of_evidence", "maps_of_identification",
     "may_be_out_of_register", "mismatch_content", "null_model", "out_of_register", "place_words", "ratio",
-    "refitted_form", "residual_evidence", "run_refit", "score", "screen_candidates", "silent", "thinned",
+    "refitted_form", "residual_evidence", "run_refit", "score", "screen_candidates", "silent", "stages", "thinned",
     "unexplained", "window_curves", "with_edge_modes",
 ]

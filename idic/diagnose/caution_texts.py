@@ -6,11 +6,11 @@ cover: a search that had not converged, a formal fit, refits that were cut short
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from idic.diagnose.chain import Diagnosis
+from idic.diagnose.diagnosis import Diagnosis
 from idic.diagnose.discretisation.combinations import BRICKS, FINITE_STRAINS
 from idic.diagnose.next_test import reason_against_continuation
 from idic.diagnose.physics.candidate import MESH_TOO_COARSE
@@ -40,19 +40,7 @@ STATUS_WORDS = {"stalled": "no step lowered the residual", "max_iterations": "it
 
 def cautions(diagnosis: Diagnosis) -> list[str]:
     """Everything that the error bars do not say, in sentences."""
-    before, after = diagnosis.verdict.before, diagnosis.verdict.after
-    search = search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
-    camera = [diagnosis.margin.words] if diagnosis.margin.px > PRACTICAL_MARGIN_PX else []
-    outline = outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word)
-    register = [] if diagnosis.register is None else [diagnosis.register.words]
-    return [*register, *_quick(diagnosis), *too_coarse(diagnosis.rounds), *outline, *thickness_caution(diagnosis),
-            *finite_caution(diagnosis), *mesh_caution(diagnosis), *neglected_cautions(diagnosis),
-            *([] if diagnosis.quick else untested_thickness(diagnosis.found)),
-            *other_axis_caution(diagnosis), *search, *camera, *formal_fit(diagnosis.excess_left),
-            *channel_cautions(diagnosis.channels, diagnosis.verdict.in_channels), *_few_elements(diagnosis),
-            *softening_caution(diagnosis.rounds), *_not_simulated(diagnosis), *refits_given_up(diagnosis.rounds),
-            *refits_cut_short(diagnosis.rounds),
-            *rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after)]
+    return [text for caution in CAUTIONS for text in caution(diagnosis)]
 
 
 def too_coarse(rounds: Sequence[Round]) -> list[str]:
@@ -65,9 +53,26 @@ def too_coarse(rounds: Sequence[Round]) -> list[str]:
             for title, why in shown.items()]
 
 
+def _convergence(diagnosis: Diagnosis) -> list[str]:
+    """Where the identification had not converged, and where the enriched model explains motions worse."""
+    before, after = diagnosis.verdict.before, diagnosis.verdict.after
+    return search_cautions(diagnosis.found.state.status, before.excess, after.excess, before.excess_std)
+
+
+def _margin(diagnosis: Diagnosis) -> list[str]:
+    """Where the camera shows more at rest than the practical margin."""
+    margin = diagnosis.state.setting.margin
+    return [margin.words] if margin.px > PRACTICAL_MARGIN_PX else []
+
+
+def _register(diagnosis: Diagnosis) -> list[str]:
+    """Where the images are out of register with the identified model."""
+    return [] if diagnosis.register is None else [diagnosis.register.words]
+
+
 def _quick(diagnosis: Diagnosis) -> list[str]:
     """What a quick diagnosis leaves out, where it selects a candidate."""
-    if not (diagnosis.quick and diagnosis.verdict.selected):
+    if not (diagnosis.state.setting.quick and diagnosis.verdict.selected):
         return []
     return ["This was a quick diagnosis: one candidate was refitted, to one copy of the recording with twice the noise "
             "variance. Its rivals were not refitted; run  idic diagnose  without --quick for the comparison."]
@@ -96,14 +101,14 @@ def thickness_caution(diagnosis: Diagnosis) -> list[str]:
               for channel, change in zip(experiment.channels, error.thickness.channels.T, strict=True)]
     identified, first = diagnosis.found.parameters, diagnosis.rounds[0]
     known = None if first.source is None else first.source.motion_error
-    bricks = first.null if diagnosis.corrected is None else diagnosis.corrected
+    bricks = first.null if diagnosis.corrected is None else diagnosis.corrected.fit
     values = "; ".join(f"{name} {identified[name].shown:.4g}, about "
                        f"{bricks.values[name] / identified[name].factor:.4g} {_unit(identified[name])}with bricks"
                        for name in identified.free
                        if abs(bricks.values[name] - identified[name].value) > (bricks.stds.get(name) or 0.0))
     is_first = known is not None and known.thickness is not None  # counted before any cause
     told = f" ({values})" if is_first and values else ""
-    further = "" if diagnosis.final is None else ", nor does the enriched experiment"
+    further = "" if diagnosis.state.final is None else ", nor does the enriched experiment"
     return [f"The specimen is not in plane stress: the motion of bricks of its thickness ({experiment.thickness:.3g} "
             f"mm) differs from the model by up to {moved:.2g} px (rms of a frame){''.join(shares)}, and the recording "
             f"shows it. The diagnosis counts the difference; the identified parameters do not{told}{further}. "
@@ -128,12 +133,12 @@ def untested_thickness(found: Identification) -> list[str]:
 def finite_caution(diagnosis: Diagnosis) -> list[str]:
     """Where finite strains were counted beside a cause, and are none by name; a law that has no other form is not
     counted."""
-    after = diagnosis.residual_after
-    if after is None or NO_CAUSE in diagnosis.verdict.selected:
+    enriched = diagnosis.enriched
+    if enriched is None or NO_CAUSE in diagnosis.verdict.selected:
         return []
     small = {one.element_set for one in diagnosis.found.experiment.materials if one.kinematics == "small"}
     if not any(one.element_set in small and one.kinematics == "finite"
-               and "small" in get_law(one.law).kinematics for one in after.context.experiment.materials):
+               and "small" in get_law(one.law).kinematics for one in enriched.residual.context.experiment.materials):  # type: ignore[union-attr]
         return []
     return ["The recording shows finite strains and rotations, which the identified model neglects. The diagnosis and "
             "the enriched experiment count them; the identified parameters do not. Identify again with finite strains "
@@ -147,10 +152,10 @@ def mesh_caution(diagnosis: Diagnosis) -> list[str]:
     if better is None or error is None or error.thickness is not None:
         return []
     known = diagnosis.found.parameters
-    moves = {name: abs(better.values[name] - known[name].value) for name in known.free}
-    if all(move <= MIN_MOVE_BY_MESH_STD * (better.stds.get(name) or np.inf) for name, move in moves.items()):
+    moves = {name: abs(better.fit.values[name] - known[name].value) for name in known.free}
+    if all(move <= MIN_MOVE_BY_MESH_STD * (better.fit.stds.get(name) or np.inf) for name, move in moves.items()):
         return []
-    values = "; ".join(f"{name} {known[name].shown:.5g}, about {better.values[name] / known[name].factor:.5g} on a "
+    values = "; ".join(f"{name} {known[name].shown:.5g}, about {better.fit.values[name] / known[name].factor:.5g} on a "
                        f"finer mesh" for name in known.free)
     return [f"The mesh is coarse for the body ({values}). The diagnosis counts its error; the identified parameters do "
             "not. Identify again on a finer mesh."]
@@ -161,8 +166,7 @@ def neglected_cautions(diagnosis: Diagnosis) -> list[str]:
     absent, experiment = diagnosis.neglected, diagnosis.found.experiment
     if absent is None:
         return []
-    parameters = experiment.parameters if diagnosis.residual_after is None else (
-        diagnosis.residual_after.context.experiment.parameters)
+    parameters = diagnosis.last_parameters
     ends = " with ends that keep theirs" if gripped_ends(experiment) else ""
     said = {BRICKS: (f"Plane stress is an assumption: bricks of the specimen's thickness ({experiment.thickness:.3g} "
                      f"mm){ends}", 'a mesh of bricks (kind = "solid")'),
@@ -189,10 +193,9 @@ def _probability(p: float) -> str:
 
 def other_axis_caution(diagnosis: Diagnosis) -> list[str]:
     """Where the recording fits another axis as well, with other values."""
-    other, after = diagnosis.other_axis, diagnosis.residual_after
-    if other is None or after is None:
+    other, parameters = diagnosis.state.other_axis, diagnosis.last_parameters
+    if other is None or diagnosis.enriched is None:
         return []
-    parameters = after.context.experiment.parameters
     values = [f"{name} {other.values[name] / parameters[name].factor:.4g} {parameters[name].unit}".rstrip()
               for name in other.stds]
     return ["Another axis of the law explains the recording as well, with other values: " + ", ".join(values) + ". No "
@@ -333,3 +336,27 @@ def _few_elements(diagnosis: Diagnosis) -> list[str]:
             f"about {max(carrying, 1.0):.0f} of them. The error bars of its parameters ({names}) count noise only, not "
             f"the "
             "coarseness of the mesh there. Run  idic systematic  on the enriched model, or refine the mesh."]
+
+
+CAUTIONS: tuple[Callable[[Diagnosis], list[str]], ...] = (  # in the order in which they are told
+    _register,
+    _quick,
+    lambda diagnosis: too_coarse(diagnosis.rounds),
+    lambda diagnosis: outline_caution(open_share(diagnosis.found.experiment), diagnosis.verdict.word),
+    thickness_caution,
+    finite_caution,
+    mesh_caution,
+    neglected_cautions,
+    lambda diagnosis: [] if diagnosis.state.setting.quick else untested_thickness(diagnosis.found),
+    other_axis_caution,
+    _convergence,
+    _margin,
+    lambda diagnosis: formal_fit(diagnosis.remainder.local),
+    lambda diagnosis: channel_cautions(diagnosis.remainder.channels, diagnosis.verdict.in_channels),
+    _few_elements,
+    lambda diagnosis: softening_caution(diagnosis.rounds),
+    _not_simulated,
+    lambda diagnosis: refits_given_up(diagnosis.rounds),
+    lambda diagnosis: refits_cut_short(diagnosis.rounds),
+    lambda diagnosis: rivals_not_ruled_out(diagnosis.rounds, diagnosis.verdict.after),
+)

@@ -6,9 +6,10 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
-from idic.diagnose.chain import Diagnosis
+from idic.diagnose.diagnosis import Diagnosis
 from idic.diagnose.locate.mismatch_words import MOTION, mismatch_words
 from idic.diagnose.locate.place import clusters, element_centres, in_words
+from idic.diagnose.residual.excess_left import effect
 from idic.diagnose.screen.select import MAX_FAMILYWISE_P, Ranked
 from idic.diagnose.selection.rival import Rival
 from idic.identification import p_text
@@ -27,10 +28,10 @@ def mismatch_content(diagnosis: Diagnosis) -> dict:
     """
     selected = diagnosis.selected_effect
     if diagnosis.mismatch is None:
-        whole = diagnosis.whole_before
+        misfit = diagnosis.identified.misfit
         keys = ("side", "onset_frame", "onset_ci", "visible_frame", "centroid_mm", "frames")
-        content = dict.fromkeys(keys) | {"elements": [], "effect_px_rms": diagnosis.effect_px,
-                                         "p_value": float(stats.chi2.sf(whole.gain.sum(), whole.rank.sum()))}
+        content = dict.fromkeys(keys) | {"elements": [], "effect_px_rms": effect(misfit, diagnosis.state.power),
+                                         "p_value": float(stats.chi2.sf(misfit.gain.sum(), misfit.rank.sum()))}
     else:
         content = diagnosis.mismatch.content(selected)
     content["located_side"] = content["side"]
@@ -79,8 +80,8 @@ def unexplained(diagnosis: Diagnosis) -> tuple[str, ...]:
     left = list(verdict.in_channels)
     of_force = mismatch is not None and mismatch.side == "force" and not verdict.selected
     if of_force and not left:
-        left = [one.column for one in diagnosis.channels if one.is_significant] or [
-            one.column for one in diagnosis.channels]
+        left = [one.column for one in diagnosis.remainder.channels if one.is_significant] or [
+            one.column for one in diagnosis.remainder.channels]
     return (*([MOTION] if verdict.in_motions and not of_force else []), *left)
 
 

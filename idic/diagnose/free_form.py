@@ -16,13 +16,12 @@ import numpy as np
 from idic.diagnose.locate.mismatch import Mismatch
 from idic.diagnose.physics.candidate import Situation
 from idic.diagnose.physics.enrich import elastic_pair, enriched, has_times, locked, new, plastic_strain, stress_levels
-from idic.diagnose.refits.refit import Refit
-from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
+from idic.diagnose.refits.fitted_model import FittedModel
+from idic.diagnose.refits.refit_job import RefitJob
 from idic.diagnose.residual.excess_left import ExcessLeft
-from idic.diagnose.residual.margin import Margin
-from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.selection.free_model import FreeModel
 from idic.diagnose.selection.rival import Round
+from idic.diagnose.selection.state import State
 from idic.diagnose.selection.verdict import Verdict
 from idic.laws import knots, rubber_level_names, weight_names
 from idic.model import Experiment
@@ -70,15 +69,6 @@ class FreeLaw:
 
 
 @dataclass(frozen=True, eq=False)
-class Base:
-    """A model that a free law joins: the experiment, what its variants look at, its fit to the copy for choosing."""
-
-    source: ExperimentSource
-    situation: Situation
-    fitted: Refit
-
-
-@dataclass(frozen=True, eq=False)
 class FreeForm(FreeModel):
     """A free law after its refit."""
 
@@ -88,6 +78,11 @@ class FreeForm(FreeModel):
     def unknowns(self) -> Sequence[str]:
         """Heights of its curve."""
         return self.law.names
+
+    @property
+    def next_test(self) -> str:
+        """A test that says whether the cause is what the curve takes it for."""
+        return NEXT_TEST[self.law.kind]
 
     def content(self) -> dict[str, Any]:
         """The entry of diagnosis.json."""
@@ -117,25 +112,25 @@ def has_other_sides(rounds: Sequence[Round]) -> bool:
     return any(one.winner is not None and one.winner.ranked.candidate.side != BULK for one in rounds)
 
 
-def free_form(bases: Sequence[Base], null: Refit, refits: Refits, grid: Grid, seed: int, power: float,
-              margin: Margin) -> FreeForm | None:
+def free_form(state: State, bases: Sequence[FittedModel]) -> FreeForm | None:
     """The free law that explains most of held-out data; None where no class of the model has one, or no answer.
 
     Parameters
     ----------
-    bases : the identified model, and the last one where it holds causes that are not of the specimen
-    null : the identified model, fitted to the copy for choosing
-    power : chi-square of a motion of one px (rms) in all frames of a copy
+    bases : the identified model, and the last one where it holds causes that are not of the specimen, fitted to the
+        copy for choosing
     """
-    offered = [(base, law) for base in bases for law in free_laws(base.situation)]
+    setting, null = state.setting, state.first.fit
+    offered = [(base, law) for base in bases for law in free_laws(base.situation())]
     if not offered:
         return None
-    jobs = [RefitJob(f"free_form_{k}", base.source, (law.title,), (law.edits,), (_without(base.fitted.values, law),),
-                     base.fitted.local, grid, np.inf, seed, unlimited=True, whole_std=True)
+    jobs = [RefitJob(f"free_form_{k}", base.source, (law.title,), (law.edits,), (_without(base.fit.values, law),),
+                     base.fit.local, setting.grid, np.inf, setting.seed, unlimited=True, whole_std=True)
             for k, (base, law) in enumerate(offered)]
-    found = [FreeForm(one, ExcessLeft(null.judgement, one.judgement, power,  # type: ignore[arg-type]
-                                      margin_px=margin.px, camera_px=margin.camera_px), law)
-             for (_, law), one in zip(offered, refits(jobs), strict=True) if one.judgement is not None]
+    found = [FreeForm(one, ExcessLeft(null.judgement, one.judgement,  # type: ignore[arg-type]
+                                      state.power_of_copy, margin_px=setting.margin.px,
+                                      camera_px=setting.margin.camera_px), law)
+             for (_, law), one in zip(offered, setting.refits(jobs), strict=True) if one.judgement is not None]
     return max(found, key=lambda one: one.heldout, default=None)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from idic.diagnose.chain import Diagnosis
+from idic.diagnose.diagnosis import Diagnosis
 from idic.diagnose.locate.mismatch import parameters_over_windows
 from idic.diagnose.residual.residual_evidence import ResidualEvidence
 from idic.errors import NotConverged
@@ -49,9 +49,11 @@ class LawPair:
 
 def window_curves(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:
     """Free parameters of both models over growing windows of frames."""
-    before = _windows(diagnosis.residual_before, diagnosis.found.parameters)
-    after = {} if diagnosis.residual_after is None else _windows(diagnosis.residual_after, _parameters(diagnosis))
-    final = diagnosis.found.parameters.as_values() | ({} if diagnosis.final is None else dict(diagnosis.final.values))
+    before = _windows(diagnosis.identified.residual, diagnosis.found.parameters)
+    enriched = diagnosis.enriched
+    after = {} if enriched is None else _windows(enriched.residual, _parameters(diagnosis))  # type: ignore[arg-type]
+    final = diagnosis.found.parameters.as_values() | (
+        {} if diagnosis.state.final is None else dict(diagnosis.state.final.fit.values))
     return tuple(WindowCurve(name, *curve, *after.get(name, (None, None)), final[name])
                  for name, curve in before.items() if (name in after or not after) and final[name])
 
@@ -62,21 +64,22 @@ def _windows(residual: ResidualEvidence, parameters: ParameterSet) -> dict[str, 
 
 
 def _parameters(diagnosis: Diagnosis) -> ParameterSet:
-    after = diagnosis.residual_after.context.experiment
-    return after.parameters.with_values({n: v for n, v in diagnosis.final.values.items() if n in after.parameters})
+    parameters = diagnosis.last_parameters
+    values = diagnosis.enriched.fit.values  # type: ignore[union-attr]
+    return parameters.with_values({n: v for n, v in values.items() if n in parameters})
 
 
 def law_pairs(diagnosis: Diagnosis) -> tuple[LawPair, ...]:
     """Stress-strain curves of every material whose law or parameters changed."""
-    if diagnosis.residual_after is None:
+    if diagnosis.enriched is None:
         return ()
-    before, after = diagnosis.found.experiment, diagnosis.residual_after.context.experiment
+    before, after = diagnosis.found.experiment, diagnosis.enriched.residual.context.experiment  # type: ignore
     pairs = []
     for old in before.materials:
         new = after.material_of(old.element_set)
         if EXTERNAL in (old.law, new.law):
             continue
-        strain = _largest_strain(before, old.element_set, diagnosis.residual_before.u[..., :before.n_dim])
+        strain = _largest_strain(before, old.element_set, diagnosis.identified.residual.u[..., :before.n_dim])
         one = _curve(before, old, diagnosis.found.parameters.as_values(), strain)
         other = _curve(after, new, _parameters(diagnosis).as_values(), strain)
         if one is None or other is None or np.abs(one - other).max() < MIN_STRESS_DIFFERENCE * np.abs(other).max():

@@ -19,8 +19,7 @@ from itertools import combinations
 import numpy as np
 
 from idic.correlation import FrameResponse, channel_equations, global_columns, turned_response
-from idic.diagnose.refits.refit import Refit, identification_at
-from idic.diagnose.refits.refit_job import ExperimentSource
+from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.residual.evidence import Columns, Evidence
 from idic.diagnose.residual.residual_evidence import CameraResidual, ResidualEvidence, residual_evidence
 from idic.diagnose.residual.score import null_model, score
@@ -76,15 +75,15 @@ class Model:
     residual: ResidualEvidence
 
 
-def next_experiment(members: Sequence[tuple[ExperimentSource, Refit]]) -> str | None:
+def next_experiment(members: Sequence[FittedModel]) -> str | None:
     """The cheapest continuation that separates the members of an indistinguishable group; None where none is simulated.
 
     Parameters
     ----------
-    members : experiments with their candidates, and their refits
+    members : models with one candidate each, under its name
     """
     try:
-        models = [_model(source, refit) for source, refit in members[:MAX_SIMULATED_MODELS] if refit.usable]
+        models = [_simulated(member) for member in members[:MAX_SIMULATED_MODELS] if member.fit.usable]
         pairs = [{t.words: t.D for t in separations(one, other)} for one, other in combinations(models, 2)]
     except (NotConverged, InputError):
         return None
@@ -102,9 +101,9 @@ def next_experiment(members: Sequence[tuple[ExperimentSource, Refit]]) -> str | 
     return f"{best.words}: it separates {names} (expected chi-square {best.D:.3g})"
 
 
-def _model(source: ExperimentSource, refit: Refit) -> Model:
-    found = identification_at(source.load(), refit.values, refit.local, refit.steps)
-    return Model(refit.name, found, residual_evidence(found))
+def _simulated(member: FittedModel) -> Model:
+    identified = member.identification()
+    return Model(member.fit.name, identified, residual_evidence(identified))
 
 
 def separations(one: Model, other: Model) -> tuple[Separation, ...]:

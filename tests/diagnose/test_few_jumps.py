@@ -13,9 +13,10 @@ from test_revision import chosen, refit, sets, world
 import idic
 from idic.diagnose import Variant, candidate_library, identification_at, null_model, residual_evidence, score
 from idic.diagnose.physics.edits import with_correction
+from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.screen.situation import situation
-from idic.diagnose.selection.few_jumps import few_jumps, without_idle_jumps
+from idic.diagnose.selection.moves.few_jumps import few_jumps, idle_jumps, loses_nothing, without_idle_jumps
 from idic.errors import InputError
 from idic.experiment_file import load_experiment, read_toml
 from idic.model import build_forward, jump_frame, without_knot
@@ -84,10 +85,11 @@ def test_a_jump_that_bricks_make_idle_is_taken_out(size, loss, kept):
     values = dict(zip(names, (size, 0.008), strict=True))
     null = replace(refit(("grip_slip",), 50.0), values=values, stds=dict.fromkeys(names, 4.5e-5))
     place, _ = world({frozenset({"boundary"}): 50.0 + loss})
-    found = without_idle_jumps(replace(one, winner=winner, rivals=(winner,)), None, null, place.refits, None, 0)
-    assert (found is None) is (kept == [1, 7])
-    if found is not None:
-        made, source, _ = found
+    state = replace(place, rounds=(replace(one, winner=winner, rivals=(winner,)),), model=FittedModel(one.source, null))
+    tried = without_idle_jumps(state) if idle_jumps(state) else None
+    assert (tried is not None and loses_nothing(state, tried)) is (kept != [1, 7])
+    if kept != [1, 7]:
+        (made,), source = tried.rounds, tried.model.source
         assert made.winner.ranked.variant.new == names[1:] and made.rivals == (made.winner,)
         assert source.edits["boundary"][1]["ux"]["corrections"][0]["jump_frames"] == kept
     assert drive["corrections"][0]["jump_frames"] == [1, 7]

@@ -6,9 +6,9 @@ import pytest
 from test_revision import chosen, ranked, refit, screening, sets
 
 from idic.diagnose import Rival, Variant
-from idic.diagnose.selection.finite_strains import finite, plain_if_enough
+from idic.diagnose.selection.moves.finite_strains import plain_if_enough
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP
-from idic.diagnose.selection.rivals import edits_of
+from idic.diagnose.selection.rivals import edits_of, finite
 from idic_studies.trial.scenes.recording import Paint, write_public
 from idic_studies.trial.scenes.scene import NULLS
 from idic_studies.trial.scenes.setup import direction

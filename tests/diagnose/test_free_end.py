@@ -14,7 +14,8 @@ import idic
 from idic.diagnose import Fit, Refit, candidate_library
 from idic.diagnose.physics.candidate import Situation
 from idic.diagnose.residual.excess_left import ExcessLeft
-from idic.diagnose.selection.free_end import EndMotion, FreeEnd, end_motions, explains_more, may_be_an_end
+from idic.diagnose.selection.free_model import EndMotion, FreeEnd
+from idic.diagnose.selection.moves.free_end import end_motions, explains_more, may_be_an_end
 from idic.experiment_file import load_experiment, read_toml, with_overrides
 from idic.parameters import Parameter, ParameterSet
 from idic.report import diagnosis_headline

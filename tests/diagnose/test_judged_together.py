@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import pytest
-from test_revision import Folder, chosen, sets
+from test_revision import Folder, chosen, sets, world
 
+from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.selection.block_step import BlockJudgement
-from idic.diagnose.selection.judged_together import Doubted, Last, judged_alone, judged_together
+from idic.diagnose.selection.moves.judged_together import judged_alone, judged_together
+from idic.diagnose.selection.state import Doubted
 
 LEFT = sets(((), 5000.0), (("magnification",), 2000.0), (("magnification", "camera_motion"), 0.0))
 
@@ -38,14 +40,17 @@ def test_a_cause_that_leaves_something_awaits_others_and_one_that_leaves_noise_i
 def test_causes_are_confirmed_together_or_the_doubted_one_goes_with_all_that_came_after(rounds):
     worse, better = blocks(-390.0), blocks(3400.0, 3700.0)
     waits = judged_alone(rounds[0], worse)
-    before = Last(Folder(), rounds[0].null, None)
-    last = Last(Folder({"magnification": True, "camera_motion": True}), rounds[1].winner.refitted, None)
-    doubted = Doubted(rounds[0], (), before)
-    kept, model = judged_together([waits, rounds[1]], last, doubted, better)
-    assert [one.winner.name for one in kept] == ["magnification", "camera_motion"] and model is last
-    assert kept[0].blocks == better and kept[1].blocks == ()
-    (one,), model = judged_together([waits, rounds[1]], last, doubted, worse)
-    assert one.winner is None and one.passed_over is rounds[0].winner and model is before
-    second = Doubted(rounds[1], (rounds[0],), replace(before, null=rounds[1].null))
-    kept, model = judged_together([rounds[0], replace(rounds[1], awaits_others=True)], last, second, worse)
-    assert [one.winner is None for one in kept] == [False, True] and model.null is rounds[1].null
+    before = FittedModel(Folder(), rounds[0].null)
+    last = FittedModel(Folder({"magnification": True, "camera_motion": True}), rounds[1].winner.refitted)
+    state = replace(world(LEFT)[0], rounds=(waits, rounds[1]), model=last, doubted=Doubted(rounds[0], (), before))
+    confirmed = judged_together(state, better)
+    assert [one.winner.name for one in confirmed.rounds] == ["magnification", "camera_motion"]
+    assert confirmed.model is last and confirmed.rounds[0].blocks == better and confirmed.rounds[1].blocks == ()
+    withdrawn = judged_together(state, worse)
+    (one,) = withdrawn.rounds
+    assert one.winner is None and one.passed_over is rounds[0].winner and withdrawn.model is before
+    second = Doubted(rounds[1], (rounds[0],), replace(before, fit=rounds[1].null))
+    state = replace(state, rounds=(rounds[0], replace(rounds[1], awaits_others=True)), doubted=second)
+    remaining = judged_together(state, worse)
+    assert [one.winner is None for one in remaining.rounds] == [False, True]
+    assert remaining.model.fit is rounds[1].null

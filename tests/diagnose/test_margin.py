@@ -10,13 +10,13 @@ from matrix_of_sides import SIDES
 from side_twins import write_folder
 from test_verdicts import POWER, left, rival, ranked, round_of, screening
 
-from idic.diagnose import Margin, PRACTICAL_MARGIN_PX, candidate_library, residual_evidence, screen_candidates
+from idic.diagnose import Margin, candidate_library, residual_evidence, screen_candidates
 from idic.diagnose.locate.mismatch import locate
 from idic.diagnose.locate.nested_tests import without_channels
 from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess import margin_chi2, power
 from idic.diagnose.residual.excess_left import ExcessLeft
-from idic.diagnose.residual.margin import ASSUMED, FLOOR_FACTOR
+from idic.diagnose.residual.margin import ASSUMED, FLOOR_FACTOR, PRACTICAL_MARGIN_PX
 from idic.diagnose.screen.score_columns import score_columns
 from idic.diagnose.screen.situation import situation
 from idic.diagnose.selection.verdict import conclude

@@ -175,8 +175,9 @@ def test_a_test_whose_edges_are_known_from_images_alone_is_not_continued(tmp_pat
     noise = SimpleNamespace(excess=0.0, excess_std=0.1, excess_z=0.0)
     verdict = SimpleNamespace(word="set", indistinguishable=(("one", "other"),), before=noise, after=noise,
                               in_channels=())
-    undecided = SimpleNamespace(found=found, active=None, rounds=(), verdict=verdict, excess_left=(), margin=Margin(),
-                                quick=False, channels=(), register=None, neglected=None, corrected=None,
-                                other_axis=None, residual_after=None,
+    state = SimpleNamespace(setting=SimpleNamespace(margin=Margin(), quick=False), other_axis=None)
+    undecided = SimpleNamespace(found=found, active=None, rounds=(), verdict=verdict, register=None, neglected=None,
+                                remainder=SimpleNamespace(local=(), channels=()), corrected=None, enriched=None,
+                                state=state, last_parameters=experiment.parameters,
                                 source=SimpleNamespace(motion_error=None))
     assert "none was simulated" in cautions(undecided)[-1]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from idic.diagnose import Fit, Refit
-from idic.diagnose.selection.other_axis import MIN_CHI2, is_another_answer, is_better, same_axes
+from idic.diagnose.selection.moves.other_axis import MIN_CHI2, is_another_answer, is_better, same_axes
 
 VALUES = {"BODY.E1": 3000.0, "BODY.E2": 1500.0, "BODY.nu12": 0.4, "BODY.G12": 700.0, "BODY.angle": 20.0}
 

@@ -12,8 +12,11 @@ from test_revision import Folder, fit, ranked, refit, screening
 from idic.diagnose import Rival, Round, SUPPOSED_EXPANSION_PER_K, ScoreColumn, Variant, candidate_library
 from idic.diagnose.screen.courses import Course, courses_of
 from idic.diagnose.screen.free_courses import free_edits
-from idic.diagnose.selection import own_course
-from idic.diagnose.selection.own_course import MIN_IMITATED_SHARE, has_own_course, leaves_something, with_imitated
+from idic.diagnose.refits.fitted_model import FittedModel
+from idic.diagnose.selection.move import moved
+from idic.diagnose.selection.moves.own_course import MIN_IMITATED_SHARE, OWN_COURSE, has_own_course, with_imitated
+from idic.diagnose.selection.rival import leaves_something
+from idic.diagnose.selection.state import Setting, State
 from idic.experiment_file import read_toml
 from idic.model import KNOTS, nodal_temperature
 
@@ -46,6 +49,13 @@ def test_what_has_no_course_keeps_none(name):
     assert free_edits({"channel": []}, {"boundary": BOUNDARY, "dof": []}, variant(name)) is None
 
 
+def under_way(source, winner, seen, refits):
+    """A round with a winner, on top of a model that leaves 300 of chi-square."""
+    model = FittedModel(source, refit((), 300.0))
+    entry = Round(seen, model.fit, (winner,), winner, source=source)
+    return State(Setting(refits, None, None, 1), None, model, model, round=entry)
+
+
 def test_a_fit_that_leaves_only_noise_keeps_its_course():
     quiet = fit(0.0)
     loud = replace(quiet, channels=np.full((10, 1), 3.0))
@@ -56,7 +66,8 @@ def test_a_fit_that_leaves_only_noise_keeps_its_course():
     def no_refits(jobs):
         raise AssertionError("nothing is to be refitted")
 
-    assert own_course.with_own_course(Folder(), refit((), 300.0), winner, screening(), no_refits, None, 1) is None
+    state = under_way(Folder(), winner, screening(), no_refits)
+    assert moved(state, [OWN_COURSE]) is state
     assert not has_own_course(winner)
 
 
@@ -135,7 +146,8 @@ def test_a_warmth_that_gets_its_own_course_begins_with_the_strain_it_had(tmp_pat
         asked.extend(jobs)
         return [replace(winner.refitted, choice=None)]
 
-    assert own_course.with_own_course(source, refit((), 300.0), winner, seen, refits, None, 1) is None
+    state = under_way(source, winner, seen, refits)
+    assert moved(state, [OWN_COURSE]) is state
     started = source.load(asked[0].edits[0])
     parameters = started.parameters.with_starts(started.parameters.own_of(asked[0].values[0]))  # as `refit` does
     assert parameters[ALPHA].value == SUPPOSED_EXPANSION_PER_K and not parameters[ALPHA].free

@@ -8,7 +8,7 @@ from side_twins import Side, write_folder
 
 from idic.diagnose.candidates.seating import rescaled, variants
 from idic.diagnose.physics.candidate import Situation
-from idic.diagnose.selection.own_scale import MAX_REFITS, next_scale
+from idic.diagnose.selection.moves.own_scale import MAX_REFITS, next_scale
 from idic.experiment_file import load_experiment, read_toml
 
 

@@ -11,19 +11,21 @@ from side_twins import TOML, Side, write_folder
 from idic.diagnose import (
     Candidate, Fit, JUDGEMENT, Ranked, Refit, RefitJob, Rival, Round, Variant, residual_evidence, run_refit,
 )
-from idic.diagnose.chain import unlimited_excess
+from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import (
     EarlyStop, GIVEN_UP, MAX_BODY_EVALUATIONS, MIN_BODY_EVALUATIONS, MIN_NULL_SHARE, Start, refit, refit_residual,
     residual_from_rest, warm_start,
 )
+from idic.diagnose.remainder import unlimited_excess
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.heldout import grid_of, pooled
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.residual.thinning import CHOICE
-from idic.diagnose.selection.both_copies import judged_on_both, undecided
+from idic.diagnose.selection.moves.both_copies import judged_on_both, undecided
 from idic.diagnose.selection.rival import judge
 from idic.diagnose.selection.rivals import (MAX_PARALLEL_REFITS, alternatives, most_body_evaluations, next_wave,
                                              refitted)
+from idic.diagnose.selection.state import Setting
 from idic.errors import NotConverged
 from idic.experiment_file import load_experiment
 from idic.identification import AcceptedPoint, LoopState, Trial, identify
@@ -396,7 +398,7 @@ def test_the_residual_of_a_fit_that_was_stopped_early_is_measured_at_its_end(ans
         asked.extend(jobs)
         return [made(judgement=leaving(1.0), choice=leaving(1.0) if answers else None)]
 
-    found = unlimited_excess(cut, Source("nowhere", {}), null, refits, GRID, 3)
+    found = unlimited_excess(cut, FittedModel(Source("nowhere", {}), null), Setting(refits, None, GRID, 3))
     assert asked[0].unlimited and asked[0].copies and asked[0].values == (null.values,)
     assert found.after.chi2 == pytest.approx(1.0 if answers else 900.0) and found.before is cut.before
     assert cut.matters and found.matters is not answers

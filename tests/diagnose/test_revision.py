@@ -11,9 +11,13 @@ import pytest
 from idic.diagnose import Diagnosis, Fit, Ranked, Refit, Rival, Round, ScoreColumn, Variant, candidate_library
 from idic.diagnose.refits.refit_job import Told
 from idic.diagnose.screen.select import Screening
-from idic.diagnose.selection.revision import (Workplace, earns_its_place, exchangeable, is_needed, min_further_drop,
-                                               revised)
+from idic.diagnose.selection.move import Move, moved
+from idic.diagnose.selection.moves.revision import (
+    earns_its_place, exchangeable, is_needed, min_further_drop, revised,
+)
 from idic.diagnose.selection.rival import MIN_FURTHER_SHARE, MIN_HELDOUT_DROP
+from idic.diagnose.selection.state import Setting, State
+from idic.errors import NotConverged
 
 T, RANK = 10, 100
 KNOWN = {candidate.name: candidate for candidate in candidate_library()}
@@ -52,7 +56,7 @@ def screening(names=NAMES):
 
 
 def world(left):
-    """A workplace in which every set of causes leaves what the table says; and a log of the sets that were refitted."""
+    """A state in which every set of causes leaves what the table says; and a log of the sets that were refitted."""
     asked = []
 
     def refits(jobs):
@@ -63,7 +67,13 @@ def world(left):
             answers.append(replace(refit(names, left[names]), label=job.labels[-1]))
         return answers
 
-    return Workplace(lambda source, null, library: screening([c.name for c in library]), refits, None, 0), asked
+    setting = Setting(refits, lambda model, library: screening([c.name for c in library]), None, 0)
+    return State(setting, None, None, None), asked
+
+
+def revised_rounds(rounds, state):
+    """The rounds after removals and exchanges."""
+    return revised(replace(state, rounds=tuple(rounds)))
 
 
 def chosen(order, left, rivals=()):
@@ -85,6 +95,35 @@ def sets(*pairs):
     return {frozenset(names): chi2 for names, chi2 in pairs}
 
 
+def test_a_move_is_tried_where_it_applies_and_taken_where_it_is_accepted():
+    said, clock = [], []
+    state = world({})[0]
+    state = replace(state, setting=replace(state.setting, stage=said.append))
+
+    def counted(state):
+        clock.append(state.number)
+        return replace(state, number=state.number + 1)
+
+    taken = Move("taken", "a_s", lambda state: True, counted, stage=lambda state: f"from {state.number}")
+    rejected = replace(taken, accept=lambda state, tried: tried.number < 2)
+    idle = Move("idle", "b_s", lambda state: False, counted, stage=lambda state: "never")
+    failed = Move("failed", "c_s", lambda state: True, lambda state: None)
+    after = moved(state, (taken, rejected, idle, failed, taken))
+    assert after.number == 2 and clock == [0, 1, 1] and said == ["from 0", "from 1", "from 1"]
+    assert set(state.setting.clock.seconds) == {"a_s", "c_s"}
+
+
+def test_a_move_beside_the_verdict_that_fails_is_a_note():
+    state = world({})[0]
+
+    def failing(state):
+        raise NotConverged("no equilibrium")
+
+    assert moved(state, [Move("end", "a_s", lambda state: True, failing, part="the free motion of an end")]) is state
+    assert state.setting.notes.told == ["Without the free motion of an end: no equilibrium. The verdict does not "
+                                        "depend on it."]
+
+
 def test_a_cause_that_a_later_one_makes_idle_is_removed():
     """The second one alone leaves what both leave: the first had stood in for it."""
     left = sets(((), 5000.0), (("magnification",), 1000.0), (("magnification", "camera_motion"), 10.0),
@@ -92,7 +131,7 @@ def test_a_cause_that_a_later_one_makes_idle_is_removed():
     place, _ = world(left)
     rounds = chosen(("magnification", "camera_motion"), left)
     rounds[-1] = idle(rounds[-1], "magnification")
-    (one,) = revised(rounds, place)
+    (one,) = revised_rounds(rounds, place)
     assert one.winner.name == "camera_motion" and one.null is rounds[0].null and one.source.edits == {}
 
 
@@ -109,7 +148,7 @@ def test_a_cause_that_explains_a_few_per_cent_given_the_others_is_removed_too():
                 (("camera_motion",), 10.0 + 0.8 * MIN_FURTHER_SHARE * 4990.0))
     rounds = chosen(("magnification", "camera_motion"), left)
     rounds[-1] = idle(rounds[-1], "magnification")
-    assert [one.winner.name for one in revised(rounds, world(left)[0])] == ["camera_motion"]
+    assert [one.winner.name for one in revised_rounds(rounds, world(left)[0])] == ["camera_motion"]
 
 
 def test_two_causes_that_are_both_needed_stay_without_a_refit():
@@ -118,7 +157,7 @@ def test_two_causes_that_are_both_needed_stay_without_a_refit():
     sharp = replace(rounds[-1].winner.refitted, stds=dict.fromkeys(rounds[-1].winner.refitted.values, 1e-3))
     rounds[-1] = replace(rounds[-1], winner=replace(rounds[-1].winner, refitted=sharp))
     place, asked = world(left)
-    assert revised(rounds, place) == rounds and asked == []
+    assert revised_rounds(rounds, place) == rounds and asked == []
 
 
 def test_a_rival_that_fits_the_whole_better_takes_the_place_of_the_first():
@@ -126,7 +165,7 @@ def test_a_rival_that_fits_the_whole_better_takes_the_place_of_the_first():
                 (("magnification", "camera_motion"), 400.0), (("thermal_expansion", "camera_motion"), 20.0),
                 (("camera_motion",), 3000.0))
     rounds = chosen(("magnification", "camera_motion"), left, rivals=("thermal_expansion",))
-    found = revised(rounds, world(left)[0])
+    found = revised_rounds(rounds, world(left)[0])
     assert [one.winner.name for one in found] == ["thermal_expansion", "camera_motion"]
     assert found[1].source.edits == {"thermal_expansion": True}
 
@@ -136,7 +175,7 @@ def test_a_rival_that_is_better_by_noise_alone_does_not():
                 (("magnification", "camera_motion"), 25.0), (("thermal_expansion", "camera_motion"), 20.0),
                 (("camera_motion",), 3000.0))
     rounds = chosen(("magnification", "camera_motion"), left, rivals=("thermal_expansion",))
-    assert [one.winner.name for one in revised(rounds, world(left)[0])] == ["magnification", "camera_motion"]
+    assert [one.winner.name for one in revised_rounds(rounds, world(left)[0])] == ["magnification", "camera_motion"]
 
 
 @pytest.mark.parametrize(("drop", "tried"), [(0.2, False), (0.5, True)])
@@ -214,7 +253,7 @@ def test_a_course_of_its_own_is_given_back_where_a_later_cause_makes_it_idle(los
     rounds[0] = replace(rounds[0], winner=freed, rivals=(freed,), plain=plain)
     last = rounds[1].winner
     rounds[1] = replace(rounds[1], winner=replace(last, refitted=refit(("magnification", "camera_motion"), 10.0)))
-    assert (revised(rounds, world(left)[0])[0].winner is freed) is stays
+    assert (revised_rounds(rounds, world(left)[0])[0].winner is freed) is stays
 
 
 def test_the_former_course_starts_at_its_own_values_where_both_share_a_name():
@@ -235,9 +274,9 @@ def test_the_former_course_starts_at_its_own_values_where_both_share_a_name():
 
     def refits(jobs):
         begun.extend(job.values[0] for job in jobs if "magnification" in job.source.edits)
-        return place.refits(jobs)
+        return place.setting.refits(jobs)
 
-    revised(rounds, replace(place, refits=refits))
+    revised_rounds(rounds, replace(place, setting=replace(place.setting, refits=refits)))
     assert (begun[0]["magnification.size"], begun[0]["camera_motion.size"]) == (3.0, 2.0)
 
 
@@ -255,13 +294,15 @@ def test_a_later_slip_keeps_its_jumps_in_a_revised_set(monkeypatch):
     rounds[-1] = replace(rounds[-1], winner=jumping, rivals=(jumping,))
     asked = []
 
-    def in_jumps(source, null, winner, refits, grid, seed):
-        asked.append(frozenset(source.edits))
-        if "thermal_expansion" not in source.edits:
+    def in_jumps(state):
+        asked.append(frozenset(state.model.source.edits))
+        if "thermal_expansion" not in state.model.source.edits:
             return None
-        return replace(winner, refitted=replace(winner.refitted, judgement=fit(20.0)))
+        winner = replace(state.winner, refitted=replace(state.winner.refitted, judgement=fit(20.0)))
+        return replace(state, round=replace(state.round, winner=winner))
 
-    monkeypatch.setattr("idic.diagnose.selection.revision.with_few_jumps", in_jumps)
-    revised_rounds = revised(rounds, place)
+    jumps = Move("few jumps", "refits_s", lambda state: True, in_jumps)
+    monkeypatch.setattr("idic.diagnose.selection.moves.revision.FEW_JUMPS", jumps)
+    revision = revised_rounds(rounds, place)
     assert frozenset({"thermal_expansion"}) in asked
-    assert [one.winner.name for one in revised_rounds] == ["thermal_expansion", "camera_motion"]
+    assert [one.winner.name for one in revision] == ["thermal_expansion", "camera_motion"]

@@ -14,6 +14,7 @@ from idic.diagnose.caution_texts import (formal_fit, refits_cut_short, refits_gi
                                     search_cautions, softening_caution, too_coarse)
 from idic.diagnose.findings import acts_everywhere
 from idic.diagnose.locate.nested_tests import KINEMATIC_LEVELS, Level, decide
+from idic.diagnose.refits.fitted_model import FittedModel
 from idic.diagnose.refits.refit import GIVEN_UP
 from idic.diagnose.residual.channel_left import ChannelLeft
 from idic.diagnose.residual.excess_left import MAX_LOCAL_EXCESS_LEFT, ExcessLeft
@@ -433,6 +434,11 @@ def test_a_fit_that_finds_no_equilibrium_from_rest_is_no_enriched_model():
     """A law of which the solution was found from that of a neighbour: the verdict stands, its model is not written."""
     final = Refit("damage", "", "converged", {"BODY.E": 1.0}, {"BODY.E": 0.1}, np.zeros((1, 0)), None, left(1.0),
                   left(1.0))
-    ended = SimpleNamespace(final=final, residual_after=None)
-    assert final.usable and Diagnosis.enriched.fget(ended) is None
-    assert Diagnosis.enriched.fget(SimpleNamespace(final=final, residual_after=object())) is final
+    ended = FittedModel(None, final)
+    assert final.usable and Diagnosis.enriched.fget(diagnosis_of(ended)) is None
+    simulated = replace(ended, residual=object())
+    assert Diagnosis.enriched.fget(diagnosis_of(simulated)) is simulated
+
+
+def diagnosis_of(final):
+    return SimpleNamespace(state=SimpleNamespace(final=final))

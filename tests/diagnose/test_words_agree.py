@@ -53,8 +53,9 @@ def content_of(known, cause, rest):
     real = mismatch is not None and mismatch.is_significant
     verdict = conclude(rounds, before, after, real, [ExcessLeft(before, after, POWER)], channels=channels)
     diagnosis = SimpleNamespace(
-        found=found, whole_before=whole, mismatch=mismatch, effect_px=0.0, rounds=rounds, verdict=verdict, active=None,
-        channels=channels, selected_effect=SelectedEffect("force", True) if cause else None,
+        found=found, identified=SimpleNamespace(misfit=whole), mismatch=mismatch, rounds=rounds, verdict=verdict,
+        state=SimpleNamespace(power=np.inf), active=None,
+        remainder=SimpleNamespace(channels=channels), selected_effect=SelectedEffect("force", True) if cause else None,
         first_cause=rounds[0] if cause else None)
     content = CONTENT | {
         "verdict": verdict.word, "named": list(verdict.selected), "mismatch": mismatch_content(diagnosis),

@@ -25,7 +25,8 @@ def told(folder, change):
 def test_a_cut_is_unexplained_by_the_library_and_its_place_is_reported(tmp_path):
     found = told(tmp_path, lambda scene: replace(scene, slit=1.2))
     assert found.content["named"][0] == "heterogeneity"  # as nearest
-    assert any(left.matters for left in found.diagnosis.excess_left) and found.content["verdict"] == "outside_library"
+    assert any(left.matters for left in found.diagnosis.remainder.local)
+    assert found.content["verdict"] == "outside_library"
     assert any(text.startswith("It is no inclusion of another stiffness: 0.0") for text in found.content["cautions"])
 
 
@@ -37,7 +38,7 @@ def test_a_void_is_named_with_its_place_and_size(tmp_path):
     found = told(tmp_path, lambda scene: replace(scene, modulus=softer))
     assert found.content["verdict"] == "single" and found.content["named"] == ["heterogeneity"]
     assert found.content["rounds"][0]["form"] == "void"
-    assert not any(left.matters for left in found.diagnosis.excess_left)
-    values = found.diagnosis.final.values
+    assert not any(left.matters for left in found.diagnosis.remainder.local)
+    values = found.diagnosis.state.final.fit.values
     at = np.array([values["BODY.inclusion.x"], values["BODY.inclusion.y"]])
     assert np.linalg.norm(at - PLACE) < 0.1 and abs(values["BODY.inclusion.radius"] / RADIUS - 1.0) < 0.2

@@ -63,6 +63,13 @@ class Margin:
         return (f"{told} less than {self.floor.bound_px:.2g} px. The practical margin of {self.px:g} px is what "
                 "interpolation and discretisation leave under motion, an assumption.")
 
+    def content(self) -> dict:
+        """The entry of diagnosis.json: the margin, and what it rests on."""
+        floor = self.floor
+        return {"px": self.px, "assumed_px": PRACTICAL_MARGIN_PX, "camera_px": self.camera_px,
+                "camera_floor_px": None if floor is None else floor.px,
+                "still_frames": [] if floor is None else list(floor.frames), "words": self.words}
+
     def local_px(self, weight: np.ndarray) -> float:
         """Of a region; weight : (n_nodes,) share of every node in it."""
         if self.floor is None or not weight.any():

@@ -1,6 +1,6 @@
 """Two independent copies of the same recording: one to fit a model to, one to judge the fit on.
 
-Which models are worth a fit the scores of the recording itself tell (`idic.diagnose.selection.rounds.screened`); what
+Which models are worth a fit the scores of the recording itself tell (`idic.diagnose.selection.moves.screening`); what
 noise brings through both is in `idic.diagnose.selection.rival.Rival.min_heldout_drop`.
 
 With noise of known variance in y and e ~ N(0, sigma^2) drawn anew,

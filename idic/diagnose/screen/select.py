@@ -219,7 +219,8 @@ def proposed(ranked: Sequence[Ranked]) -> list[Ranked]:
     promises half as much, and it is significant.
 
     A free course takes a part of almost every mismatch; where a ramp, a jump or a law promises as much with one
-    unknown, that is refitted, and the course is freed where it leaves something (`idic.diagnose.selection.own_course`).
+    unknown, that is refitted, and the course is freed where it leaves something
+    (`idic.diagnose.selection.moves.own_course`).
     """
     plain = {r.key: r for r in ranked if not r.variant.free_course}
     bar = max((r.gain for r in plain.values() if r.standing == "significant"), default=0.0) / MIN_COURSE_SHARE

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from idic.diagnose.refits.refit import Refit
 from idic.diagnose.residual.excess_left import ExcessLeft
 from idic.diagnose.residual.heldout import share_recovered
 from idic.diagnose.selection.rival import MIN_HELDOUT_DROP
 from idic.diagnose.selection.verdict import MIN_RECOVERED_SHARE
+from idic.parameters import ParameterSet
+
+SHAPES = ("as a whole", "linear along it", "bent", "s-shaped")  # by the degree of their polynomial
+MIN_SHAPE_STD = 3.0  # standard deviations of a shape that is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +27,11 @@ class FreeModel:
     @property
     def unknowns(self) -> Sequence[str]:
         """Names of the parameters that the model adds."""
+        raise NotImplementedError
+
+    @property
+    def next_test(self) -> str:
+        """What the user can do."""
         raise NotImplementedError
 
     @property
@@ -39,3 +49,69 @@ class FreeModel:
         """Whether it describes the recording by the bars that a named cause has to pass."""
         return (self.heldout > MIN_HELDOUT_DROP + len(self.unknowns) and self.share >= MIN_RECOVERED_SHARE
                 and not self.left.matters)
+
+
+@dataclass(frozen=True)
+class EndMotion:
+    """A freed motion of one set. names : amplitudes, of the file's unit of length; free_course : whether the data give
+    its course."""
+
+    nodes: str
+    edits: Mapping[str, Any]
+    names: tuple[str, ...]
+    free_course: bool
+    unit: str = "mm"
+
+
+@dataclass(frozen=True, eq=False)
+class FreeEnd(FreeModel):
+    """A freed end after its refit.
+
+    achieved : drop of chi-square where it was fitted; instead_of : candidates that it explains more than
+    """
+
+    motion: EndMotion
+    achieved: float
+    instead_of: tuple[str, ...] = ()
+
+    @property
+    def unknowns(self) -> Sequence[str]:
+        """Amplitudes of its shapes."""
+        return self.motion.names
+
+    @property
+    def evidence(self) -> float:
+        """As of a rival (`Rival.evidence`)."""
+        return self.heldout + self.achieved - 2.0 * len(self.motion.names)
+
+    @property
+    def shapes(self) -> list[dict[str, Any]]:
+        """Significant shapes, the largest first: component, degree, in words, amplitude and its std where the amplitude
+        is largest."""
+        found = {}
+        for name in self.motion.names:
+            stem, _, degree = name.partition("_knot[")[0].rpartition("shape")
+            value, std = self.refitted.values[name], self.refitted.stds.get(name)
+            if std is None or abs(value) < MIN_SHAPE_STD * std:
+                continue
+            own = {"component": stem.split(".")[-2], "degree": int(degree), "words": SHAPES[int(degree)],
+                   "value": value, "std": std, "unit": self.motion.unit}
+            if abs(value) > abs(found.get((stem, degree), {"value": 0.0})["value"]):
+                found[stem, degree] = own
+        return sorted(found.values(), key=lambda one: -abs(one["value"]))
+
+    def content(self, before: Sequence[str], parameters: ParameterSet) -> dict[str, Any]:
+        """The entry of diagnosis.json; before : names of identified parameters, which are given in the user's units."""
+        values, stds = self.refitted.values, self.refitted.stds
+        shown = {name: (parameters[name].factor, stds[name]) for name in before if name in stds}
+        return {"nodes": self.motion.nodes, "share": self.share, "heldout_chi2_drop": self.heldout,
+                "left_px": self.left.motion_px, "course": "free" if self.motion.free_course else "motion",
+                "shapes": self.shapes, "instead_of": list(self.instead_of),
+                "parameters": {name: {"value": values[name] / factor, "std": None if std is None else std / abs(factor)}
+                               for name, (factor, std) in shown.items()}}
+
+    @property
+    def next_test(self) -> str:
+        """What the user can do."""
+        return (f'take the motion of {self.motion.nodes} from the images: nodes = "{self.motion.nodes}" with u = {{ '
+                'virtual = "bspline", modes = 6, time_modes = … } (docs/virtual-boundaries.md), and identify again')

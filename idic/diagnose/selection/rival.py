@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from idic.diagnose.refits.refit import Refit
 from idic.diagnose.refits.refit_job import ExperimentSource
 from idic.diagnose.residual.heldout import Fit, pooled
@@ -17,6 +19,7 @@ MIN_ACHIEVED_SHARE = 0.25  # of the promised drop of chi-square: a refit that en
 COPIES = 2  # of the recording, whose drops of chi-square make the evidence for a rival
 # of the drop of chi-square of all causes: less is a flaw of the description, not a further cause
 MIN_FURTHER_SHARE = 0.03
+MIN_LEFT_Z = 3.0  # standard deviations of what a refit leaves in motions or channels
 NO_CAUSE = "geometric_nonlinearity"  # candidate that belongs to the description of every body
 
 
@@ -171,6 +174,12 @@ def judge(rivals: Sequence[Rival], screening: Screening) -> tuple[Rival | None, 
         if alike or (rival in near and within_noise(rival, winner)):
             equals.append(rival.name)
     return winner, tuple(equals)
+
+
+def leaves_something(misfit: Fit) -> bool:
+    """Whether a fit leaves more than noise in motions or channels."""
+    channels = float((misfit.channels**2).sum() - misfit.channels.size) / np.sqrt(2.0 * max(misfit.channels.size, 1))
+    return max(misfit.excess_z, channels) > MIN_LEFT_Z
 
 
 def within_noise(rival: Rival, winner: Rival) -> bool:

@@ -15,7 +15,7 @@ from idic.diagnose.refits.refit import (MAX_BODY_EVALUATIONS, MAX_STARTS, MIN_BO
 from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import MAX_SHORTLIST, Ranked, Screening
-from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival
+from idic.diagnose.selection.rival import Rival
 
 MAX_PARALLEL_REFITS = 2  # refits side by side after the first: the fewer, the better the bar is known
 MIN_GAIN_OVER_LIMIT = 1.1  # times the promise of its limit: a larger model is refitted as well
@@ -206,13 +206,10 @@ def refit_of_candidate(source: ExperimentSource, null: Refit, ranked: Ranked, sc
     return _rival(ranked, answer, null)
 
 
-def from_other_starts(source: ExperimentSource, null: Refit, winner: Rival, screening: Screening, refits: Refits,
-                      grid: Grid, seed: int) -> Rival | None:
-    """A law that was selected and leaves a good part, from its other starts; None where none of them ends lower.
-
-    A stiffness that depends on direction has several minima over the angle of its axis: one that ends with half of what
-    its score promised may be the wrong one.
-    """
+def refitted_from_other_starts(source: ExperimentSource, null: Refit, winner: Rival, screening: Screening,
+                               refits: Refits, grid: Grid, seed: int) -> Rival | None:
+    """A law that was selected and leaves a good part, from its other starts; None where it has none, or none of them
+    finds an answer."""
     answer, known = winner.refitted, winner.ranked
     if winner.copies > 1 or not known.candidate.changes_law or answer.choice is None:
         return None
@@ -222,8 +219,7 @@ def from_other_starts(source: ExperimentSource, null: Refit, winner: Rival, scre
     if not others:
         return None
     (again,) = refits([_job(source, null, known, others, False, np.inf, grid, seed, None)])
-    made = _rival(known, again, null)
-    return made if again.usable and made.achieved > winner.achieved + MIN_HELDOUT_DROP else None
+    return _rival(known, again, null) if again.usable else None
 
 
 def edits_of(winner: Rival, screening: Screening) -> dict[str, Any]:
@@ -238,6 +234,19 @@ def variant_of(rival: Rival, screening: Screening) -> Variant:
         return rival.ranked.variant
     variants = [trial.variant for trial in screening.trials if trial.candidate.name == rival.name]
     return next(v for v in variants if v.label == rival.refitted.label)
+
+
+def finite(rival: Rival, screening: Screening) -> Rival:
+    """A rival whose variant, where it brings a law of its own, brings the finite form."""
+    variant = variant_of(rival, screening)
+    edits, refit = ({key: _finite_table(value) for key, value in some.items()}
+                    for some in (variant.edits, variant.refit))
+    return replace(rival, ranked=replace(rival.ranked, variant=replace(variant, edits=edits, refit=refit)))
+
+
+def _finite_table(value: Any) -> Any:
+    """A table of a material with its kinematics, finite; every other value as it is."""
+    return {**value, "kinematics": "finite"} if isinstance(value, Mapping) and "kinematics" in value else value
 
 
 def _is_slow(ranked: Ranked) -> bool:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from idic.diagnose import NO_CAUSE
-from idic.report.diagnosis.words import (MIN_GOOD_PROBABILITY, below_margin, new_values, selected_titles,
-                                         side_in_words, size_of_grey, unconfirmed, when_and_where, with_size)
+from idic.report.diagnosis.words import (
+    MIN_GOOD_PROBABILITY, NOISE_AT_REST, SAYS_NOTHING, below_margin, new_values, selected_titles, side_in_words,
+    size_of_grey, unconfirmed, when_and_where, with_size,
+)
 from idic.report.result.words import short_names, two_digits, with_std
 
 MIN_MOVE_STD = 2.0  # standard deviations after: a parameter that moved less is not worth a word
@@ -36,7 +38,7 @@ def diagnosis_headline(content: Mapping, titles: Mapping[str, str]) -> str:
         said = "No missing physics matters" if small else "No missing physics is significant"
         return f"{said}: the residual of images and channels is {_nothing(content)}{body}{seen}{doubt}."
     if word == "blind":
-        return "This test says nothing about missing physics."
+        return f"{SAYS_NOTHING}."
     if content.get("free_end"):
         return free_end_words(content["free_end"])
     if word == "outside_library" and not (content["named"] and (share or 0.0) > MOSTLY):
@@ -148,7 +150,7 @@ def _is(names: Sequence[str]) -> str:
 def _nothing(content: Mapping) -> str:
     if below_margin(content) or left_over(content):
         return "below what matters in practice"
-    return "noise and motion that the camera shows at rest" if content.get("camera_floor_px") else "noise"
+    return NOISE_AT_REST if content.get("camera_floor_px") else "noise"
 
 
 def _in_one(moved: Sequence[str]) -> str:

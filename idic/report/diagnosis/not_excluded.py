@@ -60,7 +60,8 @@ def _waiting(last: Round) -> Iterator[dict[str, str]]:
 
 def _near(won: Sequence[Round], diagnosis: Diagnosis) -> Iterator[dict[str, str]]:
     """Rivals that explain a large part of what the selected candidate explains."""
-    if not (diagnosis.verdict.after.excess_z > MIN_EXCESS_Z or any(one.is_significant for one in diagnosis.channels)):
+    is_left = any(channel.is_significant for channel in diagnosis.remainder.channels)
+    if not (is_left or diagnosis.verdict.after.excess_z > MIN_EXCESS_Z):
         return
     for one in won:
         winner = one.winner

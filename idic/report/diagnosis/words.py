@@ -9,6 +9,8 @@ from idic.diagnose import MAX_HIDDEN_VISIBILITY, MOTION, SUPPOSED_EXPANSION_PER_
 from idic.model import TEMPERATURE
 from idic.report.result.words import number_text, short_names, with_std
 
+NOISE_AT_REST = "noise and motion that the camera shows at rest"  # what a sound model leaves
+SAYS_NOTHING = "This test says nothing about missing physics"
 MIN_GOOD_PROBABILITY = 0.9  # that the selected set holds the truth: good news
 MIN_EVEN_PROBABILITY = 0.5  # below, the truth is more probably elsewhere: bad news
 MIN_VALUE_STD = 2.0  # standard deviations: a value that is nearer to zero is not determined
@@ -33,7 +35,7 @@ def sentence(content: Mapping, titles: Mapping[str, str]) -> str:
     if word == "none":
         left = "is noise"
         if (content.get("margin") or {}).get("camera_floor_px"):
-            left = "is noise and motion that the camera shows at rest"
+            left = f"is {NOISE_AT_REST}"
         matters = "matters" if below_margin(content) else "is significant"
         return (f"No candidate {matters}: the residual of images and channels {left} "
                 f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
@@ -259,9 +261,9 @@ def _open(content: Mapping, titles: Mapping[str, str]) -> list[str]:
 
 def _blind(content: Mapping) -> str:
     if all(c["visibility"] < MAX_HIDDEN_VISIBILITY for c in content["candidates"]):
-        return ("This test says nothing about missing physics: the identified parameters imitate the effect of every "
+        return (f"{SAYS_NOTHING}: the identified parameters imitate the effect of every "
                 "candidate.")
-    return ("This test says nothing about missing physics of the specimen: the residual of images and channels is "
+    return (f"{SAYS_NOTHING} of the specimen: the residual of images and channels is "
             "noise, and would hide a candidate of plausible size "
             f"({len(content['candidates'])} candidates tested{_bounds(content)}).")
 

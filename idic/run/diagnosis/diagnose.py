@@ -122,5 +122,6 @@ def _enriched(diagnosis: Diagnosis) -> Path | None:
     if diagnosis.enriched is None:
         return None if diagnosis.spots is None else write_enriched(
             diagnosis.source, diagnosis.found.experiment, diagnosis.found.parameters.as_values(), diagnosis.spots.names)
-    return write_enriched(diagnosis.source, diagnosis.residual_after.context.experiment, diagnosis.final.values,
+    enriched = diagnosis.enriched
+    return write_enriched(enriched.source, enriched.residual.context.experiment, enriched.fit.values,
                           diagnosis.verdict.selected)

@@ -57,14 +57,14 @@ def on_measured_motion(source: Source, found: Identification, runner: TaskRunner
 
 def judged_by_images(diagnosis: Diagnosis, far: OutOfRegister, stage: Callable[[str], None]) -> OutOfRegister:
     """The enriched model on the images: fitted from its end on the measured motion, for a few evaluations."""
-    source, final = diagnosis.source, diagnosis.final
-    if final is None or not final.usable or not isinstance(source, MotionSource):
+    source, final = diagnosis.source, diagnosis.state.final
+    if final is None or not final.fit.usable or not isinstance(source, MotionSource):
         return far
     stage("fit of the enriched model to the images")
     experiment = source.images()
     options = replace(experiment.options, max_iterations=MAX_IMAGE_EVALUATIONS)
     starts = experiment.parameters.with_values(
-        {name: value for name, value in final.values.items() if name in experiment.parameters})
+        {name: value for name, value in final.fit.values.items() if name in experiment.parameters})
     found = identify(replace(experiment, parameters=starts, options=options, stages=()))
     return far if found.point is None else replace(far, enriched_chi2=image_chi2(found))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from idic.diagnose import (
-    Diagnosis, Fit, Margin, PRACTICAL_MARGIN_PX, Ranked, Refit, Rival, Round, better_blocks, cautions,
+    Diagnosis, Fit, Ranked, Refit, Rival, Round, better_blocks, cautions,
     content as courses_content, in_words, left_place, mismatch_content, ratio, refitted_form, unexplained,
 )
 from idic.parameters import ParameterSet
@@ -51,6 +51,7 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
     real_body = of_real_body(diagnosis, after or before)
     last = {name: real_body.get(name) or after.get(name) or entry for name, entry in before.items()}
     verdict, left_open = diagnosis.verdict, not_excluded(diagnosis, last)
+    margin = diagnosis.state.setting.margin
     near = {entry["name"] for entry in left_open}
     content = {
         "schema": SCHEMA, "verdict": verdict.word, "mismatch": mismatch_content(diagnosis),
@@ -62,16 +63,16 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
                   "parameters_of_real_body": real_body, "experiment": None},
         "fit": _fit(diagnosis), "excluded": [dict(entry) for entry in verdict.excluded if entry["name"] not in near],
         "cannot_tell": list(verdict.cannot_tell), "probability": diagnosis.probability,
-        "camera_floor_px": None if diagnosis.margin.floor is None else diagnosis.margin.floor.px,
+        "camera_floor_px": None if margin.floor is None else margin.floor.px,
         "left": _left(diagnosis),
         "courses": _courses(diagnosis),
-        "free_end": None if diagnosis.free_end is None else diagnosis.free_end.content(
+        "free_end": None if diagnosis.state.end is None else diagnosis.state.end.content(
             list(before), diagnosis.found.experiment.parameters),
         "free_form": None if diagnosis.free_form is None else diagnosis.free_form.content(),
         "spots": [],
         "register": None if diagnosis.register is None else diagnosis.register.content(),
-        "rounds": [_round(one) for one in diagnosis.rounds], "margin": margin_content(diagnosis.margin),
-        "cost": dict(diagnosis.cost) | {"wall_s": wall_s},
+        "rounds": [_round(one) for one in diagnosis.rounds], "margin": margin.content(),
+        "cost": dict(diagnosis.state.setting.clock.seconds) | {"wall_s": wall_s},
     }
     content = finite(content)
     titles = titles_of(diagnosis)
@@ -84,27 +85,20 @@ def diagnosis_content(diagnosis: Diagnosis, before: Mapping[str, Mapping], wall_
     return content
 
 
-def margin_content(margin: Margin) -> dict:
-    """The practical margin, and what it rests on."""
-    floor = margin.floor
-    return {"px": margin.px, "assumed_px": PRACTICAL_MARGIN_PX, "camera_px": margin.camera_px,
-            "camera_floor_px": None if floor is None else floor.px,
-            "still_frames": [] if floor is None else list(floor.frames), "words": margin.words}
-
-
 def _left(diagnosis: Diagnosis) -> dict:
     """What the last model leaves on the whole recording: motion, channels."""
-    left, experiment = diagnosis.left, diagnosis.found.experiment
-    place = None if diagnosis.residual_after is None else left_place(diagnosis.residual_after, diagnosis.grid)
-    return {"motion_px": None if left is None else left.motion_px,
-            "motion_z": None if left is None else left.after.excess_z,
-            "motion_share": left.share if left is not None and diagnosis.verdict.selected else None,
+    left, experiment = diagnosis.remainder.excesses[0], diagnosis.found.experiment
+    enriched = diagnosis.enriched
+    place = None if enriched is None else left_place(enriched.residual, diagnosis.identified.grid)
+    return {"motion_px": left.motion_px, "motion_z": left.after.excess_z,
+            "motion_share": left.share if diagnosis.verdict.selected else None,
             "place_mm": None if place is None else place.tolist(),
             "place": None if place is None else
             f"around {in_words(place, size=experiment.mesh.size)} {experiment.length_unit}",
             "nearest": _nearest(diagnosis),
             "channels": [{"column": one.column, "z": one.z, "share": one.share, "reading_share": one.reading_share,
-                          "significant": one.is_significant, "matters": one.matters} for one in diagnosis.channels]}
+                          "significant": one.is_significant, "matters": one.matters}
+                         for one in diagnosis.remainder.channels]}
 
 
 def _nearest(diagnosis: Diagnosis) -> list[str]:
@@ -180,7 +174,7 @@ def free_parameters(result: Mapping) -> dict[str, dict]:
 def _after(diagnosis: Diagnosis) -> dict:
     if diagnosis.enriched is None:
         return {}
-    return _refitted(diagnosis.enriched, diagnosis.residual_after.context.experiment.parameters)
+    return _refitted(diagnosis.enriched.fit, diagnosis.last_parameters)
 
 
 def _refitted(refit: Refit, parameters: ParameterSet) -> dict[str, dict]:
@@ -199,13 +193,11 @@ def of_real_body(diagnosis: Diagnosis, last: Mapping[str, Mapping]) -> dict[str,
 
     last : their value, std and unit
     """
-    absent, parameters = diagnosis.neglected, diagnosis.found.experiment.parameters
+    absent, parameters = diagnosis.neglected, diagnosis.last_parameters
     if diagnosis.corrected is not None:
-        last = _refitted(diagnosis.corrected, parameters)
+        last = _refitted(diagnosis.corrected.fit, parameters)
     if absent is None:
         return dict(last) if diagnosis.corrected is not None else {}
-    if diagnosis.residual_after is not None:
-        parameters = diagnosis.residual_after.context.experiment.parameters
     made = {}
     for name, entry in last.items():
         if name in absent.change and entry["std"] is not None:
@@ -223,7 +215,7 @@ def _fit(diagnosis: Diagnosis) -> dict:
             "heldout_excess_std": before.excess_std, "explainable_share_recovered": diagnosis.verdict.share,
             "heldout_channel_chi2_before": _by_channel(diagnosis, before),
             "heldout_channel_chi2_after": _by_channel(diagnosis, after),
-            "blocks": [block.content() for block in diagnosis.blocks]}
+            "blocks": [block.content() for block in diagnosis.remainder.blocks]}
 
 
 def _by_channel(diagnosis: Diagnosis, one: Fit) -> Mapping[str, float]:

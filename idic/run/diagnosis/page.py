@@ -47,7 +47,7 @@ def record_of(diagnosis: Diagnosis, content: Mapping, titles: Mapping[str, str],
         title=experiment.title, content=content, titles=titles, frame=frame,
         residuals=notes.attempt("the maps of the residual", _residuals, diagnosis, frame, otherwise=()),
         excess_frames=verdict.before.frames, excess_before=verdict.before.frame_excess,
-        excess_after=verdict.after.frame_excess if diagnosis.final is not None else None,
+        excess_after=verdict.after.frame_excess if diagnosis.state.final is not None else None,
         excess_std=verdict.before.frame_excess_std,
         abscissa=experiment.times, time_label=time_label(experiment.times), curves=_curves(diagnosis), further=further,
         windows=notes.attempt("the parameters over the frames", _windows, diagnosis, otherwise=()),
@@ -60,7 +60,7 @@ def _shown_frame(diagnosis: Diagnosis) -> int:
     The excess counts motion beside the mean of all frames, which the noise of the reference image may share: where a
     seating bends every later frame, that of the first one at rest is the largest, and its residual is noise.
     """
-    residual, worst = diagnosis.residual_before, diagnosis.verdict.before.worst_frame
+    residual, worst = diagnosis.identified.residual, diagnosis.verdict.before.worst_frame
     moved = int(residual.evidence.frames[np.argmax(np.abs(residual.u).reshape(len(residual.u), -1).max(axis=1))])
     return max((worst, moved), key=lambda frame: float(np.nanmean(maps_of_evidence(residual, frame)[0] ** 2)))
 
@@ -73,30 +73,28 @@ def _windows(diagnosis: Diagnosis) -> tuple[WindowCurve, ...]:
 
 def _residuals(diagnosis: Diagnosis, frame: int) -> tuple[tuple[str, tuple[tuple[str, np.ndarray], ...]], ...]:
     """Name of every camera, "" of a single one, and its maps with their titles."""
-    before = maps_of_evidence(diagnosis.residual_before, frame)
+    before = maps_of_evidence(diagnosis.identified.residual, frame)
     shown = [("before", before)]
-    if diagnosis.residual_after is not None:
-        shown.append(("after", maps_of_evidence(diagnosis.residual_after, frame)))
+    if diagnosis.enriched is not None:
+        shown.append(("after", maps_of_evidence(diagnosis.enriched.residual, frame)))
         last = diagnosis.rounds[-1]
         model = last.winner.refitted if last.winner is not None else last.null
         copy = thinned(diagnosis.source.load(), JUDGEMENT, SEED)
         found = identification_at(copy, model.values, model.local, model.steps)
         shown.append(("after, held-out copy", maps_of_identification(found, frame)))
-    elif diagnosis.corrected is not None and diagnosis.corrected.usable:
-        real = diagnosis.corrected
-        found = identification_at(diagnosis.source.load(), real.values, real.local, real.steps)
-        shown.append((KNOWN_ERROR_COUNTED, maps_of_identification(found, frame)))
+    elif diagnosis.corrected is not None:
+        shown.append((KNOWN_ERROR_COUNTED, maps_of_identification(diagnosis.corrected.identification(), frame)))
     shown.append(("noise, drawn", tuple(map_of_noise(one, SEED) for one in before)))
-    cameras = diagnosis.residual_before.cameras
+    cameras = diagnosis.identified.residual.cameras
     names = [camera.context.experiment.camera_name for camera in cameras] if len(cameras) > 1 else [""]
     return tuple((name, tuple((title, maps[k]) for title, maps in shown)) for k, name in enumerate(names))
 
 
 def _curves(diagnosis: Diagnosis) -> tuple[Curve, ...]:
     found = diagnosis.found.experiment
-    before = _shown_channels(diagnosis.residual_before)
-    after = None if diagnosis.residual_after is None else _shown_channels(diagnosis.residual_after)
-    noise = diagnosis.residual_before.context.weights.channel_noise
+    before = _shown_channels(diagnosis.identified.residual)
+    after = None if diagnosis.enriched is None else _shown_channels(diagnosis.enriched.residual)
+    noise = diagnosis.identified.residual.context.weights.channel_noise
     size = [channel.shown_factor for channel in found.channels]
     return tuple(Curve(channel.column, channel.shown_unit, np.asarray(channel.values, float) / size[i],
                        before[:, i] / size[i], None if after is None else after[:, i] / size[i],

@@ -21,7 +21,7 @@ def where_pictures(diagnosis: Diagnosis) -> tuple[Picture, ...]:
     of_spots = () if spots is None else (spot_picture(diagnosis.found.experiment, spots.spots),)
     if diagnosis.mismatch is None:
         return of_spots
-    record = where_record(diagnosis.residual_before, diagnosis.mismatch, diagnosis.selected_effect)
+    record = where_record(diagnosis.identified.residual, diagnosis.mismatch, diagnosis.selected_effect)
     active = diagnosis.active
     if active is not None:
         record = replace(record, since_active=active.since, words=record.words | {"active": active.verb})

@@ -14,8 +14,12 @@ from idic.diagnose.residual.excess_left import MIN_EXCESS_Z
 from idic.diagnose.residual.heldout import Fit
 from idic.diagnose.residual.subspace import Grid
 from idic.diagnose.screen.select import Screening
-from idic.diagnose.selection.rival import Rival
+from idic.diagnose.selection import stages
+from idic.diagnose.selection.move import Move
+from idic.diagnose.selection.moves.shortlist import is_under_way, judged
+from idic.diagnose.selection.rival import Rival, causes_of
 from idic.diagnose.selection.rivals import variant_of
+from idic.diagnose.selection.state import State
 
 
 def undecided(rivals: Sequence[Rival]) -> list[Rival]:
@@ -65,3 +69,24 @@ def _judged_twice(rival: Rival, null: Refit, answer: Refit) -> Rival:
     return replace(rival, heldout=rival.heldout + null.judgement.chi2 - answer.judgement.chi2,
                    crossed_judgement=answer.judgement,
                    achieved_on_other=null.choice.chi2 - answer.choice.chi2)
+
+
+def needs_both(state: State) -> bool:
+    """Whether both copies judge the first cause."""
+    return (is_under_way(state) and not state.setting.quick and not causes_of(state.rounds)
+            and bool(undecided(state.round.rivals)))  # type: ignore[union-attr]
+
+
+def on_both_copies(state: State) -> State:
+    """The round with its rivals judged on both copies."""
+    setting, model, entry = state.setting, state.model, state.round
+    rivals, crossed = judged_on_both(model.source, model.fit, entry.rivals, entry.screening,  # type: ignore[union-attr]
+                                     setting.refits, setting.grid, setting.seed)
+    return judged(replace(state, round=replace(entry, rivals=rivals, crossed_judgement=crossed)))  # type: ignore
+
+
+def _stage(state: State) -> str:
+    return f"{stages.BOTH_COPIES}: {', '.join(r.ranked.called for r in undecided(state.round.rivals))}"  # type: ignore
+
+
+BOTH_COPIES = Move("both copies", "refits_s", applies=needs_both, edit=on_both_copies, stage=_stage)

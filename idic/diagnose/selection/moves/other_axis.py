@@ -6,17 +6,17 @@ well with moduli that differ by far more than their error bars. So the last mode
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from idic.diagnose.physics.candidate import Variant
 from idic.diagnose.refits.refit import Refit
-from idic.diagnose.refits.refit_job import ExperimentSource, RefitJob, Refits
-from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.refits.refit_job import RefitJob
 from idic.diagnose.screen.select import MIN_SEPARATION_CHI2
-from idic.diagnose.selection.rival import COPIES, Round
+from idic.diagnose.selection.rival import COPIES
+from idic.diagnose.selection.state import State
 
 ANGLE = "angle"
 MIN_OTHER_DEG = 20.0  # from the axis that was found, or across it
@@ -25,29 +25,27 @@ MIN_DIFFERENCE_STD = 3.0  # of a parameter of two fits, in standard deviations o
 MIN_CHI2 = COPIES * MIN_SEPARATION_CHI2  # of the whole recording between two models that it tells apart
 
 
-def fit_from_other_axes(source: ExperimentSource, final: Refit, rounds: Sequence[Round], refits: Refits, grid: Grid,
-                        seed: int) -> Refit | None:
-    """The best fit of the last model to the recording that begins at another axis; None without an axis or an answer.
-
-    source : with every selected candidate; final : their fit to the recording
-    """
-    one = next((r for r in rounds if r.winner is not None and _angle_of(r.winner.ranked.variant)), None)
-    if one is None or final.choice is None:
+def fit_from_other_axes(state: State) -> Refit | None:
+    """The best fit of the last model to the recording that begins at another axis; None without an axis or an
+    answer."""
+    setting, source, final = state.setting, state.final.source, state.final.fit  # type: ignore[union-attr]
+    entry = next((one for one in state.rounds if one.winner is not None and _angle_of(one.winner.ranked.variant)), None)
+    if entry is None or final.choice is None:
         return None
-    variant = one.winner.ranked.variant  # type: ignore[union-attr]
+    variant = entry.winner.ranked.variant  # type: ignore[union-attr]
     name = _angle_of(variant)
-    scores = {trial.variant.label: (abs(one.screening.scores.z[k]), trial.variant)
-              for k, trial in enumerate(one.screening.trials)
-              if trial.candidate.name == one.winner.name and trial.variant.new == variant.new}  # type: ignore
-    far = [v for _, v in sorted(scores.values(), key=lambda entry: -entry[0])
-           if _apart(v.probe[name], final.values[name]) > MIN_OTHER_DEG][:MAX_OTHER_AXES]
-    if not far:
+    scores = {trial.variant.label: (abs(entry.screening.scores.z[k]), trial.variant)
+              for k, trial in enumerate(entry.screening.trials)
+              if trial.candidate.name == entry.winner.name and trial.variant.new == variant.new}  # type: ignore
+    distant = [v for _, v in sorted(scores.values(), key=lambda score: -score[0])
+               if _apart(v.probe[name], final.values[name]) > MIN_OTHER_DEG][:MAX_OTHER_AXES]
+    if not distant:
         return None
-    values = tuple({**final.values, **{n: v.probe[n] for n in v.new}} for v in far)
-    job = RefitJob("other_axis", source, tuple(v.label for v in far), ({},) * len(far), values, final.local, grid,
-                   -np.inf, seed, copies=False, whole_std=True)
-    (found,) = refits([job])
-    return replace(found, name=final.name) if found.usable else None
+    values = tuple({**final.values, **{n: v.probe[n] for n in v.new}} for v in distant)
+    job = RefitJob("other_axis", source, tuple(v.label for v in distant), ({},) * len(distant), values, final.local,
+                   setting.grid, -np.inf, setting.seed, copies=False, whole_std=True)
+    (fit,) = setting.refits([job])
+    return replace(fit, name=final.name) if fit.usable else None
 
 
 def is_better(other: Refit, final: Refit) -> bool:

@@ -1,0 +1,79 @@
+"""The identified model as a diagnosis begins with it: its residual, its known error, and where its mismatch is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from idic.diagnose.discretisation.known_error import with_error
+from idic.diagnose.discretisation.thickness_error import neglected_errors, with_thickness
+from idic.diagnose.locate.mismatch import Mismatch, locate
+from idic.diagnose.refits.refit_job import ExperimentSource
+from idic.diagnose.residual.channel_left import MIN_READING_SHARE, channels_left
+from idic.diagnose.residual.heldout import Fit, fit, grid_of
+from idic.diagnose.residual.margin import ASSUMED, Margin
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.selection.stages import EVIDENCE, PLACE
+from idic.diagnose.selection.state import Clock, Stage
+from idic.errors import NotConverged
+from idic.identification import Identification
+from idic.model import MotionError
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """The identified model on the recording.
+
+    source, found : with its known error; residual : of it; grid : of the free motions that measure it; misfit : what
+    they explain of it; mismatch : side, onset and place, None where a law finds no equilibrium along the path
+    neglected : errors by effects that the model neglects, None where they are not those of `found`
+    """
+
+    source: ExperimentSource
+    found: Identification
+    residual: ResidualEvidence
+    grid: Grid
+    misfit: Fit
+    mismatch: Mismatch | None
+    neglected: Mapping[str, MotionError] | None
+
+    @property
+    def is_mismatched(self) -> bool:
+        """Whether a mismatch was located."""
+        return self.mismatch is not None and self.mismatch.is_significant
+
+
+def as_identified(source: ExperimentSource, found: Identification, margin: Margin, quick: bool, stage: Stage,
+                  clock: Clock) -> Identified:
+    """The identified model with the error of its mesh, and of plane stress where the recording shows it."""
+    stage(EVIDENCE)
+    with clock.step("gather_s"):
+        source, found, residual = with_error(source, found)
+        grid = grid_of(residual)
+        misfit = fit(residual, grid)
+    stage(PLACE)
+    with clock.step("locate_s"):
+        first = Identified(source, found, residual, grid, misfit, located(found, residual, margin), {})
+        if first.is_mismatched or not quick:
+            first = replace(first, neglected=neglected_errors(found))
+        source, bricks = with_thickness(source, found, residual, misfit, grid,
+                                        first.neglected, first.is_mismatched)  # type: ignore[arg-type]
+        if bricks is found:
+            return first
+        residual = residual_evidence(bricks, light=False)
+        return Identified(source, bricks, residual, grid, fit(residual, grid), located(bricks, residual, margin), None)
+
+
+def located(found: Identification, residual: ResidualEvidence, margin: Margin = ASSUMED) -> Mismatch | None:
+    """Side, onset and place; None where a law finds no equilibrium along the path. Readings that differ by less than
+    two meshes of one law do are no mismatch."""
+    try:
+        mismatch = locate(found, residual, margin=margin)
+    except NotConverged:
+        return None
+    if mismatch.side != "force" or any(
+            channel.was_beyond_discretisation for channel in channels_left(residual, None)):
+        return mismatch
+    reason = f"readings differ by less than {100.0 * MIN_READING_SHARE:g} % of the largest one, as two meshes may"
+    return replace(mismatch, side="", nested_tests=replace(mismatch.nested_tests, side="", reason=reason))

@@ -1,0 +1,56 @@
+"""A model that was fitted: its experiment with the edits, the answer of its fit, its residual on the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from idic.diagnose.physics.candidate import Situation
+from idic.diagnose.refits.refit import Refit, identification_at, is_residual_of, residual_from_rest
+from idic.diagnose.refits.refit_job import ExperimentSource
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.screen.situation import situation
+from idic.identification import Identification
+from idic.model import MotionError
+
+
+@dataclass(frozen=True, eq=False)
+class FittedModel:
+    """One model of a diagnosis.
+
+    source : its experiment with every edit and the known error; fit : values, standard deviations, frame-local
+    unknowns, increments, and what is left on both copies; residual : on the recording itself, None where it was not
+    simulated or finds no equilibrium from rest
+    """
+
+    source: ExperimentSource
+    fit: Refit
+    residual: ResidualEvidence | None = None
+
+    @property
+    def error(self) -> MotionError | None:
+        """What its simulation is known to lack."""
+        return self.source.motion_error
+
+    @property
+    def is_simulated_there(self) -> bool:
+        """Whether the residual is that of the end of the fit, with the known error."""
+        return self.residual is not None and is_residual_of(self.residual, self.fit, self.error)
+
+    def identification(self) -> Identification:
+        """The end of the fit on the recording, as if it had been identified there."""
+        return identification_at(self.source.load(), self.fit.values, self.fit.local, self.fit.steps)
+
+    def situation(self) -> Situation:
+        """What candidates look at: stresses and strains of the model."""
+        return situation(self.identification(), self.residual, self.source.document())
+
+    def simulated(self) -> FittedModel | None:
+        """With the residual of the end of its fit; None where it finds no equilibrium from rest."""
+        residual = residual_from_rest(self.source.load(), self.fit)
+        return None if residual is None else replace(self, residual=residual)
+
+    def with_edits(self, edits: Mapping[str, Any], fit: Refit) -> FittedModel:
+        """A further fit, of this model with edits."""
+        return FittedModel(self.source.with_edits(edits), fit)

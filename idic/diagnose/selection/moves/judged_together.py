@@ -1,0 +1,100 @@
+"""Causes that blocks of the recording judge together, where they do not confirm one of them alone.
+
+A part of the recording foretells the rest if the model is right but for its parameters. While a second cause is not in
+it, the parameters that fit early frames, or the black squares, take up a part of that cause, and foretell the rest
+worse with the first cause than without it: a seating beside friction (chi-square of later frames rises by 8280, of all
+blocks by 5100), a slip beside a hole of another size (by 390 in the squares). So a cause that leaves more than noise
+stays while further ones are looked for, and the set is judged as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from idic.diagnose.residual.measured_motion import holds_motion
+from idic.diagnose.screen.local_residual import local_residual_tests
+from idic.diagnose.selection.block_step import BlockJudgement, holds, judged_by_step
+from idic.diagnose.selection.move import Move
+from idic.diagnose.selection.moves.revision import model_of
+from idic.diagnose.selection.moves.shortlist import has_winner, is_under_way
+from idic.diagnose.selection.rival import Round, causes_of, leaves_something
+from idic.diagnose.selection.state import Doubted, State
+
+
+def judged_alone(one: Round, judged: Sequence[BlockJudgement], formal: bool = False) -> Round:
+    """A round after the judgement of blocks on its winner: with it, waiting for others, or without it.
+
+    formal : the winner describes a flaw of a cause before it, and is none itself
+    """
+    if not formal and holds(judged):
+        return replace(one, blocks=tuple(judged))
+    if not formal and leaves_something(one.winner.refitted.judgement):  # type: ignore[union-attr, arg-type]
+        return replace(one, blocks=tuple(judged), awaits_others=True)
+    return without_winner(one, judged)
+
+
+def judged_together(state: State, judged: Sequence[BlockJudgement]) -> State:
+    """The state where blocks confirm all causes from the doubted one on; else what was there before it, and its round
+    without a winner.
+
+    judged : the model that the doubted cause joins, and the last one
+    """
+    if holds(judged):
+        rounds = [replace(entry, blocks=tuple(judged)) if entry.awaits_others else entry for entry in state.rounds]
+        return replace(state, rounds=tuple(rounds))
+    doubted = state.doubted
+    return replace(state, rounds=(*doubted.rounds, without_winner(doubted.round, judged)),  # type: ignore[union-attr]
+                   model=doubted.model)  # type: ignore[union-attr]
+
+
+def without_winner(one: Round, judged: Sequence[BlockJudgement]) -> Round:
+    """A round whose winner blocks do not confirm."""
+    return replace(one, winner=None, equals=(), passed_over=one.winner, blocks=tuple(judged))
+
+
+def on_blocks(state: State) -> State:
+    """The round after the judgement of blocks of the recording, which had no part in the fit of its winner; the model
+    has the residual of a winner that stays.
+
+    On a measured motion, an inclusion beside another cause that leaves motion at its own place describes a flaw of that
+    cause and is none itself. Blocks measure motions and readings: of a cause that acts on grey values they say nothing.
+    """
+    setting, model, entry, winner = state.setting, state.model, state.round, state.winner
+    joined = model_of(entry).simulated()  # type: ignore[arg-type]
+    if joined is None:
+        return replace(state, round=replace(entry, winner=None, equals=(), passed_over=winner))  # type: ignore
+    residual = joined.residual
+    of_grey_values = winner.ranked.variant.pixels is not None  # type: ignore[union-attr]
+    judged = () if of_grey_values else judged_by_step(model.residual, residual, setting.grid)  # type: ignore[arg-type]
+    is_formal = bool(causes_of(state.rounds)) and holds_motion(residual.context.experiment) and any(  # type: ignore
+        excess.matters for excess in local_residual_tests(model.residual, residual, setting.grid,  # type: ignore
+                                                          winner.refitted.values, setting.margin))  # type: ignore
+    entry = judged_alone(entry, judged, is_formal)  # type: ignore[arg-type]
+    if entry.winner is None:
+        return replace(state, round=entry)
+    doubted = state.doubted
+    if doubted is None and entry.awaits_others:
+        doubted = Doubted(state.round, state.rounds, model)  # type: ignore[arg-type]
+    return replace(state, round=entry, model=replace(model, residual=residual), doubted=doubted)
+
+
+def ended(state: State) -> State:
+    """The round ends: its winner joins the model, or there is none."""
+    entry = state.round
+    model = state.model if entry.winner is None else replace(  # type: ignore[union-attr]
+        model_of(entry), residual=state.model.residual)  # type: ignore[arg-type]
+    return replace(state, rounds=(*state.rounds, entry), round=None, told=None, model=model)  # type: ignore
+
+
+def confirmed_together(state: State) -> State:
+    """All causes from the doubted one on, judged by blocks of the recording."""
+    return judged_together(state, judged_by_step(state.doubted.model.residual,  # type: ignore[union-attr, arg-type]
+                                                 state.model.residual, state.setting.grid))  # type: ignore[arg-type]
+
+
+ON_BLOCKS = Move("blocks of the recording", "blocks_s", applies=has_winner, edit=on_blocks,
+                 stage=lambda state: "judgement on parts of the recording")
+END_OF_ROUND = Move("end of the round", "refits_s", applies=is_under_way, edit=ended)
+TOGETHER = Move("causes together", "blocks_s", applies=lambda state: state.doubted is not None,
+                edit=confirmed_together, stage=lambda state: "judgement of all causes on parts of the recording")

@@ -1,0 +1,85 @@
+"""The error of its own mesh, and of plane stress, of a model that a cause has joined.
+
+Before the cause was known it hid what the recording says of them: without them a further cause would take them up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.diagnose.discretisation.known_error import known_error
+from idic.diagnose.discretisation.thickness_error import with_bricks
+from idic.diagnose.discretisation.weight import ErrorWeight, weighed
+from idic.diagnose.refits.fitted_model import FittedModel
+from idic.diagnose.refits.refit_job import refit_of_one
+from idic.diagnose.selection.move import Move
+from idic.diagnose.selection.moves.rivals_again import near_rivals
+from idic.diagnose.selection.rival import Round
+from idic.diagnose.selection.state import Joined, State
+from idic.model import MotionError
+
+
+def has_joined(state: State) -> bool:
+    """Whether a cause has joined the model, which is looked at again before a further one, or beside others."""
+    return state.has_cause and (state.number < state.setting.max_rounds or len(state.rounds) > 1)
+
+
+def as_joined(state: State) -> State:
+    """Keeps the model as the cause has joined it."""
+    near = tuple(near_rivals(state.rounds[-1]))
+    return replace(state, joined=Joined(state.model.fit, state.model.error, near))
+
+
+def with_new_error(state: State) -> State | None:
+    """The model fitted with the error of its own mesh, where that differs from the one before, and of plane stress,
+    where the recording asks for it now that the cause does not hide it."""
+    setting, model, renewed = state.setting, state.model, new_error(state)
+    if renewed is None:
+        return None
+    error, change = renewed
+    source = model.source.with_motion_error(error)
+    setting.stage("fit with the error of the mesh")
+    (fit,) = setting.refits([refit_of_one(source, "null", model.fit, setting.grid, setting.seed, change.moves,
+                                          estimator=model.fit.estimator)])
+    if not fit.usable:
+        return None
+    fit = replace(fit, phi=model.fit.phi) if np.isnan(fit.phi) else fit  # of ordinary least squares, before
+    return replace(state, model=FittedModel(source, fit))
+
+
+def new_error(state: State) -> tuple[MotionError, ErrorWeight] | None:
+    """The error of the present model, of bricks where the recording shows them, and the weight of its change; None
+    where it is the known one."""
+    residual, known, identified = state.model.residual, state.model.error, state.model.identification()
+    if known is None or known.thickness is None:
+        bricks = with_bricks(identified, residual, state.setting.grid, settled=False)  # type: ignore[arg-type]
+        if bricks is not None:
+            return bricks[0], weighed(residual, bricks[0].less(known))  # type: ignore[arg-type]
+    error = known_error(identified, known)
+    if error is None:
+        return None
+    change = weighed(residual, error.less(known))  # type: ignore[arg-type]
+    return (error, change) if change.matters else None
+
+
+def known_to_rounds(state: State) -> State:
+    """All rounds with the error of the last model, for their refits in a revised set."""
+    return replace(state, rounds=tuple(_knowing(entry, state.model.error) for entry in state.rounds))
+
+
+def _knowing(entry: Round, error: MotionError | None) -> Round:
+    if error is None or entry.source is None:
+        return entry
+    return replace(entry, source=entry.source.with_motion_error(error))
+
+
+def _again(state: State) -> bool:
+    return state.joined is not None
+
+
+AS_JOINED = Move("model with the cause", "mesh_s", applies=has_joined, edit=as_joined)
+NEW_ERROR = Move("error of the simulation", "mesh_s", applies=_again, edit=with_new_error, stage=lambda state:
+                 "error of the mesh, plane stress and finite strains, tested beside the cause")
+KNOWN_ERROR = Move("error known to all rounds", "mesh_s", applies=_again, edit=known_to_rounds)

@@ -1,0 +1,123 @@
+"""A course that the data give, where the course of a selected cause leaves something.
+
+Candidates are screened with a few courses: in proportion to the motion or to time, ramps and jumps from some moments
+on. The cause that is selected keeps its pattern. Where its refit leaves more than noise, its course becomes linear
+between knots (`idic.model.free_course`) and the model is refitted; the copy without a part in the fit decides whether
+that course stays.
+
+A cause with one amplitude per knot follows any function of time. Where the load only grows, that is any function of the
+load: a free drift of the load cell and a stress that bends over the strain leave the same record. A rival that explains
+nearly as much with a course of few unknowns is then not told from it, however large the drop of chi-square by the
+further knots; unless the winner explained more than that rival when its own course had as few.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from idic.diagnose.physics.candidate import Variant
+from idic.diagnose.physics.enrich import comes_back
+from idic.diagnose.refits.refit_job import RefitJob
+from idic.diagnose.screen.courses import course_of
+from idic.diagnose.selection.move import Move
+from idic.diagnose.selection.moves.shortlist import has_winner, with_winner
+from idic.diagnose.selection.rival import MIN_HELDOUT_DROP, Rival, Round, leaves_something, within_noise
+from idic.diagnose.selection.rivals import edits_of
+from idic.diagnose.selection.state import State
+from idic.model import without_knot
+
+MIN_IMITATED_SHARE = 0.9  # of the held-out drop of the winner: what the rival leaves would be a flaw of its description
+
+
+def may_have_own_course(state: State) -> bool:
+    """Whether the winner leaves something that another course of its pattern may explain."""
+    winner = state.winner
+    if winner is None or winner.copies > 1 or winner.refitted.choice is None:
+        return False
+    return (leaves_something(winner.refitted.choice) and not winner.ranked.variant.free_course
+            and state.round.screening.free_course_of(winner.ranked.variant) is not None)  # type: ignore[union-attr]
+
+
+def with_own_course(state: State) -> State | None:
+    """The winner with a course that the data give; None where the refit fails."""
+    source, winner, screening = state.model.source, state.winner, state.round.screening  # type: ignore[union-attr]
+    variant = winner.ranked.variant  # type: ignore[union-attr]
+    free = screening.free_course_of(variant)
+    screened, freed = source.load(edits_of(winner, screening)), source.load(free.edits)  # type: ignore
+    (name,) = variant.new
+    course, size, start = course_of(screened, name), winner.refitted.values[name], {}  # type: ignore[union-attr]
+    for knot in free.new:  # type: ignore[union-attr]
+        hat = course_of(freed, knot)
+        top = int(np.argmax(np.abs(hat)))
+        start[knot] = size * float(course[top] / hat[top])
+    label = f"{variant.label}, with an identified time course"
+    return refitted_as(state, replace(free, label=label, probe=start))  # type: ignore[type-var]
+
+
+def is_worth_its_knots(state: State, tried: State) -> bool:
+    """Whether every further knot brings on the copy for judging what an unknown must."""
+    knots = len(tried.winner.ranked.variant.new) - 1  # type: ignore[union-attr]
+    return tried.winner.heldout - state.winner.heldout > MIN_HELDOUT_DROP + knots  # type: ignore[union-attr]
+
+
+def refitted_as(state: State, variant: Variant) -> State | None:
+    """The round whose winner is another variant of its cause, which may give way to the former one in a revised set;
+    None where its refit fails."""
+    rival = refit_as(state, variant, state.winner)  # type: ignore[arg-type]
+    if rival is None:
+        return None
+    plain = state.round.plain or state.winner  # type: ignore[union-attr]
+    return with_winner(replace(state, round=replace(state.round, plain=plain)), rival)  # type: ignore[type-var]
+
+
+def refit_as(state: State, variant: Variant, rival: Rival) -> Rival | None:
+    """A rival refitted as another variant of its cause, from its values and the probe of that variant; None where the
+    refit fails."""
+    source, null = state.model.source, state.model.fit
+    (answer,) = state.refits([RefitJob(rival.name, source, (variant.label,), (variant.edits,),
+                                       ({**rival.refitted.values, **variant.probe},), rival.refitted.local,
+                                       state.setting.grid, np.inf, state.setting.seed)])
+    if not answer.usable:
+        return None
+    return replace(rival, ranked=replace(rival.ranked, variant=variant, label=variant.label), refitted=answer,
+                   achieved=null.choice.chi2 - answer.choice.chi2,  # type: ignore[union-attr]
+                   heldout=null.judgement.chi2 - answer.judgement.chi2)  # type: ignore[union-attr]
+
+
+def has_own_course(rival: Rival) -> bool:
+    """Whether its course is given by the data."""
+    return any(without_knot(name) != name for name in rival.ranked.variant.new)
+
+
+def with_imitated(one: Round, u: np.ndarray) -> Round:
+    """The round with the rivals that the free course of its winner imitates among the indistinguishable ones.
+
+    u : (n_frames, n_nodes, dim) simulated motion of the recording, whose way back tells a course from the load
+    """
+    winner = one.winner
+    if winner is None or not has_own_course(winner) or comes_back(u):
+        return one
+    alike = [rival.name for rival in one.rivals
+             if rival.name not in (winner.name, *one.equals) and rival.passes and rival.copies == winner.copies
+             and len(rival.own_unknowns) < len(winner.own_unknowns) and not _is_behind(rival, one.plain)
+             and rival.heldout > MIN_IMITATED_SHARE * winner.heldout]
+    return replace(one, equals=(*one.equals, *dict.fromkeys(alike)))
+
+
+def _is_behind(rival: Rival, plain: Rival | None) -> bool:
+    """Whether the winner was better than this rival with as few unknowns, before its course was freed."""
+    return (plain is not None and plain.copies == rival.copies and plain.evidence > rival.evidence
+            and len(plain.own_unknowns) <= len(rival.own_unknowns) and not within_noise(rival, plain))
+
+
+def imitated(state: State) -> State:
+    """All rounds with the rivals that the free courses of their winners imitate."""
+    u = state.model.residual.u  # type: ignore[union-attr]
+    return replace(state, rounds=tuple(with_imitated(entry, u) for entry in state.rounds))
+
+
+OWN_COURSE = Move("own course", "refits_s", edit=with_own_course, accept=is_worth_its_knots,
+                  applies=lambda state: has_winner(state) and may_have_own_course(state))
+IMITATED = Move("imitated rivals", "refits_s", applies=lambda state: True, edit=imitated)

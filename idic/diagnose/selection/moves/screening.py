@@ -1,0 +1,92 @@
+"""Screening: every candidate is scored against the present model on the whole recording, and a round begins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from idic.correlation import FrameResponse
+from idic.diagnose.discretisation.weight import error_column
+from idic.diagnose.physics.candidate import Candidate, Situation, Variant
+from idic.diagnose.refits.fitted_model import FittedModel
+from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit_job import Told
+from idic.diagnose.residual.channel_left import smallest_reading
+from idic.diagnose.residual.margin import ASSUMED, Margin
+from idic.diagnose.residual.residual_evidence import ResidualEvidence, residual_evidence
+from idic.diagnose.residual.subpixel_columns import RELATIVE_STD, subpixel_columns
+from idic.diagnose.screen.free_courses import with_free_courses
+from idic.diagnose.screen.misregistration import reason_to_wait
+from idic.diagnose.screen.score_columns import score_columns
+from idic.diagnose.screen.select import MIN_CHANNEL_EFFECT_STD, Screening, screen_candidates
+from idic.diagnose.screen.situation import situation
+from idic.diagnose.selection import stages
+from idic.diagnose.selection.move import Move
+from idic.diagnose.selection.rival import Round, causes_of
+from idic.diagnose.selection.state import State, Watch, unwatched
+
+CAMERA = "camera"  # the family that is left out where another system has measured the fields
+
+
+def opened(state: State) -> State:
+    """A round begins with the scores of the library against the present model."""
+    setting, model = state.setting, state.model
+    responses = model.residual.responses if model.is_simulated_there else None  # type: ignore[union-attr]
+    is_further = bool(causes_of(state.rounds))
+    screening = screened(model, setting.library, setting.watch, setting.margin, is_further, responses)
+    if not screening.shortlist:
+        setting.stage("no candidate is significant: no refit")
+    told = Told(setting.refits, setting.stage, 1 if setting.quick else len(screening.shortlist))
+    return replace(state, number=state.number + 1, joined=None, told=told,
+                   round=Round(screening, model.fit, (), None, source=model.source))
+
+
+def screened(model: FittedModel, library: Sequence[Candidate], watch: Watch = unwatched, margin: Margin = ASSUMED,
+             further: bool = False, responses: Sequence[FrameResponse] | None = None) -> Screening:
+    """Score every candidate against the null model on the whole recording: a score fits nothing, and one copy shows
+    a faint effect by seven tenths of the standard deviations only. Refits see one copy, and promises are of that.
+
+    further : the null holds a selected cause; responses : of the null, where it has been simulated
+    """
+    source, null, found = model.source, model.fit, model.identification()
+    residual = residual_evidence(found, responses=responses)
+    here = situation(found, residual, source.document())
+    trials, untestable = _trials(library, found.experiment.points is not None, here, residual, null)
+    trials += with_free_courses(trials, here.document, found.parameters.free, source.load)
+    labels, columns = score_columns(found, residual, trials, source.load) if trials else ((), residual.null.pick([]))
+    watch(residual, labels, columns)
+    error = source.motion_error
+    blurs = subpixel_columns(residual) if any(variant.pixels is not None for _, variant in trials) else None
+    scored = screen_candidates(
+        residual.evidence, residual.null, labels, columns, room=null.choice.room,  # type: ignore[union-attr]
+        mesh=None if error is None else error_column(residual, error.of_mesh),
+        known=None if blurs is None else (blurs, RELATIVE_STD),
+        materials=[material.element_set for material in found.experiment.materials], margin=margin, further=further,
+        min_channel=max(MIN_CHANNEL_EFFECT_STD, smallest_reading(residual)) if further else MIN_CHANNEL_EFFECT_STD)
+    unresolved = [ranked for ranked in scored.significant if ranked.variant.unresolved]
+    untestable += [(ranked.candidate, ranked.variant.unresolved) for ranked in unresolved]
+    return replace(scored, ranked=tuple(ranked for ranked in scored.ranked if ranked not in unresolved),
+                   untestable=tuple(untestable))
+
+
+def _trials(library: Sequence[Candidate], is_measured: bool, here: Situation, residual: ResidualEvidence,
+            null: Refit) -> tuple[list[tuple[Candidate, Variant]], list[tuple[Candidate, str]]]:
+    """Variants to be scored, and the candidates that are not, each with its reason.
+
+    is_measured : another system has measured the fields: no candidate is one of the camera
+    """
+    trials, untestable = [], []
+    for candidate in library:
+        if is_measured and candidate.family == CAMERA:
+            continue
+        reason = candidate.reason_against(here)
+        variants = () if reason else candidate.variants(here)
+        if reason := reason or reason_to_wait(variants, residual, null.choice):  # type: ignore[arg-type]
+            untestable.append((candidate, reason))
+        else:
+            trials += [(candidate, variant) for variant in variants]
+    return trials, untestable
+
+
+SCREENING = Move("screening", "screening_s", applies=lambda state: state.is_open, edit=opened,
+                 stage=lambda state: f"{stages.SCREENING}, round {state.number + 1}")

@@ -1,0 +1,152 @@
+"""The last model fitted to the recording itself, with the known error of its values there.
+
+The fit begins at the end of the fit to a copy, a few standard deviations away, with the estimator of that end. The
+known error of its simulation is that of the values on the copy; where those of the recording change it, or ask for
+bricks now that the cause is known, the fit is repeated with it. Bricks that are known already follow to the recording
+in turns first, and the fit begins where these end: it is repeated only where it ends elsewhere. A quick diagnosis ends
+with the fit to the copy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from idic.diagnose.discretisation.following import is_at
+from idic.diagnose.discretisation.known_error import renewed_error
+from idic.diagnose.discretisation.sheet import sheet_and_bricks_at
+from idic.diagnose.discretisation.thickness_error import with_bricks
+from idic.diagnose.discretisation.thickness_std import std_factors
+from idic.diagnose.refits.fitted_model import FittedModel
+from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit_job import ExperimentSource, refit_of_one
+from idic.diagnose.selection.move import Move, moved
+from idic.diagnose.selection.moves.other_axis import fit_from_other_axes, is_another_answer, is_better
+from idic.diagnose.selection.stages import ENRICHED_RESIDUAL, WHOLE_FIT
+from idic.diagnose.selection.state import Setting, State
+from idic.identification import Identification
+
+MINIMA = ("converged", "at_bound")  # ends of a search whose values are those of a minimum
+MAX_RENEWALS = 3  # of the known error of the last model: it depends on the parameters, and they on it
+
+
+def fitted_to_recording(state: State) -> State:
+    """With the last model fitted to the recording, where a cause has joined the identified one."""
+    return moved(state, TO_RECORDING)
+
+
+def fitted(state: State) -> State:
+    """The last model on the recording: from where turns with bricks end, or from its end on a copy."""
+    setting, model = state.setting, state.model
+    if setting.quick:
+        return replace(state, final=_simulated(model.source, model.fit))
+    turns = _turned(state)
+    if turns is not None:
+        return turns
+    return replace(state, final=_simulated(model.source, whole_fit(setting, model)))
+
+
+def _simulated(source: ExperimentSource, fit: Refit) -> FittedModel:
+    """A fit to the recording with its residual, where it finds an equilibrium from rest."""
+    model = FittedModel(source, fit)
+    return (model.simulated() or model) if fit.usable else model
+
+
+def _turned(state: State) -> State | None:
+    """With the error of plane stress that follows from a copy to the recording, and the fit to the recording beside
+    it; None where bricks are not known, or this fails. The fit to the copy has ended at a minimum: the turns take whole
+    steps."""
+    setting, model = state.setting, state.model
+    if model.error is None or model.error.thickness is None or model.fit.status not in MINIMA:
+        return None
+    simulation = model if model.is_simulated_there else FittedModel(model.source, model.fit).simulated()
+    if simulation is None:
+        return None
+    identified = model.identification()
+    start = sheet_and_bricks_at(identified)
+    renewed = None if start is None else renewed_error(
+        identified, simulation.residual, setting.grid, start)  # type: ignore[arg-type]
+    if renewed is None:
+        return None
+    error, settled = renewed
+    source = model.source.with_motion_error(error)
+    fit = whole_fit(setting, FittedModel(source, model.fit), settled)
+    return replace(state, final=_simulated(source, fit), settled=settled) if fit.usable else None
+
+
+def whole_fit(setting: Setting, model: FittedModel, settled: Identification | None = None) -> Refit:
+    """A model fitted to the recording itself, from the end of its last fit, or from where turns ended.
+
+    settled : that end
+    """
+    values = model.fit.values
+    steps = None if settled is None else {name: settled.parameters[name].value - value
+                                          for name, value in values.items()}
+    (fit,) = setting.refits([refit_of_one(model.source, "enriched", model.fit, setting.grid, setting.seed, steps,
+                                          copies=False, estimator=model.fit.estimator, whole_std=True)])
+    return fit
+
+
+def with_renewed_errors(state: State) -> State:
+    """The fit repeated while the known error follows it, and with bricks where the recording asks for them now."""
+    setting, final, settled = state.setting, state.final, state.settled
+    for turn in range(MAX_RENEWALS):
+        if settled is not None and is_at(final.fit.values, settled, final.fit.stds):  # type: ignore[union-attr]
+            break
+        identified = final.identification()  # type: ignore[union-attr]
+        residual = final.residual  # type: ignore[union-attr]
+        bricks = with_bricks(identified, residual, setting.grid) if turn == 0 else None  # type: ignore[arg-type]
+        renewed = bricks or renewed_error(identified, residual, setting.grid)  # type: ignore[arg-type]
+        if renewed is None:
+            break
+        source = final.source.with_motion_error(renewed[0])  # type: ignore[union-attr]
+        settled = None if bricks else renewed[1]  # the error of the mesh is the old one
+        fit = whole_fit(setting, FittedModel(source, final.fit), renewed[1])  # type: ignore[union-attr]
+        model = FittedModel(source, fit).simulated() if fit.usable else None
+        if model is None:
+            break
+        final = model
+    return replace(state, final=final, settled=settled)
+
+
+def with_other_axis(state: State) -> State | None:
+    """The better one of two axes, and the other one where the recording does not tell them apart."""
+    final, other = state.final, fit_from_other_axes(state)
+    if other is None:
+        return None
+    if is_better(other, final.fit):  # type: ignore[union-attr]
+        turned = FittedModel(final.source, other).simulated()  # type: ignore[union-attr]
+        final, other = (final, None) if turned is None else (turned, final.fit)  # type: ignore[union-attr]
+    return replace(state, final=final, other_axis=other)
+
+
+def with_std_of_bricks(model: FittedModel) -> FittedModel:
+    """A fit to the recording whose standard deviations know that the error of plane stress follows the law."""
+    factors = std_factors(model.identification(), model.residual)  # type: ignore[arg-type]
+    stds = {name: None if std is None else std * factors.get(name, 1.0) for name, std in model.fit.stds.items()}
+    return replace(model, fit=replace(model.fit, stds=stds))
+
+
+def with_stds(state: State) -> State:
+    """The last fit with its standard deviations, and another axis only where it is another answer."""
+    final, other = with_std_of_bricks(state.final), state.other_axis  # type: ignore[arg-type]
+    is_other = other is not None and is_another_answer(other, final.fit)
+    return replace(state, final=final, other_axis=other if is_other else None)
+
+
+def _stage(state: State) -> str:
+    if state.setting.quick:
+        return ENRICHED_RESIDUAL
+    return WHOLE_FIT
+
+
+def _is_simulated(state: State) -> bool:
+    return not state.setting.quick and state.final is not None and state.final.residual is not None
+
+
+TO_RECORDING = (
+    Move("fit to the recording", "final_s", applies=lambda state: state.model.fit is not state.first.fit, edit=fitted,
+         stage=_stage),
+    Move("renewed error", "final_s", applies=_is_simulated, edit=with_renewed_errors),
+    Move("other axis", "final_s", applies=_is_simulated, edit=with_other_axis),
+    Move("standard deviations", "final_s", applies=_is_simulated, edit=with_stds),
+)

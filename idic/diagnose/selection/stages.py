@@ -1,0 +1,20 @@
+"""What a diagnosis says while it works: the sentences of the terminal, the log and the flow, in one table."""
+
+from __future__ import annotations
+
+EVIDENCE = "residual evidence of the identified model"
+PLACE = "side, onset and place of the mismatch"
+NULL_FIT = "fit of the identified model"
+SCREENING = "screening of the library"
+REFIT = "refit"
+BOTH_COPIES = "judgement on both copies"
+WHOLE_FIT = "fit of the enriched model to the whole recording"
+ENRICHED_RESIDUAL = "residual of the enriched model"
+FIGURES = "writing figures"
+STAGES = (EVIDENCE, PLACE, NULL_FIT, SCREENING, REFIT, BOTH_COPIES, WHOLE_FIT, FIGURES)  # by their first words
+QUICK_STAGES = (EVIDENCE, PLACE, NULL_FIT, SCREENING, REFIT, ENRICHED_RESIDUAL, FIGURES)
+
+
+def stages(quick: bool) -> tuple[str, ...]:
+    """First words of the steps of a diagnosis that every one of its kind takes, in their order."""
+    return QUICK_STAGES if quick else STAGES

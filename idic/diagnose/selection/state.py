@@ -1,0 +1,188 @@
+"""The state of a diagnosis between two moves, and what all of its steps share."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+
+from idic.diagnose.locate.mismatch import Mismatch
+from idic.diagnose.physics.candidate import Candidate
+from idic.diagnose.refits.fitted_model import FittedModel
+from idic.diagnose.refits.refit import Refit
+from idic.diagnose.refits.refit_job import Refits, Told
+from idic.diagnose.residual.evidence import Columns
+from idic.diagnose.residual.excess import power
+from idic.diagnose.residual.margin import ASSUMED, Margin
+from idic.diagnose.residual.residual_evidence import ResidualEvidence
+from idic.diagnose.residual.subspace import Grid
+from idic.diagnose.residual.thinning import COPY_VARIANCE_FACTOR
+from idic.diagnose.screen.score_columns import ScoreColumn
+from idic.diagnose.screen.select import Screening
+from idic.diagnose.selection.free_model import FreeEnd
+from idic.diagnose.selection.notes import Notes
+from idic.diagnose.selection.rival import Rival, Round
+from idic.identification import Identification
+from idic.model import MotionError
+
+MAX_ROUNDS = 3
+Stage = Callable[[str], None]
+Watch = Callable[[ResidualEvidence, Sequence[ScoreColumn], Columns], None]
+Screen = Callable[[FittedModel, Sequence[Candidate]], Screening]  # scores some candidates beside a selected cause
+
+
+def silent(text: str) -> None:
+    """A stage that reports nothing."""
+
+
+def unwatched(residual: ResidualEvidence, tested: Sequence[ScoreColumn], columns: Columns) -> None:
+    """A watch that looks at nothing."""
+
+
+@dataclass
+class Clock:
+    """Seconds spent on every step."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def step(self, name: str):
+        """Add the time spent inside to a step."""
+        began = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What all steps of one diagnosis share.
+
+    refits : runs refit jobs; screen : scores candidates again in a revised set; grid : of the free motions that measure
+    a residual; seed : of the noise that makes two copies of the recording; library : candidates that are tested;
+    stage : called with the name of a step that begins; watch, margin, quick : see `diagnose`; notes : what has failed
+    beside the verdict
+    """
+
+    refits: Refits
+    screen: Screen
+    grid: Grid
+    seed: int
+    library: Sequence[Candidate] = ()
+    stage: Stage = silent
+    clock: Clock = field(default_factory=Clock)
+    watch: Watch = unwatched
+    margin: Margin = ASSUMED
+    quick: bool = False
+    notes: Notes = field(default_factory=Notes)
+
+    @property
+    def max_rounds(self) -> int:
+        """Screenings at most."""
+        return 1 if self.quick else MAX_ROUNDS
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """The model as a cause has joined it, before errors of its simulation are computed anew.
+
+    fit, error : of that model; near : rivals whose evidence comes near that of the cause; is_finite : whether finite
+    strains have joined since
+    """
+
+    fit: Refit
+    error: MotionError | None
+    near: tuple[Rival, ...]
+    is_finite: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Doubted:
+    """A round whose winner awaits other causes; rounds, model : the rounds before it, and the model that it joins."""
+
+    round: Round
+    rounds: tuple[Round, ...]
+    model: FittedModel
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A diagnosis between two moves.
+
+    found : the identification under diagnosis, with its known error
+    first : the identified model, fitted to the copy for choosing
+    model : the last model, with every selected cause; its residual is mostly that of the end of its fit
+    mismatch : side, onset and place, None where they could not be located
+    rounds : that have ended; the last one has no winner, unless the limit of rounds was reached
+    number : of screenings; round : under way, None between two rounds; told : announces the refits of that round
+    joined : the model as the last cause has joined it, None while a round is under way
+    doubted : the first round whose winner awaits others
+    end : the freed end that explains more than the causes that were selected, which are not told then
+    final : the last model fitted to the recording itself, None where no cause joined the identified one
+    other_axis : fit of that model with another axis, where the recording does not tell it from the first
+    settled : the model at the values that the known error of `final` is of, None where it is of its start
+    """
+
+    setting: Setting
+    found: Identification
+    first: FittedModel
+    model: FittedModel
+    mismatch: Mismatch | None = None
+    rounds: tuple[Round, ...] = ()
+    number: int = 0
+    round: Round | None = None
+    told: Told | None = None
+    joined: Joined | None = None
+    doubted: Doubted | None = None
+    end: FreeEnd | None = None
+    final: FittedModel | None = None
+    other_axis: Refit | None = None
+    settled: Identification | None = None
+
+    @property
+    def refits(self) -> Refits:
+        """Runs refit jobs: announced while a round is under way."""
+        return self.setting.refits if self.told is None else self.told
+
+    @property
+    def winner(self) -> Rival | None:
+        """Of the round under way."""
+        return None if self.round is None else self.round.winner
+
+    @property
+    def has_cause(self) -> bool:
+        """Whether the last round has added one."""
+        return bool(self.rounds) and self.rounds[-1].winner is not None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether another round follows."""
+        return not self.rounds or (self.has_cause and self.number < self.setting.max_rounds)
+
+    @property
+    def has_changed(self) -> bool:
+        """Whether the model has been fitted again since the last cause joined it."""
+        return self.joined is not None and self.model.fit is not self.joined.fit
+
+    def with_last(self, entry: Round, model: FittedModel) -> State:
+        """With another last round, and the model that it ends with."""
+        return replace(self, rounds=(*self.rounds[:-1], entry), model=model)
+
+    def simulated(self) -> State | None:
+        """With the residual of the model on the recording; None where it finds no equilibrium from rest."""
+        if self.model.residual is not None:
+            return self
+        model = self.model.simulated()
+        return None if model is None else replace(self, model=model)
+
+    @property
+    def power_of_copy(self) -> float:
+        """Chi-square of a motion of one px (rms) in all frames of a copy."""
+        return self.power / COPY_VARIANCE_FACTOR
+
+    @property
+    def power(self) -> float:
+        """The same of the recording."""
+        return float(power(self.first.residual.evidence).sum())  # type: ignore[union-attr]
