@@ -41,5 +41,7 @@ class MotionError:
     @property
     def of_mesh(self) -> MotionError:
         """Without the error of plane stress."""
-        known = self.thickness
-        return self if known is None else MotionError(self.u - known.u, self.channels - known.channels)
+        thickness_error = self.thickness
+        if thickness_error is None:
+            return self
+        return MotionError(self.u - thickness_error.u, self.channels - thickness_error.channels)

@@ -45,7 +45,7 @@ def depth_of(config: ExperimentFile, points: MeasuredPoints, free_rigid: bool) -
         return None
     measured = any(drive is not None and drive.measured is not None for table in config.boundary
                    for drive in (table.u, table.ux, table.uy))
-    return Depth(free=free_rigid or measured)
+    return Depth(rigid_motion=free_rigid or measured)
 
 
 def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoints, frames: Sequence[int],
@@ -83,7 +83,7 @@ def with_depth(points: FieldPoints, noise: Noise, stack: FieldStack, frames: Seq
     """
     assert points.depth is not None
     plane, normal_noise = noise.correlated, _noise_seen(stack, points, frames, reference, n_references, (2,))
-    remark = "" if not points.depth.free else "; an offset and two tilts of every stage are its own"
+    remark = "" if not points.depth.rigid_motion else "; an offset and two tilts of every stage are its own"
     if points.depth.side:
         most = _largest_change(stack, frames, thickness or 0.0)
         std = noise.std_gv if normal_noise is None else normal_noise.std
