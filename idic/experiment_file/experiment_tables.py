@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.checks.images_at_rest import told_references
+from idic.experiment_file.checks.images_at_rest import with_notes_on_references
 from idic.experiment_file.checks.model import (check_materials, check_supported, check_times, check_visible,
                                                checked_heights)
 from idic.experiment_file.laws.composed_law import course_notes
@@ -127,10 +127,10 @@ class ExperimentTables:
         varied, of_varied = heterogeneities(self.config, mesh, scale.unit, self.file)
         parameters += of_varied
         camera, cameras = self._moving(scale.camera, cameras, lens, frames, context, known_times)
-        parameters += dofs.further(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
-                                   thickness, known_times, scale.unit, frames.shape, parameters, self.file,
-                                   cameras, geometry.parameters, tuple(motion.loads), lens.freed,
-                                   knots_of_temperature(self.config, context, self.file))
+        parameters += dofs.degrees_of_freedom(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
+                                              thickness, known_times, scale.unit, frames.shape, parameters, self.file,
+                                              cameras, geometry.parameters, tuple(motion.loads), lens.freed,
+                                              knots_of_temperature(self.config, context, self.file))
         camera, cameras = with_identified_motions(camera, cameras, self.config.camera, parameters)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
         body = Body(mesh, table.kind, table.surface, scale, frames.shape, tuple(motion.prescribed), times)
@@ -163,7 +163,7 @@ class ExperimentTables:
             gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file))
         if self.original is not None:
             return self._on_images_of(self.original, experiment)
-        return checked_heights(told_references(with_stabilised_images(experiment), self.file), self.file)
+        return checked_heights(with_notes_on_references(with_stabilised_images(experiment), self.file), self.file)
 
     def _on_images_of(self, original: Experiment, experiment: Experiment) -> Experiment:
         """The edited experiment with the images that the original one compares; it is not stored under a name."""
@@ -208,7 +208,7 @@ class ExperimentTables:
         """Further data for the checks, the reports and the warm start."""
         return {"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
                 "mesh_unit_factor": scale.factor, "height_unit": self.config.experiment.height_unit,
-                "still_frames": frames.still, "still_stack": frames.still_stack, "setup": self.config.setup.stated,
+                "still_frames": frames.still, "still_stack": frames.still_stack, "setup": self.config.setup.entries,
                 "has_times": times is not None,
                 "interpolated_log": log is not None and log.is_interpolated,
                 "columns": () if log is None else tuple(log.names),

@@ -85,7 +85,7 @@ class ExternalForward:
             If the program crashed, took too long, or gave unusable output.
         """
         at = self.experiment.at_geometry(parameters)
-        request = replace(self._wanted, motions=self.motions(parameters, local))
+        request = replace(self._request, motions=self.motions(parameters, local))
         solver, texts = ExternalSolver(self.setup, request), self._tables(parameters, local)
         if self.setup.mesh_file is not None:
             texts[self.setup.mesh_file] = inp_text(at.mesh, "idic", self.setup.element_types)
@@ -141,7 +141,7 @@ class ExternalForward:
                 np.stack([(run[1] - channels) / change for run, change in runs], axis=-1))
 
     @cached_property
-    def _wanted(self) -> Wanted:
+    def _request(self) -> Wanted:
         experiment = self.experiment
         mesh, reactions = experiment.mesh, [c for c in experiment.channels if c.kind == "reaction"]
         return Wanted(np.asarray(mesh.node_labels), experiment.n_dim, self._clock()[1:],

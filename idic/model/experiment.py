@@ -278,7 +278,7 @@ class CorrelatedNoise:
     source: str = ""
 
     @property
-    def beside(self) -> float:
+    def neighbour_correlation(self) -> float:
         """Correlation of pixels beside each other, the mean of rows and columns."""
         middle = len(self.correlation) // 2
         return 0.5 * (self.correlation[middle][middle + 1] + self.correlation[middle + 1][middle])

@@ -55,7 +55,7 @@ def check_pattern(images: Sequence[np.ndarray], labels: Sequence[str], region: n
                                "of contrast that others have")
 
 
-def told_references(experiment: Experiment, file) -> Experiment:
+def with_notes_on_references(experiment: Experiment, file) -> Experiment:
     """The experiment with a note for every camera whose averaged reference images are not at rest.
 
     Raises

@@ -27,7 +27,7 @@ def check_materials(mesh: Mesh, element_sets: list[str], file) -> None:
             labels = mesh.element_labels[bad]
             raise InputError(fault, file=file, key="material",
                              expected="every element in one of " + ", ".join(element_sets),
-                             found=f"{bad.sum()} elements: {_some(labels)}", remedy=remedy)
+                             found=f"{bad.sum()} elements: {_first_labels(labels)}", remedy=remedy)
 
 
 def check_supported(mesh: Mesh, prescribed: list[Prescribed], file) -> None:
@@ -238,5 +238,5 @@ def check_surface(mesh: Mesh, kind: str, surface: str | None, file, key: str = "
                          remedy="choose another set")
 
 
-def _some(labels: np.ndarray) -> str:
+def _first_labels(labels: np.ndarray) -> str:
     return ", ".join(map(str, labels[:10])) + (" …" if len(labels) > 10 else "")

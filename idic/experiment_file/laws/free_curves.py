@@ -177,7 +177,7 @@ def free_curves(materials: Sequence[Material], tables: Mapping[str, MaterialTabl
 
 
 def _curves(material: Material, table: MaterialTable, values: Mapping[str, float]) -> Iterator[StatedCurve]:
-    def stated(key: str, names: Sequence[str], last_knot: str, size: float, over: tuple[str, ...]) -> StatedCurve:
+    def curve(key: str, names: Sequence[str], last_knot: str, size: float, over: tuple[str, ...]) -> StatedCurve:
         smoothness = table.smoothness.get(key, SmoothnessTable())
         return StatedCurve(key, tuple(names), f"{material.element_set}.{last_knot}", smoothness.size or size,
                            Smoothness(smoothness.strength, smoothness.over or over[0]), over, key == "hardening_1",
@@ -185,21 +185,21 @@ def _curves(material: Material, table: MaterialTable, values: Mapping[str, float
 
     names = level_names(material.law, material.element_set)
     if names:
-        yield stated("hardening_1", names, "hardening_1_range", rise(np.array([values[name] for name in names])), OVER)
+        yield curve("hardening_1", names, "hardening_1_range", rise(np.array([values[name] for name in names])), OVER)
     for invariant, n in zip(INVARIANTS, knots_of_rubber(material.law), strict=True):
         if n:
             size = values[f"{material.element_set}.I1_g1"] * (SECOND_SHARE if invariant == INVARIANTS[1] else 1.0)
-            yield stated(invariant, [f"{material.element_set}.{name}" for name in rubber_levels(invariant, n)],
+            yield curve(invariant, [f"{material.element_set}.{name}" for name in rubber_levels(invariant, n)],
                          f"{invariant}_range", size, (ROOT,))
     n = ring_knots_of(material.law)
     if n:
         weights = [f"{material.element_set}.{name}" for name in surface_weights(n)]
-        yield stated(SURFACE, weights, "yield_surface_angle", NEIGHBOURS, (STRAIN,))
+        yield curve(SURFACE, weights, "yield_surface_angle", NEIGHBOURS, (STRAIN,))
     n = times_of(material.law)
     if n:
         weights = [f"{material.element_set}.{name}" for name in weight_names(n)]
         mean = max(sum(values[name] for name in weights) / n, SMALLEST_WEIGHT)
-        yield stated(SPECTRUM, weights, "longest", (n - 1) * mean, (ROOT,))
+        yield curve(SPECTRUM, weights, "longest", (n - 1) * mean, (ROOT,))
 
 
 def smoothness_priors(curves: Sequence[StatedCurve], parameters: Sequence[Parameter]) -> tuple[SmoothnessPrior, ...]:
@@ -216,7 +216,7 @@ def _bends(curve: StatedCurve, values: Mapping[str, float]) -> np.ndarray:
 
 
 def knot_notes(tables: Mapping[str, MaterialTable]) -> list[str]:
-    """What the evidence has said of every free curve."""
+    """The knots and the smoothness of every free curve that their evidence selects."""
     return [f"material.{name}.{key}: knots and smoothness by their evidence; ln Z against the best number of knots: "
             + ", ".join(f"{n} {ln_z:+.1f}" for n, ln_z in curve.evidence.items()) + f"; smoothness {curve.strength:g}"
             + (" over the root of the plastic strain" if curve.over == ROOT and key.startswith("hardening") else "")

@@ -120,7 +120,7 @@ class _Alignment:
                 evidence = reselected(estimate, Evidence(self.rims, self.marked, surface))
                 self.rims, pose = evidence.rims, fitted_pose(estimate, evidence)
         except InputError as error:
-            raise self._here(error) from None
+            raise self._with_place(error) from None
         self._check(pose)
         names = tuple(f"{PLACEMENT_STEM}.{name}" for name in RIGID)
         prior = JointPrior(names, np.zeros(6), pose.covariance) if self.measured else None
@@ -133,19 +133,19 @@ class _Alignment:
         for k, hole in enumerate(eye.table.holes):
             key, centre = f"{eye.key}.alignment.holes[{k}]", as_points([hole.centre_mm])[0]
             normal = self._normal(centre[None], eye.surface, key, hole.radius_mm)
-            yield Rim(key, number, self._found(hole_contour, eye, hole.px, key), centre, normal, None, hole.radius_mm)
+            yield Rim(key, number, self._contour(hole_contour, eye, hole.px, key), centre, normal, None, hole.radius_mm)
         for k, edge in enumerate(eye.table.edges):
             key, ends = f"{eye.key}.alignment.edges[{k}]", as_points(edge.points_mm)
             normal = self._normal(ends, eye.surface, key)
             along = ends[1] - ends[0]
-            yield Rim(key, number, self._found(edge_contour, eye, edge.points_px, key), ends[0], normal,
+            yield Rim(key, number, self._contour(edge_contour, eye, edge.points_px, key), ends[0], normal,
                       along / np.linalg.norm(along))
 
-    def _found(self, seek, eye: Eye, px, key: str) -> Contour:
+    def _contour(self, seek, eye: Eye, px, key: str) -> Contour:
         try:
             return seek(np.asarray(eye.image, dtype=float), np.array(px))
         except InputError as error:
-            raise self._here(error, key) from None
+            raise self._with_place(error, key) from None
 
     def _normal(self, points: np.ndarray, surface: str | None, key: str, radius: float | None = None) -> np.ndarray:
         """Unit normal of the surface of the mesh around points, which lie on it  # (n, 3) mm -> (3,)"""
@@ -200,17 +200,17 @@ class _Alignment:
         return clicks
 
     # surface --------------------------------------------------------------------------------------
-    def _seen(self, cameras: Sequence[PlacedCamera], number: int) -> Seen:
+    def _view(self, cameras: Sequence[PlacedCamera], number: int) -> Seen:
         return Seen(cameras[number], self.eyes[number].image, self.eyes[number].surface)
 
     def _agreement(self, cameras: Sequence[PlacedCamera]) -> float:
-        correlation = speckle_agreement(self.mesh, self._seen(cameras, 0), self._seen(cameras, 1),
+        correlation = speckle_agreement(self.mesh, self._view(cameras, 0), self._view(cameras, 1),
                                         COARSE_PX).correlation
         return -1.0 if np.isnan(correlation) else correlation
 
     def _surface(self, cameras: Sequence[PlacedCamera], search: float) -> SurfacePoints:
         """Measured points of the first camera with every other one."""
-        pairs = [surface_points(self.mesh, self._seen(cameras, 0), self._seen(cameras, number), search)
+        pairs = [surface_points(self.mesh, self._view(cameras, 0), self._view(cameras, number), search)
                  for number in range(1, len(cameras))]
         rig, on_mesh, normals, mm_per_px, epipolar = (
             np.concatenate([getattr(pair, name) for pair in pairs])
@@ -280,6 +280,6 @@ class _Alignment:
                         for k, (name, std) in enumerate(zip(RIGID, pose.std, strict=True)))
         yield f"standard deviations of the placement{'' if self.measured else ' (roughly)'}, about the middle: {six}"
 
-    def _here(self, error: InputError, key: str | None = None) -> InputError:
+    def _with_place(self, error: InputError, key: str | None = None) -> InputError:
         return InputError(error.what, file=self.file, key=key or error.key or self.key, expected=error.expected,
                           found=error.found, remedy=error.remedy)

@@ -218,6 +218,6 @@ class SetupTable(Strict):
     machine: str | None = None
 
     @property
-    def stated(self) -> dict[str, str]:
+    def entries(self) -> dict[str, str]:
         """The given entries."""
         return {name: text for name in type(self).model_fields if (text := getattr(self, name))}

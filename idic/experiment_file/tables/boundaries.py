@@ -274,7 +274,7 @@ def _check_conflicts(motion: Motion, file) -> None:
     for entry in motion.prescribed:
         for node in motion.mesh.node_sets[entry.nodes]:
             first_entry = owner.setdefault((int(node), entry.component), entry)
-            if first_entry is not entry and not _same(first_entry.drive, entry.drive):
+            if first_entry is not entry and not _agree(first_entry.drive, entry.drive):
                 label = motion.mesh.node_labels[node]
                 raise InputError("a node is driven in two ways", file=file,
                                  key=f"boundary, nodes = {entry.nodes!r}, u{entry.component}",
@@ -283,7 +283,7 @@ def _check_conflicts(motion: Motion, file) -> None:
                                  remedy="remove the shared nodes from one of the sets, e.g. with a set by position")
 
 
-def _same(a: Drive, b: Drive) -> bool:
+def _agree(a: Drive, b: Drive) -> bool:
     if type(a) is not type(b) or corrections_of(a) or corrections_of(b):
         return False
     if isinstance(a, Column):

@@ -42,7 +42,7 @@ def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, pla
         if table.course in ("free", "jumps"):
             most = reach(table.kind, place.mesh, nodes, place.component)
             records += (_jumps(table, drive, most, table_key, context) if table.course == "jumps"
-                        else _free(table, drive, most, context))
+                        else _knot_corrections(table, drive, most, context))
             continue
         if table.kind == "slip":
             course, unit = _slip(table, drive, table_key, context), context.length_unit
@@ -58,7 +58,7 @@ def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, pla
     return tuple(records)
 
 
-def _free(table: CorrectionTable, drive: Column | Constant, most: float, context) -> list[Correction]:
+def _knot_corrections(table: CorrectionTable, drive: Column | Constant, most: float, context) -> list[Correction]:
     """One correction per knot of a course that the data give; most : largest value of the pattern."""
     sign, unit = _sign_and_unit(table, drive, context)
     return [Correction(table.kind, sign * course, unit, most, table.towards, frame, degree=table.degree)

@@ -171,12 +171,12 @@ def _scale(declared: LawParameter, value: float) -> float:
 
 
 # [[dof]] ------------------------------------------------------------------------------------------------
-def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, ...],
-            prescribed: tuple[Prescribed, ...],
-            thickness: float | None, times: np.ndarray | None, length_unit: str, image_shape,
-            materials: list[Parameter], file, cameras: tuple[FurtherCamera, ...] = (),
-            holes: tuple[Parameter, ...] = (), loads: tuple[Load, ...] = (),
-            calibrated: tuple[str, ...] = (), knots: Sequence[Parameter] = ()) -> list[Parameter]:
+def degrees_of_freedom(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, ...],
+                       prescribed: tuple[Prescribed, ...], thickness: float | None, times: np.ndarray | None,
+                       length_unit: str, image_shape, materials: list[Parameter], file,
+                       cameras: tuple[FurtherCamera, ...] = (), holes: tuple[Parameter, ...] = (),
+                       loads: tuple[Load, ...] = (), calibrated: tuple[str, ...] = (),
+                       knots: Sequence[Parameter] = ()) -> list[Parameter]:
     """The parameters of [[dof]] and those of drives, loads and camera motions.
 
     camera, image_shape : of the main camera; cameras : the further cameras; holes : parameters of `tables.geometry`;
