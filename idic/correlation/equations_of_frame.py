@@ -85,7 +85,7 @@ def frame_equations(context: CorrelationContext, response: FrameResponse,
 
 def turned_response(experiment: Experiment, response: FrameResponse) -> FrameResponse:
     """The motion in the axes of this camera."""
-    if not (experiment.axis_order or experiment.behind):
+    if not (experiment.axis_order or experiment.sees_back):
         return response
     return replace(response, u=experiment.turned(response.u), du=experiment.turned(response.du),
                    local_du=experiment.turned(response.local_du))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from idic.errors import InputError
-from idic.experiment_file.checks.images_at_rest import told_references
+from idic.experiment_file.checks.images_at_rest import with_notes_on_references
 from idic.experiment_file.checks.model import (check_materials, check_supported, check_times, check_visible,
                                                checked_heights)
 from idic.experiment_file.laws.composed_law import course_notes
@@ -127,10 +127,10 @@ class ExperimentTables:
         varied, of_varied = heterogeneities(self.config, mesh, scale.unit, self.file)
         parameters += of_varied
         camera, cameras = self._moving(scale.camera, cameras, lens, frames, context, known_times)
-        parameters += dofs.further(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
-                                   thickness, known_times, scale.unit, frames.shape, parameters, self.file,
-                                   cameras, geometry.parameters, tuple(motion.loads), lens.freed,
-                                   knots_of_temperature(self.config, context, self.file))
+        parameters += dofs.degrees_of_freedom(self.config, camera, tuple(motion.channels), tuple(motion.prescribed),
+                                              thickness, known_times, scale.unit, frames.shape, parameters, self.file,
+                                              cameras, geometry.parameters, tuple(motion.loads), lens.freed,
+                                              knots_of_temperature(self.config, context, self.file))
         camera, cameras = with_identified_motions(camera, cameras, self.config.camera, parameters)
         times = np.arange(frames.stack.n_frames, dtype=float) if known_times is None else known_times
         body = Body(mesh, table.kind, table.surface, scale, frames.shape, tuple(motion.prescribed), times)
@@ -163,12 +163,12 @@ class ExperimentTables:
             gauges=gauges(self.config, mesh, scale.unit, scale.camera, self.file))
         if self.original is not None:
             return self._on_images_of(self.original, experiment)
-        return checked_heights(told_references(with_stabilised_images(experiment), self.file), self.file)
+        return checked_heights(with_notes_on_references(with_stabilised_images(experiment), self.file), self.file)
 
     def _on_images_of(self, original: Experiment, experiment: Experiment) -> Experiment:
         """The edited experiment with the images that the original one compares; it is not stored under a name."""
-        cameras = tuple(replace(camera, stack=other.stack)
-                        for camera, other in zip(experiment.cameras, original.cameras, strict=True))
+        cameras = tuple(replace(camera, stack=original_camera.stack)
+                        for camera, original_camera in zip(experiment.cameras, original.cameras, strict=True))
         return replace(experiment, stack=original.stack, cameras=cameras, excluded=original.excluded, identity="")
 
     def _moving(self, camera: AnyCamera, cameras: tuple[FurtherCamera, ...], lens: Lenses, frames: Frames,
@@ -180,9 +180,10 @@ class ExperimentTables:
             tables[0] = tables[0].model_copy(update={"motion": None})
         rigid = next((table for table in tables if table.model == "pinhole"), None)
         compared = [k for k in range(frames.reference + 1, frames.stack.n_frames) if k not in frames.excluded]
-        moved = [moving_camera(seen, rigid if lens.cameras[i] is not None else tables[i], context, times, compared)
-                 for i, seen in enumerate([camera, *(other.camera for other in cameras)])]
-        return moved[0], tuple(replace(other, camera=own) for other, own in zip(cameras, moved[1:], strict=True))
+        moved = [moving_camera(still_camera, rigid if lens.cameras[i] is not None else tables[i], context, times,
+                               compared)
+                 for i, still_camera in enumerate([camera, *(view.camera for view in cameras)])]
+        return moved[0], tuple(replace(view, camera=moving) for view, moving in zip(cameras, moved[1:], strict=True))
 
     def noise(self, frames: Frames, mesh: Mesh, scale: Lengths) -> tuple[Noise, FieldPoints | None, tuple[str, ...]]:
         """Noise of the main camera, or of the measured fields; their points, weighed by it; and notes."""
@@ -207,7 +208,7 @@ class ExperimentTables:
         """Further data for the checks, the reports and the warm start."""
         return {"given": tuple(entry.name for entry in self.config.dof if entry.value is not None),
                 "mesh_unit_factor": scale.factor, "height_unit": self.config.experiment.height_unit,
-                "still_frames": frames.still, "still_stack": frames.still_stack, "setup": self.config.setup.stated,
+                "still_frames": frames.still, "still_stack": frames.still_stack, "setup": self.config.setup.entries,
                 "has_times": times is not None,
                 "interpolated_log": log is not None and log.is_interpolated,
                 "columns": () if log is None else tuple(log.names),
@@ -218,8 +219,8 @@ class ExperimentTables:
     def element_order(self, mesh: Mesh, camera: Camera, frames: Frames) -> tuple[Mesh, tuple[str, ...]]:
         """The mesh with the element order of the options, on the arcs of a drawing, and a note if the order was
         raised."""
-        wanted, n = self.config.options.element_order, mesh.n_nodes
-        if wanted == "as_given" or (wanted == "auto" and not is_raised_by_default(mesh)):
+        order, n = self.config.options.element_order, mesh.n_nodes
+        if order == "as_given" or (order == "auto" and not is_raised_by_default(mesh)):
             return mesh, (LINEAR_AS_GIVEN,) if is_raised_by_default(mesh) else ()
         if not can_raise_order(mesh):
             raise InputError("idic cannot raise the order of these elements", file=self.file,
@@ -237,16 +238,16 @@ class ExperimentTables:
                       'element_order = "as_given" under [options] keeps them linear',)
 
     def materials(self, mesh: Mesh) -> tuple[tuple[Material, ...], list[Parameter], Mesh, list[str]]:
-        made, parameters, notes = [], [], []
+        records, parameters, notes = [], [], []
         for name, table in self.config.material.items():
             mesh, note = with_element_set(mesh, name, len(self.config.material) == 1, self.file, f"material.{name}",
                                           self.config.sets)
-            record, own, more = dofs.material(name, table, self.file)
-            made.append(record)
-            parameters.extend(own)
+            record, constants, more = dofs.material(name, table, self.file)
+            records.append(record)
+            parameters.extend(constants)
             notes.extend(([note] if note else []) + more)
-        check_materials(mesh, [record.element_set for record in made], self.file)
-        return tuple(made), parameters, mesh, notes
+        check_materials(mesh, [record.element_set for record in records], self.file)
+        return tuple(records), parameters, mesh, notes
 
     def thickness(self, scale: Lengths, motion: boundary_tables.Motion) -> float | None:
         table = self.config.experiment
@@ -271,12 +272,13 @@ class ExperimentTables:
 
     def check_held(self, mesh: Mesh, prescribed: list[Prescribed]) -> None:
         """See `check_supported`; an edit that holds the body as before needs no check."""
-        held = {(entry.nodes, entry.component) for entry in prescribed}
-        if self.original is None or held != {(entry.nodes, entry.component) for entry in self.original.prescribed}:
+        components = {(entry.nodes, entry.component) for entry in prescribed}
+        if self.original is None or components != {(entry.nodes, entry.component)
+                                                   for entry in self.original.prescribed}:
             check_supported(mesh, prescribed, self.file)
 
     def stages(self, parameters: list[Parameter], times: np.ndarray | None) -> tuple[Stage, ...]:
-        names, free = {p.name for p in parameters}, [p.name for p in parameters if p.free]
+        names, free_names = {p.name for p in parameters}, [p.name for p in parameters if p.free]
         for number, stage in enumerate(self.config.stage):
             if stage.until_s is not None and times is None:
                 raise InputError("a stage in seconds on a test without times", file=self.file,
@@ -284,10 +286,10 @@ class ExperimentTables:
                                  expected="frame_interval_s or image_times in [experiment], or a column time_s in the "
                                  "log", remedy="give the times, or leave until_s out")
             for name in stage.free if isinstance(stage.free, list) else ():
-                if name not in free:
-                    what = "a locked parameter in a stage" if name in names else "an unknown parameter in a stage"
-                    raise InputError(what, file=self.file, key=f"stage[{number}].free",
-                                     expected=f"one of {', '.join(free) or '(none is free)'}", found=repr(name),
+                if name not in free_names:
+                    fault = "a locked parameter in a stage" if name in names else "an unknown parameter in a stage"
+                    raise InputError(fault, file=self.file, key=f"stage[{number}].free",
+                                     expected=f"one of {', '.join(free_names) or '(none is free)'}", found=repr(name),
                                      remedy="set identify = true where it is defined" if name in names
                                      else "correct the name")
         return tuple(Stage(stage.free if isinstance(stage.free, str) else tuple(stage.free), stage.max_iterations,
@@ -333,7 +335,7 @@ class ExperimentTables:
         if any(radius <= 0.0 for _, _, radius in circles):
             raise InputError("a circle without a size", file=self.file, key="options.left_out_px",
                              expected="[column, row, radius] with a radius above 0",
-                             found=str(next(list(one) for one in circles if one[2] <= 0.0)),
+                             found=str(next(list(circle) for circle in circles if circle[2] <= 0.0)),
                              remedy="correct the radius")
         return circles
 
@@ -349,13 +351,13 @@ class ExperimentTables:
         if any(c.kind == "reaction" for c in motion.channels) or motion.loads:
             return []
         stresses = [p for p in parameters if p.transform == "log" and p.unit in ("MPa", "GPa", "kPa", "Pa")]
-        fixed = ", ".join(p.name for p in stresses)
+        names = ", ".join(p.name for p in stresses)
         moduli = [p.name for p in stresses if p.free]
         if len(moduli) == 1 and len(stresses) == 1:
             return [f"no force is compared: {moduli[0]} cannot be identified"]
         if moduli:
             return [f"no force is compared: of {', '.join(moduli)} only ratios can be identified"]
-        return [f"no force is compared: the stresses follow from the fixed values of {fixed}; they are "
+        return [f"no force is compared: the stresses follow from the fixed values of {names}; they are "
                 "not measured, as images determine only ratios of stresses"] if stresses else []
 
 

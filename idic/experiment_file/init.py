@@ -46,17 +46,17 @@ def initial_experiment(folder: str | Path, area: Area | None = None) -> tuple[Pa
                          found="an experiment.toml", remedy="rename or delete that file first")
     files = files_in(folder)
     stages = [] if any(path.suffix.lower() in TIFF_SUFFIXES + PNG_SUFFIXES for path in files) else find_stages(files)
-    found = None if stages else look_around(folder, files, area)
-    text = fields_document(folder, stages, files) if found is None else _document(found)
+    contents = None if stages else look_around(folder, files, area)
+    text = fields_document(folder, stages, files) if contents is None else _document(contents)
     with target.open("x", encoding="utf-8") as stream:
         stream.write(text)
-    return target, [] if found is None else lines_of(found, text)
+    return target, [] if contents is None else lines_of(contents, text)
 
 
 # writing ------------------------------------------------------------------------------------------------
-def _document(found: Found) -> str:
-    sections = [_experiment(found), _camera(found), _materials(found), _sets_and_boundary(found), _channel(found),
-                _TAIL]
+def _document(contents: Found) -> str:
+    sections = [_experiment(contents), _camera(contents), _materials(contents), _sets_and_boundary(contents),
+                _channel(contents), _TAIL]
     return "\n".join(sections)
 
 
@@ -64,42 +64,43 @@ def _line(text: str, comment: str) -> str:
     return f"{text:<32} # {comment}"
 
 
-def _experiment(found: Found) -> str:
-    nx, ny = found.image_shape[1], found.image_shape[0]
-    lines = [f"# An idic experiment, written by idic init for {found.n_images} images of {nx} x {ny} px.",
+def _experiment(contents: Found) -> str:
+    nx, ny = contents.image_shape[1], contents.image_shape[0]
+    lines = [f"# An idic experiment, written by idic init for {contents.n_images} images of {nx} x {ny} px.",
              "# Fill in the values marked FILL IN, then run  idic check .", ""]
-    lines += [f"# {note}" for note in found.notes]
-    lines += ["[experiment]", f"title = {json.dumps(found.folder.resolve().name)}",
-              _line(f"images = {json.dumps(found.images)}", "in natural order; the reference comes first"),
-              *_log_lines(found), *_mesh_lines(found)]
-    mask = f"mask = {json.dumps(found.mask)}" if found.mask else '# mask = "mask.png"'
+    lines += [f"# {note}" for note in contents.notes]
+    lines += ["[experiment]", f"title = {json.dumps(contents.folder.resolve().name)}",
+              _line(f"images = {json.dumps(contents.images)}", "in natural order; the reference comes first"),
+              *_log_lines(contents), *_mesh_lines(contents)]
+    mask = f"mask = {json.dumps(contents.mask)}" if contents.mask else '# mask = "mask.png"'
     lines += [_line(mask, "white is correlated"),
               _line("# exclude_frames = [12]", "numbers in the file names, or indices from 0")]
     return "\n".join(lines) + "\n"
 
 
-def _log_lines(found: Found) -> list[str]:
-    if found.log is None:
+def _log_lines(contents: Found) -> list[str]:
+    if contents.log is None:
         return [_line('# loads = "loads.csv"', "one row per image, e.g. frame,time_s,force_N,grip_displacement_mm")]
-    lines = [_line(f"loads = {json.dumps(found.log_file)}", f"columns: {', '.join(found.log.names)}")]
-    if len(found.log.rows) != found.n_images:
-        lines += [f"# FILL IN: {len(found.log.rows)} rows for {found.n_images} images; give the times of the images:",
+    lines = [_line(f"loads = {json.dumps(contents.log_file)}", f"columns: {', '.join(contents.log.names)}")]
+    if len(contents.log.rows) != contents.n_images:
+        lines += [f"# FILL IN: {len(contents.log.rows)} rows for {contents.n_images} images; give the times of the "
+                  "images:",
                   _line("# frame_interval_s = 1.0", 'with first_frame_s; or image_times = "times.csv" (column time_s)')]
     return lines
 
 
-def _mesh_lines(found: Found) -> list[str]:
-    mesh = found.mesh
+def _mesh_lines(contents: Found) -> list[str]:
+    mesh = contents.mesh
     if mesh is None:
-        x0, y0, x1, y1, size = _guessed_roi(found)
-        holes = f", holes_px = {json.dumps(found.holes)}" if found.holes else ""
-        where = "the speckled area that was found" if found.outline else "a guess, also holes_px"
-        return [f"mesh = {{ roi_px = [{x0}, {y0}, {x1}, {y1}], element_px = {size}{holes} }}   # {where}",
+        x0, y0, x1, y1, size = _guessed_roi(contents)
+        holes = f", holes_px = {json.dumps(contents.holes)}" if contents.holes else ""
+        source = "the speckled area that was found" if contents.outline else "a guess, also holes_px"
+        return [f"mesh = {{ roi_px = [{x0}, {y0}, {x1}, {y1}], element_px = {size}{holes} }}   # {source}",
                 _line('kind = "plane_stress"', "plane_stress | plane_strain"),
                 _line("# thickness_mm = 1.0", "FILL IN if a force is compared")]
     extent = ", ".join(f"{axis} {a:g} … {b:g}"
                        for axis, a, b in zip("xyz", mesh.nodes.min(axis=0), mesh.nodes.max(axis=0), strict=False))
-    lines = [_line(f"mesh = {json.dumps(found.mesh_file)}",
+    lines = [_line(f"mesh = {json.dumps(contents.mesh_file)}",
                    f"{mesh.n_nodes} nodes, {mesh.n_elements} elements; {extent}"),
              _line(f"mesh_unit = {json.dumps(_guessed_unit(mesh))}", "m, mm, um, px …: check it against this extent")]
     if mesh.n_dim == 2:
@@ -116,23 +117,23 @@ def _guessed_unit(mesh: Mesh) -> str:
     return "m" if size < 0.5 else "mm"  # specimens are millimetres to decimetres long
 
 
-def _guessed_roi(found: Found) -> tuple[int, int, int, int, int]:
+def _guessed_roi(contents: Found) -> tuple[int, int, int, int, int]:
     """The rectangle around the speckled area, or the middle of the image, and the size of an element."""
-    ny, nx = found.image_shape
+    ny, nx = contents.image_shape
     x0, y0 = int(_ROI_MARGIN * nx), int(_ROI_MARGIN * ny)
     x1, y1 = nx - 1 - x0, ny - 1 - y0
-    if found.outline:
-        low, high = segments_of(found.outline).box()
+    if contents.outline:
+        low, high = segments_of(contents.outline).box()
         (x0, y0), (x1, y1) = np.ceil(low).astype(int).tolist(), np.floor(high).astype(int).tolist()
     return x0, y0, x1, y1, max(min(x1 - x0, y1 - y0) // _ELEMENTS_ACROSS, 1)
 
 
-def _camera(found: Found) -> str:
+def _camera(contents: Found) -> str:
     noise = _line("# noise_std_gv = 2.0", "of one image; else from still_frames, else from the residual")
-    if found.mesh is None:
+    if contents.mesh is None:
         return "\n".join(["[camera]", _line("# pixel_size_mm = 0.05",
                                             "FILL IN for lengths in mm and forces; else in px"), noise, ""])
-    fit = fitting_scale(found)
+    fit = fitting_scale(contents)
     size, origin = ("0.05", "[0.0, 0.0]") if fit is None else (f"{fit[0]:.4g}", f"[{fit[1][0]:.1f}, {fit[1][1]:.1f}]")
     as_found = "" if fit is None else "; this value covers the speckled area"
     return "\n".join([
@@ -142,9 +143,9 @@ def _camera(found: Found) -> str:
         _line('axes = ["+col", "-row"]', "directions of mesh x and y in the image"), noise, ""])
 
 
-def _materials(found: Found) -> str:
-    names = list(found.mesh.element_sets) if found.mesh is not None else []
-    covering = [name for name in names if len(found.mesh.element_sets[name]) == found.mesh.n_elements]
+def _materials(contents: Found) -> str:
+    names = list(contents.mesh.element_sets) if contents.mesh is not None else []
+    covering = [name for name in names if len(contents.mesh.element_sets[name]) == contents.mesh.n_elements]
     chosen = covering[:1] or names or ["SPECIMEN"]
     parts = []
     for name in chosen:
@@ -156,35 +157,35 @@ def _materials(found: Found) -> str:
     return "\n".join(parts)
 
 
-def _sets_and_boundary(found: Found) -> str:
-    if found.mesh is None:
+def _sets_and_boundary(contents: Found) -> str:
+    if contents.mesh is None:
         return "\n".join([_line("[[boundary]]",
                                 "the drive of the simulation: the measured motion of the edge of the ROI"),
                           'nodes = "OUTER"', 'u = "measured"', ""])
-    fixed, moving, component, lines = _ends(found)
-    column = _column(found.log, "mm", r"disp|grip|stroke|extension|position|cross")
-    others = [axis for axis in "xyz"[:found.mesh.n_dim] if axis != component]
-    lines += [f"# node sets of the mesh file: {', '.join(found.mesh.node_sets) or 'none'}",
-              _line("[[boundary]]", "the drives of the simulation"), f"nodes = {json.dumps(fixed)}"]
-    lines += [f"u{axis} = 0.0" for axis in (component, *others)] if column else ['u = "measured"']
-    lines += ["", "[[boundary]]", f"nodes = {json.dumps(moving)}"]
+    fixed_end, moving_end, component, lines = _ends(contents)
+    column = _column(contents.log, "mm", r"disp|grip|stroke|extension|position|cross")
+    other_axes = [axis for axis in "xyz"[:contents.mesh.n_dim] if axis != component]
+    lines += [f"# node sets of the mesh file: {', '.join(contents.mesh.node_sets) or 'none'}",
+              _line("[[boundary]]", "the drives of the simulation"), f"nodes = {json.dumps(fixed_end)}"]
+    lines += [f"u{axis} = 0.0" for axis in (component, *other_axes)] if column else ['u = "measured"']
+    lines += ["", "[[boundary]]", f"nodes = {json.dumps(moving_end)}"]
     if column:
-        lines += [f"u{component} = {{ column = {json.dumps(column)} }}", *(f"u{axis} = 0.0" for axis in others)]
+        lines += [f"u{component} = {{ column = {json.dumps(column)} }}", *(f"u{axis} = 0.0" for axis in other_axes)]
     else:
         lines += ['u = "measured"']
     return "\n".join(lines) + "\n"
 
 
-def _ends(found: Found) -> tuple[str, str, str, list[str]]:
+def _ends(contents: Found) -> tuple[str, str, str, list[str]]:
     """Names of the fixed and the moving end, the direction between them, and [sets] lines if the mesh names no ends."""
-    mesh = found.mesh
+    mesh = contents.mesh
     upper = {name.upper(): name for name in (*mesh.node_sets, *mesh.edge_sets)}
-    known = [(upper[a], upper[b]) for a, b in _ENDS if a in upper and b in upper and upper[a] in mesh.node_sets
-             and upper[b] in mesh.node_sets]
-    if known:
-        centre = {name: mesh.nodes[mesh.node_sets[name]].mean(axis=0) for pair in known for name in pair}
-        fixed, moving = max(known, key=lambda pair: np.linalg.norm(centre[pair[1]] - centre[pair[0]]))
-        return fixed, moving, "xyz"[int(np.argmax(np.abs(centre[moving] - centre[fixed])))], []
+    named_ends = [(upper[a], upper[b]) for a, b in _ENDS if a in upper and b in upper and upper[a] in mesh.node_sets
+                  and upper[b] in mesh.node_sets]
+    if named_ends:
+        centre = {name: mesh.nodes[mesh.node_sets[name]].mean(axis=0) for pair in named_ends for name in pair}
+        fixed_end, moving_end = max(named_ends, key=lambda pair: np.linalg.norm(centre[pair[1]] - centre[pair[0]]))
+        return fixed_end, moving_end, "xyz"[int(np.argmax(np.abs(centre[moving_end] - centre[fixed_end])))], []
     low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
     k = int(np.argmax(high - low))
     margin = 1e-6 * (high - low)[k]
@@ -196,8 +197,8 @@ def _ends(found: Found) -> tuple[str, str, str, list[str]]:
     return start, end, axis, lines
 
 
-def _free_name(name: str, taken) -> str:
-    return name if name not in taken else f"{name}_"
+def _free_name(name: str, names) -> str:
+    return name if name not in names else f"{name}_"
 
 
 def _column(log: Log | None, unit: str, pattern: str) -> str | None:
@@ -205,20 +206,20 @@ def _column(log: Log | None, unit: str, pattern: str) -> str | None:
     if log is None:
         return None
     powers = parse_unit(unit).powers
-    fitting = [name for name in log.names if (own := log.unit(name)) is not None
-               and parse_unit(own).powers == powers]
+    fitting = [name for name in log.names if (column_unit := log.unit(name)) is not None
+               and parse_unit(column_unit).powers == powers]
     return next((name for name in fitting if re.search(pattern, name, re.IGNORECASE)), fitting[0] if fitting else None)
 
 
-def _channel(found: Found) -> str:
-    column = _column(found.log, "N", r"force|load|kraft")
-    if found.mesh is None:
-        end, component = _pulled_side(found)
+def _channel(contents: Found) -> str:
+    column = _column(contents.log, "N", r"force|load|kraft")
+    if contents.mesh is None:
+        end, component = _pulled_side(contents)
     else:
-        _, end, component, _ = _ends(found)
+        _, end, component, _ = _ends(contents)
     simulated = f"simulated = {{ reaction = {json.dumps(end)}, component = \"{component}\" }}"
-    if found.mesh is None or column is None:
-        note = "" if found.mesh is not None else "   # the end that is pulled; all of OUTER adds up to zero"
+    if contents.mesh is None or column is None:
+        note = "" if contents.mesh is not None else "   # the end that is pulled; all of OUTER adds up to zero"
         return "\n".join([_line("# [[channel]]", "measured against simulated; needs the scale and the thickness"),
                           f"# column = {json.dumps(column or 'force_N')}", f"# {simulated}{note}", ""])
     return "\n".join([_line("[[channel]]", "measured against simulated; needs thickness_mm"),
@@ -227,9 +228,9 @@ def _channel(found: Found) -> str:
                       _line("# noise_std = 5.0", "in the unit of the column"), ""])
 
 
-def _pulled_side(found: Found) -> tuple[str, str]:
+def _pulled_side(contents: Found) -> tuple[str, str]:
     """A short side of the ROI in whose direction an axis points: x to the right, y down."""
-    x0, y0, x1, y1, _ = _guessed_roi(found)
+    x0, y0, x1, y1, _ = _guessed_roi(contents)
     return ("RIGHT", "x") if x1 - x0 >= y1 - y0 else ("BOTTOM", "y")
 
 

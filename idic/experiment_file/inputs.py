@@ -21,12 +21,12 @@ from idic.remote_files import ImageFacts, fetched_files
 class Inputs:
     """The files of an experiment.
 
-    folder : where all of them lie; whole : those that a worker reads
+    folder : where all of them lie; read_files : those whose content a worker needs
     images : of those whose pixels it does not read, as the RUN holds them, what their headers say
     """
 
     folder: Path
-    whole: tuple[Path, ...]
+    read_files: tuple[Path, ...]
     images: Mapping[Path, ImageFacts]
 
 
@@ -41,19 +41,21 @@ def inputs_of(path: str | Path, overrides: Mapping[str, Any]) -> Inputs:
     file = locate(path)
     raw = with_overrides(read_toml(file), overrides)
     read = ExperimentFolder(file, file.parent.resolve(), validated(raw, file), raw)
-    with fetched_files() as seen:
+    with fetched_files() as fetched:
         tables = read.tables()
         tables.experiment()
     frames = tables.recording.frames
     stack = frames.stack if frames.recorded is None else frames.recorded.stack
     recorded = [*(entry.path for entry in stack.entries), *camera_images(read.config, read.folder)]
-    images = {one: _facts(one) for one in dict.fromkeys(recorded) if _is_image(one) and str(one) not in seen}
+    images = {image: _facts(image) for image in dict.fromkeys(recorded)
+              if _is_image(image) and str(image) not in fetched}
     own_laws = laws_of_user(read.config.material)  # IDIC_LAWS names them on every worker
-    whole = [read.folder / file.name,
-             *(read.folder / one.relative_to(file.parent) for one in law_files(file) if _below(one, file)),
-             *(one for one in tables.recording.files if one not in own_laws), *read.still_files(frames),
-             *temperature_images(read.config, read.folder, file), *(one for one in recorded if one not in images)]
-    return Inputs(read.folder, tuple(dict.fromkeys(whole)), images)
+    read_files = [read.folder / file.name,
+                  *(read.folder / law.relative_to(file.parent) for law in law_files(file) if _below(law, file)),
+                  *(source for source in tables.recording.files if source not in own_laws), *read.still_files(frames),
+                  *temperature_images(read.config, read.folder, file),
+                  *(image for image in recorded if image not in images)]
+    return Inputs(read.folder, tuple(dict.fromkeys(read_files)), images)
 
 
 def _below(path: Path, file: Path) -> bool:
@@ -69,5 +71,6 @@ def _is_image(path: Path) -> bool:
 
 
 def _facts(path: Path) -> ImageFacts:
-    entries = tuple((one.page, one.shape, one.dtype, one.label, one.orientation) for one in image_entries(path))
+    entries = tuple((entry.page, entry.shape, entry.dtype, entry.label, entry.orientation)
+                    for entry in image_entries(path))
     return ImageFacts(*ends_of(path), entries)

@@ -53,8 +53,8 @@ def read_experiment(path: str | Path, overrides: Mapping[str, Any] | None = None
     """
     file = locate(path)
     raw = with_overrides(read_toml(file), overrides)
-    given = file, file.parent.resolve(), validated(raw, file), raw
-    return (ExperimentFolder(*given) if stack is None else _RenderedFolder(*given, stack)).tables()
+    arguments = file, file.parent.resolve(), validated(raw, file), raw
+    return (ExperimentFolder(*arguments) if stack is None else _RenderedFolder(*arguments, stack)).tables()
 
 
 @dataclass(frozen=True)

@@ -46,13 +46,13 @@ def from_objects(tables: Mapping, objects: Objects, folder: Path) -> Experiment:
 
 def further_files(tables: Mapping, objects: Objects, folder: Path) -> list[Path]:
     """The files in `folder` that the tables name besides the objects."""
-    given = _folder(tables, objects, folder)
-    table, still = given.config.experiment, []
+    source = _folder(tables, objects, folder)
+    table, still = source.config.experiment, []
     if isinstance(table.still_frames, str):
         still = matching_files(folder, [table.still_frames], file=ORIGIN, key="experiment.still_frames")
     times = [folder / table.image_times] if table.image_times is not None else []
-    return [*still, *times, *camera_files(given.config, folder), *camera_images(given.config, folder),
-            *solver_files(given.config.solver, folder), *temperature_images(given.config, folder, ORIGIN)]
+    return [*still, *times, *camera_files(source.config, folder), *camera_images(source.config, folder),
+            *solver_files(source.config.solver, folder), *temperature_images(source.config, folder, ORIGIN)]
 
 
 def _folder(tables: Mapping, objects: Objects, folder: Path) -> _ObjectFolder:

@@ -38,12 +38,12 @@ _HASHED_AT_EACH_END = 1 << 16  # bytes of an image; whole ones are hashed at ing
 class Recorded:
     """All stages of measured fields of which some are compared.
 
-    counted : numbers of those that may be compared, from the reference on; kept : of those that are
+    counted : numbers of those that may be compared, from the reference on; compared : of those that are
     """
 
     stack: FieldStack
     counted: tuple[int, ...]
-    kept: tuple[int, ...]
+    compared: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -139,10 +139,10 @@ class RecordedFolder:
         self._check_complete(stack.labels)
         notes = stack.notes()
 
-        def indices(wanted, key):
-            found, note = frame_indices(wanted, stack.labels, file=file, key=f"experiment.{key}")
+        def indices(entries, key):
+            numbers, note = frame_indices(entries, stack.labels, file=file, key=f"experiment.{key}")
             notes.extend([note] if note else [])
-            return found
+            return numbers
 
         averaged = indices(table.reference, "reference") if table.reference is not None else (0,)
         reference = max(averaged)
@@ -182,10 +182,10 @@ class RecordedFolder:
         labels, notes = series.labels, []
         self._check_complete(labels)
 
-        def indices(wanted, key):
-            found, note = frame_indices(wanted, labels, file=file, key=f"experiment.{key}")
+        def indices(entries, key):
+            numbers, note = frame_indices(entries, labels, file=file, key=f"experiment.{key}")
             notes.extend([note] if note else [])
-            return found
+            return numbers
 
         averaged = indices(table.reference, "reference") if table.reference is not None else (0,)
         excluded = indices(table.exclude_frames, "exclude_frames")
@@ -201,15 +201,16 @@ class RecordedFolder:
                              remedy="check the pattern, reference and exclude_frames")
         stack, recorded = stack_of(series, averaged, table), None
         if table.stages is not None:
-            kept, note = kept_stages(table.stages, stack, averaged, excluded)
-            recorded = Recorded(stack, (reference, *later), kept)
-            stack = FieldStack(series.only(kept), stack.points, stack.n_components, stack.flattening)
-            labels = tuple(labels[k] for k in kept)
-            reference, averaged = kept.index(reference), tuple(kept.index(k) for k in averaged)
-            later, excluded = list(range(reference + 1, len(kept))), ()
+            compared, note = kept_stages(table.stages, stack, averaged, excluded)
+            recorded = Recorded(stack, (reference, *later), compared)
+            stack = FieldStack(series.only(compared), stack.points, stack.n_components, stack.flattening)
+            labels = tuple(labels[k] for k in compared)
+            reference, averaged = compared.index(reference), tuple(compared.index(k) for k in averaged)
+            later, excluded = list(range(reference + 1, len(compared))), ()
             notes.append(note)
-        free = rigid_is_free(self.config, file)
-        grid = grid_of(stack.points, table.fields_subset_mm or 0.0, free, depth_of(self.config, stack.points, free))
+        with_rigid_motion = rigid_is_free(self.config, file)
+        grid = grid_of(stack.points, table.fields_subset_mm or 0.0, with_rigid_motion,
+                       depth_of(self.config, stack.points, with_rigid_motion))
         notes += field_notes(stack, grid, later, table.thickness_mm)
         return Frames(stack, labels, frame_numbers(labels), reference, excluded, (), None, None, tuple(notes),
                       averaged if len(averaged) > 1 else (), grid, recorded)
@@ -261,8 +262,8 @@ class RecordedFolder:
         """The log with one row per frame."""
         name = self.config.experiment.loads
         if name is None and isinstance(frames.stack, FieldStack):
-            own = frames.stack.series.log()
-            return None if own is None else match(own, frames.stack.n_frames, None, None)
+            series_log = frames.stack.series.log()
+            return None if series_log is None else match(series_log, frames.stack.n_frames, None, None)
         if name is None:
             return None
         if frames.recorded is not None:
@@ -271,8 +272,8 @@ class RecordedFolder:
             times = self.image_times(len(labels))
             if times is None and len(log.rows) != len(labels):
                 times = stage_times(frames.recorded.stack)
-            whole = match(log, len(labels), frame_numbers(labels), times)
-            return whole.of_frames(frames.recorded.kept)
+            stage_log = match(log, len(labels), frame_numbers(labels), times)
+            return stage_log.of_frames(frames.recorded.compared)
         log, times = self.recorded_log(name), self.image_times(frames.stack.n_frames)
         if times is None and isinstance(frames.stack, FieldStack) and len(log.rows) != frames.stack.n_frames:
             times = stage_times(frames.stack)
@@ -288,7 +289,7 @@ class RecordedFolder:
         if frames.recorded is None:
             return self.image_times(frames.stack.n_frames)
         times = self.image_times(frames.recorded.stack.n_frames)
-        return None if times is None else times[list(frames.recorded.kept)]
+        return None if times is None else times[list(frames.recorded.compared)]
 
     def _check_complete(self, labels: tuple[str, ...]) -> None:
         """Refuse times by an interval where an image in between is missing."""
@@ -318,18 +319,18 @@ class RecordedFolder:
     def small_files(self) -> list[Path]:
         """All input files except the images."""
         table = self.config.experiment
-        own = [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
-               if name is not None]
-        return [*own, *camera_files(self.config, self.folder), *solver_files(self.config.solver, self.folder),
+        files = [self.folder / name for name in (table.loads, table.mesh.file, table.mask, table.image_times)
+                 if name is not None]
+        return [*files, *camera_files(self.config, self.folder), *solver_files(self.config.solver, self.folder),
                 *laws_of_user(self.config.material)]
 
     def still_files(self, frames: Frames) -> list[Path]:
         """Separate images of the specimen at rest, of all cameras."""
-        own = () if frames.still_stack is None else frames.still_stack.entries
+        entries = () if frames.still_stack is None else frames.still_stack.entries
         patterns = [table.still_frames for table in self.config.further_cameras if table.still_frames is not None]
-        further = [path for one in patterns
-                   for path in matching_files(self.folder, [one], file=self.file, key="camera")]
-        return list(dict.fromkeys([*(entry.path for entry in own), *further]))
+        further_images = [path for pattern in patterns
+                          for path in matching_files(self.folder, [pattern], file=self.file, key="camera")]
+        return list(dict.fromkeys([*(entry.path for entry in entries), *further_images]))
 
     def identity(self, frames: Frames) -> str:
         """The fingerprint of tables, files and images."""
@@ -341,18 +342,18 @@ class RecordedFolder:
 
 def laws_of_user(materials: Mapping[str, MaterialTable]) -> list[Path]:
     """The Python files that the laws of the materials come from; none for laws of this package."""
-    found = [source_of(table.law) for table in materials.values()]
-    return list(dict.fromkeys(path for path in found if path is not None))
+    sources = [source_of(table.law) for table in materials.values()]
+    return list(dict.fromkeys(path for path in sources if path is not None))
 
 
 def outside_law_files(materials: Mapping[str, MaterialTable]) -> list[str]:
     """What laws of the user are made of beside their files: helpers and tables of theirs, or all of a typed law."""
-    laws, found = all_laws(), []
+    laws, texts = all_laws(), []
     for name in sorted({table.law for table in materials.values()} & set(laws)):
         for update in laws[name].updates.values():
             if not update.__module__.startswith("idic."):
-                found.append(code_of(update) if source_of(name) is None else outside_values(update))
-    return [text for text in found if text]
+                texts.append(code_of(update) if source_of(name) is None else outside_values(update))
+    return [text for text in texts if text]
 
 
 def stage_times(stack: FieldStack) -> np.ndarray | None:

@@ -70,9 +70,9 @@ def with_law_files(tables: dict, folder: Path, path: Path) -> dict:
     materials = tables.get("material")
     if not isinstance(materials, dict):
         return tables
-    made = {}
+    law_tables = {}
     for name, table in materials.items():
-        made[name] = table
+        law_tables[name] = table
         if not isinstance(table, dict) or "from" not in table:
             continue
         key, source = f"material.{name}.from", folder / str(table["from"])
@@ -86,8 +86,8 @@ def with_law_files(tables: dict, folder: Path, path: Path) -> dict:
             raise InputError("not a law file", file=source, key="law", expected='law = "...", and its parameters',
                              found=", ".join(law) or "nothing",
                              remedy="name a file that  idic laws --export RUN  wrote")
-        made[name] = law | {own: value for own, value in table.items() if own != "from"}
-    return tables | {"material": made}
+        law_tables[name] = law | {parameter: value for parameter, value in table.items() if parameter != "from"}
+    return tables | {"material": law_tables}
 
 
 def law_files(path: Path) -> list[Path]:
@@ -144,9 +144,9 @@ def with_overrides(raw: Mapping, overrides: Mapping[str, Any] | None) -> dict:
     edited = copy.deepcopy(with_flat_terms(raw, EXPERIMENT_FILE))
     for key, value in (overrides or {}).items():
         check_values(key, "--set")
-        given = _toml_value(value)
-        check_values(given, "--set", (key,))
-        _override(edited, key, copy.deepcopy(given))  # a later key may edit the value of an earlier one
+        setting = _toml_value(value)
+        check_values(setting, "--set", (key,))
+        _override(edited, key, copy.deepcopy(setting))  # a later key may edit the value of an earlier one
     return edited
 
 
@@ -171,19 +171,19 @@ def to_toml(tables: Mapping) -> str:
 
 def _short_lists_folded(lines: list[str]) -> list[str]:
     """The lines of tomli-w (one list entry per line) with short lists folded into one line."""
-    made: list[str] = []
+    folded_lines: list[str] = []
     starts: list[int] = []
     for line in lines:
-        made.append(line)
+        folded_lines.append(line)
         if line.endswith("["):
-            starts.append(len(made) - 1)
+            starts.append(len(folded_lines) - 1)
         elif line.strip() in ("]", "],") and starts:
             start = starts.pop()
-            inside = " ".join(entry.strip() for entry in made[start + 1 : -1]).rstrip(",")
-            folded = made[start] + inside + line.strip()
+            inside = " ".join(entry.strip() for entry in folded_lines[start + 1 : -1]).rstrip(",")
+            folded = folded_lines[start] + inside + line.strip()
             if len(folded) <= _MAX_LINE:
-                made[start:] = [folded]
-    return made
+                folded_lines[start:] = [folded]
+    return folded_lines
 
 
 # overrides --------------------------------------------------------------------------------------------
@@ -213,17 +213,17 @@ def _override(raw: dict, key: str, value: object) -> None:
     place: object = raw
     for part in parts[:-1]:
         place = _step_into(place, part, key)
-    last = parts[-1]
+    leaf = parts[-1]
     if isinstance(place, list):
-        place[_index(place, last, key)] = value
+        place[_index(place, leaf, key)] = value
     elif isinstance(place, dict):
-        old = place.get(last)
-        if isinstance(old, dict) and not isinstance(value, dict) and "value" in old:
-            old["value"] = value
+        entry_value = place.get(leaf)
+        if isinstance(entry_value, dict) and not isinstance(value, dict) and "value" in entry_value:
+            entry_value["value"] = value
         else:
-            place[last] = value
+            place[leaf] = value
     else:
-        _nothing_below(key, last)
+        _nothing_below(key, leaf)
 
 
 def _step_into(place: Any, part: str, key: str) -> Any:

@@ -85,8 +85,8 @@ class ExternalForward:
             If the program crashed, took too long, or gave unusable output.
         """
         at = self.experiment.at_geometry(parameters)
-        wanted = replace(self._wanted, motions=self.motions(parameters, local))
-        solver, texts = ExternalSolver(self.setup, wanted), self._tables(parameters, local)
+        request = replace(self._request, motions=self.motions(parameters, local))
+        solver, texts = ExternalSolver(self.setup, request), self._tables(parameters, local)
         if self.setup.mesh_file is not None:
             texts[self.setup.mesh_file] = inp_text(at.mesh, "idic", self.setup.element_types)
         if self.scratch is not None:
@@ -115,16 +115,16 @@ class ExternalForward:
         perturbed = []
         for name in names:
             change = parameters[name].perturbation(self.experiment.options.perturbation)
-            there = parameters.with_values({name: parameters[name].value + change})
-            perturbed.append((self.respond(there, local), change))
+            perturbed_parameters = parameters.with_values({name: parameters[name].value + change})
+            perturbed.append((self.respond(perturbed_parameters, local), change))
         shifts = enumerate(self.local_changes()) if influence else ()
-        own = [(self.respond(parameters, self.shifted(local, i)), change) for i, change in shifts]
+        local_runs = [(self.respond(parameters, self.shifted(local, i)), change) for i, change in shifts]
         du, dchannels = self._quotients(u, channels, perturbed)
-        local_du, local_dchannels = self._quotients(u, channels, own)
-        taken = StepList(tuple(float(t) for t in self.experiment.times[self.experiment.reference:]))
-        for k, time in enumerate(taken.times):
+        local_du, local_dchannels = self._quotients(u, channels, local_runs)
+        step_list = StepList(tuple(float(t) for t in self.experiment.times[self.experiment.reference:]))
+        for k, time in enumerate(step_list.times):
             yield FrameState(k, time, u[k], channels[k], du[k], dchannels[k], local_du[k], local_dchannels[k], 0, (),
-                             taken)
+                             step_list)
 
     def shifted(self, local: np.ndarray | None, index: int) -> np.ndarray:
         """Frame-local values with one of them shifted in all frames  # (n_frames, n_local)"""
@@ -137,11 +137,11 @@ class ExternalForward:
         """(n_frames, n_nodes, dim, n), (n_frames, n_channels, n)"""
         if not runs:
             return np.zeros((*u.shape, 0)), np.zeros((*channels.shape, 0))
-        return (np.stack([(other[0] - u) / change for other, change in runs], axis=-1),
-                np.stack([(other[1] - channels) / change for other, change in runs], axis=-1))
+        return (np.stack([(run[0] - u) / change for run, change in runs], axis=-1),
+                np.stack([(run[1] - channels) / change for run, change in runs], axis=-1))
 
     @cached_property
-    def _wanted(self) -> Wanted:
+    def _request(self) -> Wanted:
         experiment = self.experiment
         mesh, reactions = experiment.mesh, [c for c in experiment.channels if c.kind == "reaction"]
         return Wanted(np.asarray(mesh.node_labels), experiment.n_dim, self._clock()[1:],

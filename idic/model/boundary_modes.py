@@ -90,11 +90,11 @@ def edge_pieces(mesh: Mesh, nodes: np.ndarray) -> list[Piece]:
     if mesh.n_dim != 2:
         return []
     place = {int(node): i for i, node in enumerate(nodes)}
-    pieces, found = [], 0
+    pieces, n_covered = [], 0
     for loop in boundary_edges(mesh):
         path = [int(node) for face in loop for node in start_and_middle(mesh.face_nodes(face))]
         inside = np.array([node in place for node in path])
-        found += int(inside.sum())
+        n_covered += int(inside.sum())
         if inside.all():
             pieces.append(_closed_piece(mesh, place, path))
             continue
@@ -104,7 +104,7 @@ def edge_pieces(mesh: Mesh, nodes: np.ndarray) -> list[Piece]:
             while inside[(first + len(run)) % len(path)]:
                 run.append(path[(first + len(run)) % len(path)])
             pieces.append(_open_piece(mesh, place, run))
-    return pieces if found == len(nodes) else []
+    return pieces if n_covered == len(nodes) else []
 
 
 def start_and_middle(face_nodes: np.ndarray) -> list[int]:
@@ -194,11 +194,11 @@ def _piece_splines(piece: Piece, ends: list[float], share: list[int], degree: in
         return _periodic(along, piece.length, inner, degree)
     repeats = np.where(np.isin(inner, ends), degree, 1)
     knots = np.concatenate([[0.0], np.repeat(inner, repeats), np.full(degree + 1, piece.length)])
-    made = scipy.interpolate.BSpline.design_matrix(along, knots, degree).toarray()
+    splines = scipy.interpolate.BSpline.design_matrix(along, knots, degree).toarray()
     if piece.closed:  # the last function is the first one, seen from the other side of the corner
-        made[:, 0] += made[:, -1]
-        made = made[:, :-1]
-    return made
+        splines[:, 0] += splines[:, -1]
+        splines = splines[:, :-1]
+    return splines
 
 
 def _periodic(along: np.ndarray, length: float, inner: np.ndarray, degree: int) -> np.ndarray:
@@ -208,10 +208,10 @@ def _periodic(along: np.ndarray, length: float, inner: np.ndarray, degree: int) 
     knots = np.sort((inner[None, :] + length * turns[:, None]).ravel())
     first = np.searchsorted(knots, -1e-12 * length)
     knots = knots[first - degree:first + m + degree + 1]
-    made = scipy.interpolate.BSpline.design_matrix(along, knots, degree).toarray()  # (n, m + degree)
-    wrapped = made[:, :m].copy()
-    for k in range(m, made.shape[1]):
-        wrapped[:, k % m] += made[:, k]
+    splines = scipy.interpolate.BSpline.design_matrix(along, knots, degree).toarray()  # (n, m + degree)
+    wrapped = splines[:, :m].copy()
+    for k in range(m, splines.shape[1]):
+        wrapped[:, k % m] += splines[:, k]
     return wrapped
 
 

@@ -92,14 +92,14 @@ def slip_course(times: np.ndarray, start: float, shape: str, motion: np.ndarray)
 
     shape : "ramp" grows evenly in time, "jump" is there at once, "travel" grows with the way that the log covers.
     """
-    after = times > start
+    is_slipping = times > start
     if shape == "jump":
-        return after.astype(float)
+        return is_slipping.astype(float)
     if shape == "ramp":
-        return np.where(after, times - start, 0.0) / max(float(times[-1] - start), 1e-300)
+        return np.where(is_slipping, times - start, 0.0) / max(float(times[-1] - start), 1e-300)
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(motion)))])
-    gone = np.maximum(way - np.interp(start, times, way), 0.0)
-    return gone / max(float(gone[-1]), 1e-300)
+    distance = np.maximum(way - np.interp(start, times, way), 0.0)
+    return distance / max(float(distance[-1]), 1e-300)
 
 
 def end_sign(drive: Column) -> float:

@@ -90,16 +90,17 @@ def boundary_parameters(prescribed: tuple[Prescribed, ...], pixel_size: float,
 
     pixel_size : mm per px, for their scale; length_unit : "px" where no scale is known
     """
-    made = []
+    parameters = []
     for entry in prescribed:
         stem = f"boundary.{entry.nodes}.{entry.component}"
         if isinstance(entry.drive, Column) and entry.drive.identify_offset:
-            made.append(Parameter(f"{stem}.offset", 0.0, length_unit, True, scale=10.0 * pixel_size))
-        made.extend(correction_parameter(stem, correction, pixel_size) for correction in corrections_of(entry.drive))
+            parameters.append(Parameter(f"{stem}.offset", 0.0, length_unit, True, scale=10.0 * pixel_size))
+        parameters.extend(correction_parameter(stem, correction, pixel_size)
+                          for correction in corrections_of(entry.drive))
         if isinstance(entry.drive, Parametrised):
-            made.extend(Parameter(name, 0.0, length_unit, True, scale=10.0 * pixel_size)
-                        for name in mode_names(entry))
-    return tuple(made)
+            parameters.extend(Parameter(name, 0.0, length_unit, True, scale=10.0 * pixel_size)
+                              for name in mode_names(entry))
+    return tuple(parameters)
 
 
 def mode_names(entry: Prescribed) -> list[str]:
@@ -140,7 +141,7 @@ def set_nodes(experiment: Experiment, name: str) -> np.ndarray:
 def is_stereo(experiment: Experiment) -> bool:
     """Whether two cameras with a lens see the specimen."""
     return sum(isinstance(camera, PlacedCamera) for camera in
-               (experiment.camera, *(further.camera for further in experiment.cameras))) > 1
+               (experiment.camera, *(view.camera for view in experiment.cameras))) > 1
 
 
 def sees_space(experiment: Experiment) -> bool:
@@ -179,7 +180,7 @@ class _Builder:
         if isinstance(drive, Measured):
             nodes = self._measurable(stem, nodes, component)
         dofs = nodes * self.experiment.n_dim + component
-        rows, taken = self._claim(dofs, stem, drive)
+        rows, positions = self._claim(dofs, stem, drive)
         if isinstance(drive, Constant):
             if drive.value:
                 index = self._drive(stem, np.full(self.frames, drive.value))
@@ -187,12 +188,12 @@ class _Builder:
         elif isinstance(drive, Column):
             self._add_column(stem, rows, drive)
         elif isinstance(drive, Measured):
-            self._add_measured(stem, rows, nodes[taken], drive)
+            self._add_measured(stem, rows, nodes[positions], drive)
         elif isinstance(drive, Controlled):
             self.controlled = self._drive(stem, np.zeros(self.frames))
             self._pattern(rows, self.controlled, np.ones(len(rows)))
         else:
-            self._add_parametrised(stem, rows, taken, nodes, drive)
+            self._add_parametrised(stem, rows, positions, nodes, drive)
 
     def correct(self, prescribed: Prescribed) -> None:
         """Drives for the corrections of an entry, once it is known which degrees of freedom are held."""
@@ -213,7 +214,7 @@ class _Builder:
 
     def _claim(self, dofs, stem, drive):
         """Rows of the degrees of freedom without a drive; a shared corner node keeps its first drive."""
-        rows, taken = [], []
+        rows, positions = [], []
         for position, dof in enumerate(dofs):
             dof = int(dof)
             kind = f"{type(drive).__name__}"
@@ -228,8 +229,8 @@ class _Builder:
             self.dof_index[dof] = len(self.dof_index)
             self.owner[dof] = kind
             rows.append(self.dof_index[dof])
-            taken.append(position)
-        return np.array(rows, dtype=int), np.array(taken, dtype=int)
+            positions.append(position)
+        return np.array(rows, dtype=int), np.array(positions, dtype=int)
 
     def _drive(self, name, history) -> int:
         self.names.append(name)
@@ -270,9 +271,9 @@ class _Builder:
                              expected="one [[boundary]] for the visible and the hidden nodes of an edge",
                              found=f"{len(nodes)} nodes whose visible neighbours an earlier [[boundary]] measures",
                              remedy="measure both in one set")
-        own = np.unique(leaders)
+        unique_leaders = np.unique(leaders)
         weights = np.eye(len(nodes)) if mesh.n_dim == 2 else followed(mesh.nodes[nodes], leaders)[0]
-        for leader, weight in zip(own, weights.T, strict=True):
+        for leader, weight in zip(unique_leaders, weights.T, strict=True):
             index = self._drive(f"{stem}.node{mesh.node_labels[nodes[leader]]}", np.zeros(self.frames))
             moved = np.flatnonzero(weight)
             self._pattern(rows[moved], index, weight[moved])
@@ -281,8 +282,8 @@ class _Builder:
         pixel = pixel_size(self.experiment) / (1.0 if self.experiment.points is None else PX_PER_POINT)
         std = drive.smoothing * MEASURED_ROUGHNESS_PX * pixel
         second = (second_differences(mesh, nodes) if mesh.n_dim == 2 else
-                  rim_second_differences(mesh, surface, nodes[own]))
-        self.precisions.append((second.T @ second + 1e-10 * np.eye(len(own))) / std**2)
+                  rim_second_differences(mesh, surface, nodes[unique_leaders]))
+        self.precisions.append((second.T @ second + 1e-10 * np.eye(len(unique_leaders))) / std**2)
 
     def _measurable(self, stem: str, nodes: np.ndarray, component: int) -> np.ndarray:
         """The nodes of a set whose motion the images tell: all of a plane mesh. Of a solid, hidden nodes move with the
@@ -315,12 +316,12 @@ class _Builder:
                              found=f"{len(inside)} of {len(nodes)} nodes inside, first {mesh.node_labels[inside[0]]}",
                              remedy="narrow the set to the nodes of the edge")
 
-    def _add_parametrised(self, stem, rows, taken, nodes, drive: Parametrised) -> None:
-        """nodes : all of the set; taken : the places of those that no earlier entry moves."""
+    def _add_parametrised(self, stem, rows, positions, nodes, drive: Parametrised) -> None:
+        """nodes : all of the set; positions : the places of those that no earlier entry moves."""
         shapes, courses = mode_shapes(self.experiment, nodes, drive, stem)
         for i in range(drive.modes):
             index = self._drive(f"{stem}.s{i}", np.zeros(self.frames))
-            self._pattern(rows, index, shapes[taken, i])
+            self._pattern(rows, index, shapes[positions, i])
             for j in range(drive.time_modes):
                 self._derivative(f"{stem}.s{i}t{j}", index, courses[:, j])
 
@@ -359,10 +360,10 @@ def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
     place, rows = {int(node): i for i, node in enumerate(nodes)}, []
     for loop in boundary_edges(mesh):
         path = [int(node) for face in loop for node in start_and_middle(mesh.face_nodes(face))]
-        for before, here, after in zip(path, path[1:] + path[:1], path[2:] + path[:2], strict=True):
-            if not {before, here, after} <= place.keys():
+        for start, middle, end in zip(path, path[1:] + path[:1], path[2:] + path[:2], strict=True):
+            if not {start, middle, end} <= place.keys():
                 continue
-            row = second_difference(mesh.nodes, place, before, here, after)
+            row = second_difference(mesh.nodes, place, start, middle, end)
             if row is not None:
                 rows.append(row)
     return np.array(rows).reshape(-1, len(nodes))
@@ -370,9 +371,9 @@ def second_differences(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
 
 def _block_diagonal(blocks: list[np.ndarray]) -> np.ndarray:
     size = sum(len(block) for block in blocks)
-    whole = np.zeros((size, size))
+    matrix = np.zeros((size, size))
     first = 0
     for block in blocks:
-        whole[first:first + len(block), first:first + len(block)] = block
+        matrix[first:first + len(block), first:first + len(block)] = block
         first += len(block)
-    return whole
+    return matrix

@@ -278,7 +278,7 @@ class CorrelatedNoise:
     source: str = ""
 
     @property
-    def beside(self) -> float:
+    def neighbour_correlation(self) -> float:
         """Correlation of pixels beside each other, the mean of rows and columns."""
         middle = len(self.correlation) // 2
         return 0.5 * (self.correlation[middle][middle + 1] + self.correlation[middle + 1][middle])
@@ -316,14 +316,14 @@ class Depth:
 
     weight : of its rows: noise of a component in the plane over its own, as sums over many points have it;
     noise_gain : variance of a weighted row over that of a row in the plane; std_um : noise of a point;
-    free : an offset and two tilts of every frame are unknown; side : of a sheet, +1 where the side is seen to which the
-    normal points, -1 the other one; its bending in every frame, a polynomial of the third degree, is unknown
+    rigid_motion : an offset and two tilts of every frame are unknown; side : of a sheet, +1 where the side is seen to
+    which the normal points, -1 the other one; its bending in every frame, a polynomial of the third degree, is unknown
     """
 
     weight: float = 1.0
     noise_gain: float = 1.0
     std_um: float = 0.0
-    free: bool = False
+    rigid_motion: bool = False
     side: int = 0
 
 
@@ -456,7 +456,7 @@ class Experiment:
     camera_name: str = "camera"  # of the main camera, by which frames are named
     cameras: tuple[FurtherCamera, ...] = ()
     axis_order: tuple[int, ...] = ()  # of the view of a further camera: its mesh axes in terms of the simulation's
-    behind: bool = False  # of the view of a further camera: it sees the other side of a sheet than `surface_side` says
+    sees_back: bool = False  # of the view of a further camera: it sees the other side of a sheet than `surface_side`
     heterogeneities: tuple[Heterogeneity, ...] = ()
     solver: ExternalSetup | None = None  # a program that simulates in place of the built-in one
     morphs: tuple[Morph, ...] = ()  # geometric degrees of freedom of the mesh: `at_geometry`
@@ -490,15 +490,15 @@ class Experiment:
         """
         return (self, *(self._seen_by(camera) for camera in self.cameras))
 
-    def _seen_by(self, further: FurtherCamera) -> Experiment:
+    def _seen_by(self, entry: FurtherCamera) -> Experiment:
         mesh = self.mesh
-        if further.axis_order:
-            mesh = replace(mesh, nodes=mesh.nodes[:, list(further.axis_order)])
+        if entry.axis_order:
+            mesh = replace(mesh, nodes=mesh.nodes[:, list(entry.axis_order)])
         extras = {key: value for key, value in self.extras.items() if key != "still_stack"}  # of the main camera
-        behind = isinstance(further.camera, PlacedCamera) and further.camera.side == -self.surface_side
-        return replace(self, mesh=mesh, camera=further.camera, stack=further.stack, labels=further.labels,
-                       noise=further.noise, mask=further.mask, surface=further.surface, camera_name=further.name,
-                       axis_order=further.axis_order, behind=behind, cameras=(), extras=extras)
+        sees_back = isinstance(entry.camera, PlacedCamera) and entry.camera.side == -self.surface_side
+        return replace(self, mesh=mesh, camera=entry.camera, stack=entry.stack, labels=entry.labels,
+                       noise=entry.noise, mask=entry.mask, surface=entry.surface, camera_name=entry.name,
+                       axis_order=entry.axis_order, sees_back=sees_back, cameras=(), extras=extras)
 
     def turned(self, field: np.ndarray) -> np.ndarray:
         """A nodal vector field of the simulation in the axes of this view  # (n_nodes, dim, ...)
@@ -507,7 +507,7 @@ class Experiment:
         """
         if self.axis_order:
             return field[:, list(self.axis_order)]
-        if not self.behind or field.shape[1] == self.n_dim:
+        if not self.sees_back or field.shape[1] == self.n_dim:
             return field
         field = field.copy()
         field[:, 2] *= -1.0
@@ -516,14 +516,14 @@ class Experiment:
     @property
     def surface_side(self) -> int:
         """+1 or -1: from which side of a sheet in plane stress its change of thickness is seen, by cameras with a lens
-        (the first of them, see `behind`) or by points of three coordinates.
+        (the first of them, see `sees_back`) or by points of three coordinates.
 
         0: there is none, the thickness is not known, or nothing shows motion out of the plane.
         """
         if self.points is not None:
             depth = self.points.depth
             return 0 if depth is None else round(depth.side * normal_sign(self.camera))  # type: ignore[arg-type]
-        cameras = [view for view in (self.camera, *(other.camera for other in self.cameras))
+        cameras = [view for view in (self.camera, *(entry.camera for entry in self.cameras))
                    if isinstance(view, PlacedCamera)]
         if self.kind != "plane_stress" or self.thickness is None or not cameras:
             return 0
@@ -553,8 +553,8 @@ class Experiment:
         values = np.asarray((images or self.stack).frame(frame))  # type: ignore[union-attr]
         if self.points is None or images is not None:
             return values
-        seen = self.points.positions_px[np.isfinite(values).all(axis=1)]
-        column, row = np.rint(seen).astype(int).T
+        measured_px = self.points.positions_px[np.isfinite(values).all(axis=1)]
+        column, row = np.rint(measured_px).astype(int).T
         image = np.zeros(self.points.shape, dtype=np.uint8)
         image[row, column] = 200
         return image

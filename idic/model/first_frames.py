@@ -24,12 +24,12 @@ def leading_frames(experiment: Experiment, n_frames: int) -> Experiment:
     InputError
         If no frame after the reference would remain.
     """
-    last = experiment.n_frames
-    if not experiment.reference + 2 <= n_frames <= last:
+    n_recorded = experiment.n_frames
+    if not experiment.reference + 2 <= n_frames <= n_recorded:
         raise InputError("a window of frames outside the test", key="n_frames",
-                         expected=f"{experiment.reference + 2} to {last} frames", found=f"{n_frames}",
+                         expected=f"{experiment.reference + 2} to {n_recorded} frames", found=f"{n_frames}",
                          remedy="keep the reference and at least one frame after it")
-    if n_frames == last:
+    if n_frames == n_recorded:
         return experiment
     cut = selected_frames(experiment, range(n_frames))
     cameras = tuple(replace(camera, stack=_images(camera.stack, n_frames), labels=camera.labels[:n_frames])

@@ -126,17 +126,17 @@ class ForwardModel:
         histories = self._from_reference(self.drives.histories(parameters, local))
         constraints = replace(self.model.constraints, histories=histories)
         thickness, loads = self.model.thickness, self.model.loads
-        here = self.experiment.at_geometry(parameters)
-        if here is not self.experiment and loads.dead is not None:
-            loads = _loads(here, self.drives.loads)  # a traction on a rim that moves
+        experiment = self.experiment.at_geometry(parameters)
+        if experiment is not self.experiment and loads.dead is not None:
+            loads = _loads(experiment, self.drives.loads)  # a traction on a rim that moves
         if "geometry.thickness" in parameters:
             thickness = parameters["geometry.thickness"].value
         loads = _with_histories(loads, self._load_values(parameters, local))
         if loads.dead is not None and thickness != self.model.thickness:
             growth = np.where(self._per_thickness(), thickness / self.model.thickness, 1.0)
             loads = replace(loads, dead_histories=loads.dead_histories * growth)
-        return replace(self.model, mesh=here.mesh, constraints=constraints, thickness=thickness, loads=loads,
-                       control=self._control(parameters), variations=variations_at(here, parameters),
+        return replace(self.model, mesh=experiment.mesh, constraints=constraints, thickness=thickness, loads=loads,
+                       control=self._control(parameters), variations=variations_at(experiment, parameters),
                        **self._thermal(parameters))
 
     def _thermal(self, parameters: ParameterSet) -> dict[str, Any]:
@@ -234,38 +234,38 @@ class ForwardModel:
         perturbed = [self._march(parameters.with_values({name: parameters[name].value + change}), (), local, steps,
                                  False, None, may_cut)
                      for name, change in changes.items()]
-        for state, *others in zip(base, *perturbed, strict=True):
+        for state, *perturbed_states in zip(base, *perturbed, strict=True):
             du = dict(zip(direct, np.moveaxis(state.du, -1, 0), strict=True))
             dchannels = dict(zip(direct, np.moveaxis(state.dchannels, -1, 0), strict=True))
             d_rise = {} if state.rise is None else dict(zip(direct, state.d_rise.T, strict=True))
-            for name, other in zip(shape, others, strict=True):
-                du[name] = (other.u - state.u) / changes[name]
-                dchannels[name] = (other.channels - state.channels) / changes[name]
+            for name, perturbed_state in zip(shape, perturbed_states, strict=True):
+                du[name] = (perturbed_state.u - state.u) / changes[name]
+                dchannels[name] = (perturbed_state.channels - state.channels) / changes[name]
                 if state.rise is not None:
-                    d_rise[name] = (other.rise - state.rise) / changes[name]
+                    d_rise[name] = (perturbed_state.rise - state.rise) / changes[name]
             if state.rise is not None:
                 state = replace(state, d_rise=np.stack([d_rise[name] for name in names], axis=-1))
             yield replace(state, du=np.stack([du[name] for name in names], axis=-1),
                           dchannels=np.stack([dchannels[name] for name in names], axis=-1))
 
     def without_time_error(self, parameters: ParameterSet, local: np.ndarray,
-                           known: Callable[[], Iterable[Motion]]) -> Iterator[Motion]:
+                           simulation: Callable[[], Iterable[Motion]]) -> Iterator[Motion]:
         """Motion of the seen surface and channels of every frame, extrapolated in time from a known simulation of this
         point with one increment per frame and a simulation in steps of two frames (`idic.fe.half_rate`).
 
         Parameters
         ----------
-        local : (n_frames, m) mm; known : gives the known simulation anew at every call, the reference first
+        local : (n_frames, m) mm; simulation : gives the known simulation anew at every call, the reference first
 
         Raises
         ------
         NotConverged
             If equilibrium is not found in steps of two frames however small the increments.
         """
-        kept = set(every_second(len(self.frames)).tolist())
-        near = (u for number, (u, _) in enumerate(known()) if number in kept)
-        coarse = self.march_at(parameters, local, every_second(len(self.frames)), near)
-        return without_time_error(self.model, known(), coarse)
+        coarse_frames = set(every_second(len(self.frames)).tolist())
+        warm_start = (u for number, (u, _) in enumerate(simulation()) if number in coarse_frames)
+        coarse = self.march_at(parameters, local, every_second(len(self.frames)), warm_start)
+        return without_time_error(self.model, simulation(), coarse)
 
     def march_at(self, parameters: ParameterSet, local: np.ndarray | None, frames: np.ndarray,
                  warm_start: Iterable[np.ndarray] | None = None) -> Iterator[FrameState]:
@@ -321,12 +321,12 @@ class ForwardModel:
         values = loads.values(parameters, None if local is None else local[:, len(self.drives.local):])
         changes = [loads.derivative(name, parameters) if name in loads.names() else np.zeros_like(values)
                    for name in names]
-        own = np.zeros((len(loads.stems), len(self.drives.local) + len(loads.local) if influence else 0))
-        own[list(loads.local), len(self.drives.local):] = np.eye(len(loads.local)) if influence else 0.0
+        local_derivatives = np.zeros((len(loads.stems), len(self.drives.local) + len(loads.local) if influence else 0))
+        local_derivatives[list(loads.local), len(self.drives.local):] = np.eye(len(loads.local)) if influence else 0.0
         for state in states:
-            now = first + state.frame
-            derivatives = np.array([change[now] for change in changes]).reshape(len(names), len(loads.stems)).T
-            yield readings.of(state, values[now], derivatives, own)
+            frame = first + state.frame
+            derivatives = np.array([change[frame] for change in changes]).reshape(len(names), len(loads.stems)).T
+            yield readings.of(state, values[frame], derivatives, local_derivatives)
 
 
 def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
@@ -361,10 +361,10 @@ def build_forward(experiment: Experiment) -> ForwardModel | ExternalForward:
 
 
 def tried_increments(forward: ForwardModel, times: np.ndarray, increments: int | None,
-                     taken: Sequence[float] | None) -> list[tuple[float, ...] | None]:
+                     steps: Sequence[float] | None) -> list[tuple[float, ...] | None]:
     """Lists of increments to try; see `idic.fe.extrapolation.increments_to_try` and `ForwardModel.march`."""
     per_frame = increments or forward.experiment.options.substeps or 1
-    return increments_to_try(forward.model, times, per_frame, taken, extrapolated=increments is not None)
+    return increments_to_try(forward.model, times, per_frame, steps, extrapolated=increments is not None)
 
 
 def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | None = None,
@@ -374,8 +374,8 @@ def solve(forward: ForwardModel, parameters: ParameterSet, local: np.ndarray | N
     local, steps, increments : as for `ForwardModel.march`
     """
     u, channels, state = [], [], None
-    further = {} if increments is None else {"increments": increments}  # an external solver takes its own
-    for state in forward.march(parameters, local=local, steps=steps, **further):
+    extrapolation = {} if increments is None else {"increments": increments}  # an external solver takes its own
+    for state in forward.march(parameters, local=local, steps=steps, **extrapolation):
         u.append(state.seen_u.copy())
         channels.append(state.channels.copy())
     return Solution(np.array(u), np.array(channels), np.array(state.steps.times))

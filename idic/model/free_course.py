@@ -35,8 +35,8 @@ def jump_name(stem: str, frame: int) -> str:
 
 def jump_frame(name: str) -> int | None:
     """The frame of a jump, None of another degree of freedom."""
-    _, found, rest = name.partition("_jump[")
-    return int(rest.removesuffix("]")) if found else None
+    _, separator, index = name.partition("_jump[")
+    return int(index.removesuffix("]")) if separator else None
 
 
 def without_knot(name: str) -> str:

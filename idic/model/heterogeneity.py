@@ -16,10 +16,10 @@ def variations_at(experiment: Experiment, parameters: ParameterSet) -> tuple[Var
 
 def variation_of(experiment: Experiment, name: str) -> tuple[int, str] | None:
     """Which factor field and which of its values a degree of freedom is; None for any other."""
-    stem, _, last = name.rpartition(".")
+    stem, _, suffix = name.rpartition(".")
     for i, entry in enumerate(experiment.heterogeneities):
         if stem == f"{entry.element_set}.{entry.name}":
-            return i, "amount" if last == entry.amount and entry.is_spot else last
+            return i, "amount" if suffix == entry.amount and entry.is_spot else suffix
     return None
 
 
@@ -37,7 +37,7 @@ def _variation(experiment: Experiment, entry: Heterogeneity, parameters: Paramet
 
 def strayed(experiment: Experiment, parameters: ParameterSet) -> list[str]:
     """Notes on inclusions whose identified centre lies outside of their element set."""
-    found = []
+    notes = []
     for entry in experiment.heterogeneities:
         centre = [parameters[f"{entry.element_set}.{entry.name}.{axis}"] for axis in "xyz"
                   if f"{entry.element_set}.{entry.name}.{axis}" in parameters]
@@ -47,15 +47,15 @@ def strayed(experiment: Experiment, parameters: ParameterSet) -> list[str]:
         at = np.array([p.value for p in centre])
         if np.any((at < nodes.min(axis=0)) | (at > nodes.max(axis=0))):
             place = ", ".join(f"{p.shown:.4g}" for p in centre)
-            found.append(f"{entry.element_set}.{entry.name}: its centre ({place}) lies outside {entry.element_set}. "
+            notes.append(f"{entry.element_set}.{entry.name}: its centre ({place}) lies outside {entry.element_set}. "
                          "The specimen shows only a slope of it: amount, radius and place cannot be separated")
-    return found
+    return notes
 
 
 def nodes_of(mesh: Mesh, element_set: str) -> np.ndarray:
     """Nodes of the elements of a set  # (n,)"""
-    elements, found = np.asarray(mesh.element_sets[element_set]), []
+    elements, parts = np.asarray(mesh.element_sets[element_set]), []
     for block in mesh.blocks:
-        own = elements[(elements >= block.first) & (elements < block.first + block.n_elements)] - block.first
-        found.append(block.connectivity[own].ravel())
-    return np.unique(np.concatenate(found))
+        rows = elements[(elements >= block.first) & (elements < block.first + block.n_elements)] - block.first
+        parts.append(block.connectivity[rows].ravel())
+    return np.unique(np.concatenate(parts))

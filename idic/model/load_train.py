@@ -16,7 +16,7 @@ def directions(motion: np.ndarray, dead_band: float) -> np.ndarray:
 
     dead_band : way back from an extreme that counts as a turn
     """
-    found = np.zeros(len(motion))
+    signs = np.zeros(len(motion))
     extreme, way = float(motion[0]), 0.0
     for k, value in enumerate(motion):
         if way == 0.0 and abs(value - extreme) > dead_band:
@@ -25,8 +25,8 @@ def directions(motion: np.ndarray, dead_band: float) -> np.ndarray:
             way = -way
         if way == 0.0 or way * (value - extreme) > 0.0:
             extreme = float(value) if way else extreme
-        found[k] = way
-    return found
+        signs[k] = way
+    return signs
 
 
 def way_of(prescribed: Sequence[Prescribed]) -> np.ndarray | None:

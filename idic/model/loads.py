@@ -56,10 +56,10 @@ class LoadHistories:
         """d values / d name  # (n_frames, n_loads)"""
         if name == "time.offset":
             return self._per_load(parameters, "scale", 1.0) * self.rates
-        own = np.array([name.rpartition(".")[0] == stem for stem in self.stems], dtype=float)
+        selection = np.array([name.rpartition(".")[0] == stem for stem in self.stems], dtype=float)
         if name.endswith(".offset"):
-            return own * np.ones_like(self.columns)
-        return own * (self.columns + _value(parameters, "time.offset", 0.0) * self.rates)
+            return selection * np.ones_like(self.columns)
+        return selection * (self.columns + _value(parameters, "time.offset", 0.0) * self.rates)
 
     def _per_load(self, parameters: ParameterSet, kind: str, default: float) -> np.ndarray:
         return np.array([_value(parameters, f"{stem}.{kind}", default) for stem in self.stems])
@@ -89,14 +89,15 @@ def is_follower(load: Load) -> bool:
 
 def load_parameters(loads: tuple[Load, ...]) -> tuple[Parameter, ...]:
     """Scale and offset of every load; free where the load asks for it."""
-    made = {}
+    parameters = {}
     for load in loads:
         stem, logged = load.stem, isinstance(load.drive, Column)
         size = float(np.abs(load.drive.values).max()) if logged else abs(_constant(load))
-        made[f"{stem}.scale"] = Parameter(f"{stem}.scale", 1.0, "", load.identify_scale, (0.0, np.inf), transform="log")
-        made[f"{stem}.offset"] = Parameter(f"{stem}.offset", 0.0, UNITS[load.kind],
-                                           logged and load.drive.identify_offset, scale=0.1 * (size or 1.0))
-    return tuple(made.values())
+        parameters[f"{stem}.scale"] = Parameter(f"{stem}.scale", 1.0, "", load.identify_scale, (0.0, np.inf),
+                                                transform="log")
+        parameters[f"{stem}.offset"] = Parameter(f"{stem}.offset", 0.0, UNITS[load.kind],
+                                                 logged and load.drive.identify_offset, scale=0.1 * (size or 1.0))
+    return tuple(parameters.values())
 
 
 def _constant(load: Load) -> float:

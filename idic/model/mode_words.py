@@ -10,8 +10,8 @@ _MODE = re.compile(r"(boundary\..+)\.s\d+t\d+")
 
 def motion_of(name: str) -> str | None:
     """``boundary.SET.COMPONENT`` of a mode ``boundary.SET.COMPONENT.sItJ``; None for any other degree of freedom."""
-    found = _MODE.fullmatch(name)
-    return found.group(1) if found else None
+    match = _MODE.fullmatch(name)
+    return match.group(1) if match else None
 
 
 def is_mode(name: str) -> bool:
@@ -21,11 +21,11 @@ def is_mode(name: str) -> bool:
 
 def motions(names: Iterable[str]) -> dict[str, list[str]]:
     """The modes among `names` by the motion they belong to, in order."""
-    found: dict[str, list[str]] = {}
+    modes: dict[str, list[str]] = {}
     for name in names:
         if is_mode(name):
-            found.setdefault(motion_of(name), []).append(name)
-    return found
+            modes.setdefault(motion_of(name), []).append(name)
+    return modes
 
 
 def in_words(names: Iterable[str], among: Iterable[str]) -> list[str]:

@@ -56,16 +56,16 @@ def nodal_temperature(experiment: Experiment) -> NodalTemperature | None:
     for entry in experiment.temperatures:
         nodes = np.arange(shape[1]) if entry.nodes is None else np.asarray(experiment.mesh.node_sets[entry.nodes])
         if isinstance(entry.drive, Column):
-            given = np.broadcast_to(np.asarray(entry.drive.values, float)[:, None], (shape[0], len(nodes)))
+            nodal_values = np.broadcast_to(np.asarray(entry.drive.values, float)[:, None], (shape[0], len(nodes)))
             rate = entry.drive.rates
         else:
             _require_shape(entry.drive.values, shape, entry.drive.source)
-            given, rate = entry.drive.values[:, nodes], None  # one image per frame: no clock of its own
-        known = ~np.isnan(given)
-        values[:, nodes] = np.where(known, given, values[:, nodes])
-        above[:, nodes] = np.where(known, entry.above_celsius, above[:, nodes])
+            nodal_values, rate = entry.drive.values[:, nodes], None  # one image per frame: no clock of its own
+        has_value = ~np.isnan(nodal_values)
+        values[:, nodes] = np.where(has_value, nodal_values, values[:, nodes])
+        above[:, nodes] = np.where(has_value, entry.above_celsius, above[:, nodes])
         slope = np.zeros(shape[0]) if rate is None else rate
-        rates[:, nodes] = np.where(known, slope[:, None], rates[:, nodes])
+        rates[:, nodes] = np.where(has_value, slope[:, None], rates[:, nodes])
         shifts = shifts or rate is not None
     reference = experiment.reference
     start = conducted(experiment.mesh, (values - above)[reference][None])[0]

@@ -105,9 +105,9 @@ def evidence_of(found: Identification, curve: StatedCurve) -> ChosenKnots:
 def _form_of(curve: StatedCurve, at: tuple[int, ...], parameters: ParameterSet) -> FreeForm:
     if curve.key == SURFACE:
         return FreeSurface(at, tuple(parameters[name].value for name in curve.names), curve.size, SPREAD)
-    last = parameters[curve.last].value
+    last = parameters[curve.last_knot].value
     if curve.key == SPECTRUM:
-        first = curve.last.replace("longest", "shortest")
+        first = curve.last_knot.replace("longest", "shortest")
         return FreeSpectrum(at, parameters[first].value, last, curve.size)
     return FreeCurve(at, last, curve.size, curve.over)
 

@@ -123,7 +123,7 @@ class FieldReference(NodalBasis):
         first, second, third = (pm.component == k for k in range(3))
         if self.free_rigid:
             columns += [first, second, np.where(first, -y, np.where(second, x, 0.0))]
-        if self.depth is not None and (self.depth.free or self.depth.side):
+        if self.depth is not None and (self.depth.rigid_motion or self.depth.side):
             degree = BENDING_DEGREE if self.depth.side else 1
             columns += [np.where(third, x**i * y**j, 0.0) for i, j in powers(degree)]
         rows = np.array(columns, dtype=float).reshape(len(columns), pm.n_pixels).T

@@ -23,7 +23,7 @@ def variants(situation: Situation) -> tuple[Variant, ...]:
     if experiment.quantity != "grey" or experiment.options.defocus != "none":
         return ()
     found = experiment.noise.correlated
-    is_white = (found is None or abs(found.beside) < MIN_CORRELATION) and compressed_at(
+    is_white = (found is None or abs(found.neighbour_correlation) < MIN_CORRELATION) and compressed_at(
         experiment.stack.frame(experiment.reference)) is None
     least = MIN_BLUR_OF_WHITE_PX2 if is_white else MIN_BLUR_PX2
     return tuple(Variant(f"blur grows with {name}", {"options.defocus": "frame"}, (), {}, sign=1,

@@ -19,10 +19,10 @@ MAX_CHANGE_SHARE = 0.5  # of the contrast: a difference that large is a motion o
 
 def check_depth(still: Stack, test: Stack, file, key: str) -> None:
     """InputError where separate images at rest count grey values otherwise than those of the test."""
-    own, expected = still.frame(0).dtype, test.frame(0).dtype
-    if own != expected and {own.kind, expected.kind} == {"u"}:
+    dtype, expected = still.frame(0).dtype, test.frame(0).dtype
+    if dtype != expected and {dtype.kind, expected.kind} == {"u"}:
         raise InputError("the still frames differ in depth from the images", file=file, key=key,
-                         expected=f"{expected}, as the images of the test", found=f"{own}",
+                         expected=f"{expected}, as the images of the test", found=f"{dtype}",
                          remedy="store them alike: the noise is measured in grey values, of which one depth has "
                                 "256 to one of the other")
 
@@ -33,8 +33,9 @@ def check_exposures(images: Sequence[np.ndarray], labels: Sequence[str], region:
     region : (ny, nx) bool, True on the specimen
     """
     check_pattern(images, labels, region, file, key)
-    for (first, one), (second, two) in pairwise(zip(labels, images, strict=True)):
-        if np.shape(one) == np.shape(two) and np.array_equal(one[region], two[region], equal_nan=one.dtype.kind == "f"):
+    for (first, image), (second, next_image) in pairwise(zip(labels, images, strict=True)):
+        if np.shape(image) == np.shape(next_image) and np.array_equal(image[region], next_image[region],
+                                                                      equal_nan=image.dtype.kind == "f"):
             raise InputError("two still frames are the same image", file=file, key=key,
                              expected="images that were taken one after the other", found=f"{second} repeats {first}",
                              remedy="leave one of them out: their difference holds no noise; of images without any, "
@@ -54,7 +55,7 @@ def check_pattern(images: Sequence[np.ndarray], labels: Sequence[str], region: n
                                "of contrast that others have")
 
 
-def told_references(experiment: Experiment, file) -> Experiment:
+def with_notes_on_references(experiment: Experiment, file) -> Experiment:
     """The experiment with a note for every camera whose averaged reference images are not at rest.
 
     Raises

@@ -21,13 +21,13 @@ def check_materials(mesh: Mesh, element_sets: list[str], file) -> None:
     count = np.zeros(mesh.n_elements, dtype=int)
     for name in element_sets:
         count[mesh.element_sets[name]] += 1
-    for bad, what, remedy in ((count == 0, "elements without a material", "add a [material.SET] table for their set"),
-                              (count > 1, "elements with two materials", "give each element set one material")):
+    for bad, fault, remedy in ((count == 0, "elements without a material", "add a [material.SET] table for their set"),
+                               (count > 1, "elements with two materials", "give each element set one material")):
         if bad.any():
             labels = mesh.element_labels[bad]
-            raise InputError(what, file=file, key="material",
+            raise InputError(fault, file=file, key="material",
                              expected="every element in one of " + ", ".join(element_sets),
-                             found=f"{bad.sum()} elements: {_some(labels)}", remedy=remedy)
+                             found=f"{bad.sum()} elements: {_first_labels(labels)}", remedy=remedy)
 
 
 def check_supported(mesh: Mesh, prescribed: list[Prescribed], file) -> None:
@@ -37,17 +37,17 @@ def check_supported(mesh: Mesh, prescribed: list[Prescribed], file) -> None:
     with other parts.
     """
     dim = mesh.n_dim
-    held = np.concatenate([dofs_of(mesh.node_sets[entry.nodes], entry.component, dim) for entry in prescribed]
+    dofs = np.concatenate([dofs_of(mesh.node_sets[entry.nodes], entry.component, dim) for entry in prescribed]
                           + [np.zeros(0, dtype=np.int64)])
-    for part in free_parts(mesh, np.unique(held)):
+    for part in free_parts(mesh, np.unique(dofs)):
         label, n_pieces = mesh.node_labels[part.nodes[0]], bodies(mesh)[0]
-        where = (f"the piece around node {label} ({len(part.nodes)} nodes)" if n_pieces > 1 or part.hangs
+        piece = (f"the piece around node {label} ({len(part.nodes)} nodes)" if n_pieces > 1 or part.hangs
                  else "the body")
         pieces = f"; the mesh is in {n_pieces} pieces" if n_pieces > 1 else ""
         joint = "; it hangs on the rest by single nodes, not by whole faces of elements" if part.hangs else ""
         double = " (nodes that should be shared may be double)" if n_pieces > 1 or part.hangs else ""
         raise InputError("an unconstrained body", file=file, key="boundary",
-                         found=f"{where} can {_motion(part, dim)}{pieces}{joint}",
+                         found=f"{piece} can {_motion(part, dim)}{pieces}{joint}",
                          expected="prescribed displacements that exclude every rigid motion",
                          remedy='support it by a [[boundary]], e.g. nodes = "BOTTOM" with ux = 0.0 and uy = 0.0, '
                          f'or u = "measured"{double}')
@@ -109,8 +109,8 @@ def corners_px(points: np.ndarray, cells: list[np.ndarray], kind: str, surface: 
 def seen_region(corners: list[np.ndarray], visible: np.ndarray, shape, mask: np.ndarray | None) -> np.ndarray:
     """The approximate ROI: bounding boxes of the visible cells, within the mask  # (ny, nx) bool"""
     roi = np.zeros(shape, dtype=bool)
-    for cell, seen in zip(corners, visible, strict=True):
-        if seen:
+    for cell, is_visible in zip(corners, visible, strict=True):
+        if is_visible:
             low, high = np.floor(cell.min(axis=0)).astype(int), np.ceil(cell.max(axis=0)).astype(int)
             rows = slice(None) if len(cell) == 2 else slice(max(low[1], 0), max(high[1] + 1, 0))
             roi[rows, max(low[0], 0):max(high[0] + 1, 0)] = True
@@ -153,8 +153,8 @@ def _check_face_on(points: np.ndarray, padded: np.ndarray, px: np.ndarray, camer
     side = at[:, 1:] - at[:, :1]
     areas = np.abs(side[:, :-1, 0] * side[:, 1:, 1] - side[:, :-1, 1] * side[:, 1:, 0]).max(axis=1)
     if areas.max() < _MIN_FACE_ON * np.sum(np.ptp(px, axis=0)) ** 2 / len(padded):
-        own = points[np.unique(padded)]
-        size = ", ".join(f"{axis} {a:g} … {b:g}" for axis, a, b in zip("xyz", own.min(axis=0), own.max(axis=0),
+        corners = points[np.unique(padded)]
+        size = ", ".join(f"{axis} {a:g} … {b:g}" for axis, a, b in zip("xyz", corners.min(axis=0), corners.max(axis=0),
                                                                        strict=True))
         raise InputError("the camera sees the surface edge-on: no pixel lies on it", file=file,
                          key="experiment.surface", expected="a face set that the camera sees; without a pose it looks "
@@ -198,8 +198,8 @@ def checked_heights(experiment: Experiment, file) -> Experiment:
     compared = [k for k in range(experiment.reference, experiment.n_frames) if k not in experiment.excluded]
     looked_at = np.unique(np.linspace(0, len(compared) - 1, _FRAMES_LOOKED_AT).round().astype(int))
     for k in (compared[place] for place in looked_at):
-        if (found := gap_mark(experiment.stack.frame(k), region)) is not None:
-            value, n = found
+        if (mark := gap_mark(experiment.stack.frame(k), region)) is not None:
+            value, n = mark
             raise InputError("a number in the place of missing heights", file=file, key="experiment.images",
                              expected="NaN where a pixel has no height", found=f"{experiment.labels[k]}: {n} pixels of "
                              f"{value:g} {experiment.extras['height_unit']}, far from all others",
@@ -238,5 +238,5 @@ def check_surface(mesh: Mesh, kind: str, surface: str | None, file, key: str = "
                          remedy="choose another set")
 
 
-def _some(labels: np.ndarray) -> str:
+def _first_labels(labels: np.ndarray) -> str:
     return ", ".join(map(str, labels[:10])) + (" …" if len(labels) > 10 else "")

@@ -64,23 +64,24 @@ def fields_document(folder: Path, paths: Sequence[Path], files: Sequence[Path]) 
             raise
         in_px, series = True, open_fields(paths, unit="mm")  # the size of a pixel is to be filled in
     points = measured_points(series, [0])
-    log, own = series.log(), True
-    others = [path for path in files if path not in set(paths)]
-    mesh = next((path.relative_to(folder).as_posix() for path in others if path.suffix.lower() in _MESH_SUFFIXES), None)
-    found = None if _force(log) is not None else _log_beside(others)
-    if found is not None:
-        log, own = found[1], False
+    log, is_exported = series.log(), True
+    other_files = [path for path in files if path not in set(paths)]
+    meshes = (path.relative_to(folder).as_posix() for path in other_files if path.suffix.lower() in _MESH_SUFFIXES)
+    mesh = next(meshes, None)
+    separate_log = None if _force(log) is not None else _log_beside(other_files)
+    if separate_log is not None:
+        log, is_exported = separate_log[1], False
     column = _force(log)
-    whole = log if log is not None and len(log.rows) == len(series.entries) else None
-    strain, force = _largest_load(series, points, whole, column)
-    upright, why = _upright(points, strain)
+    stage_log = log if log is not None and len(log.rows) == len(series.entries) else None
+    strain, force = _largest_load(series, points, stage_log, column)
+    upright, reason = _upright(points, strain)
     ends = ("TOP", "BOTTOM") if upright else ("RIGHT", "LEFT")
     loaded = _loading(strain, force, upright)
     parts = [_experiment(folder, _patterns(folder, paths), series, points, mesh, "px" if in_px else "mm"),
-             *_log_lines(series, log, None if own else found[0].relative_to(folder).as_posix(), column),
+             *_log_lines(series, log, None if is_exported else separate_log[0].relative_to(folder).as_posix(), column),
              "",  # type: ignore[index]
              _camera(in_px, mesh is not None), _MATERIAL,
-             _boundary(*ends, why), _channel(column, ends[0], loaded),
+             _boundary(*ends, reason), _channel(column, ends[0], loaded),
              _open_edges(points, ends) if mesh is None else "", _TAIL]
     return "\n".join(parts)
 
@@ -102,8 +103,8 @@ def _upright(points: MeasuredPoints, strain: np.ndarray) -> tuple[bool, str]:
 
 def _patterns(folder: Path, paths: Sequence[Path]) -> str | list[str]:
     """Of these files alone, as `fields` takes them."""
-    found = patterns_of(folder, paths) if len(paths) > 1 else [glob.escape(paths[0].relative_to(folder).as_posix())]
-    return found[0] if len(found) == 1 else found
+    patterns = patterns_of(folder, paths) if len(paths) > 1 else [glob.escape(paths[0].relative_to(folder).as_posix())]
+    return patterns[0] if len(patterns) == 1 else patterns
 
 
 def _log_beside(files: Sequence[Path]) -> tuple[Path, Log] | None:
@@ -185,9 +186,9 @@ def _mesh(points: MeasuredPoints, margin: float, size: float, unit: str) -> list
 
 def _open_edges(points: MeasuredPoints, ends: Sequence[str]) -> str:
     """The free edges, which points do not show: of an outline one by one, of a rectangle together."""
-    found = outline_of(points.positions, points.pitch, float(f"{0.5 * points.pitch:.2g}"))  # as in `_mesh`
-    if found.holes or found.filled <= _MIN_FILLED:
-        return open_edges(found, points.pitch, ends)
+    point_outline = outline_of(points.positions, points.pitch, float(f"{0.5 * points.pitch:.2g}"))  # as in `_mesh`
+    if point_outline.holes or point_outline.filled <= _MIN_FILLED:
+        return open_edges(point_outline, points.pitch, ends)
     return open_rectangle(points.pitch)
 
 
@@ -232,10 +233,10 @@ _TAIL = """# [[dof]]                        # further degrees of freedom
 """
 
 
-def _boundary(moving: str, fixed: str, why: str) -> str:
-    return "\n".join(["[[boundary]]", _line(f"nodes = {json.dumps(moving)}", f"loaded end: {why}"),
+def _boundary(moving_end: str, fixed_end: str, reason: str) -> str:
+    return "\n".join(["[[boundary]]", _line(f"nodes = {json.dumps(moving_end)}", f"loaded end: {reason}"),
                       _line('u = "measured"', "the motion of this end, from the fields"), "", "[[boundary]]",
-                      f"nodes = {json.dumps(fixed)}", 'u = "measured"', ""])
+                      f"nodes = {json.dumps(fixed_end)}", 'u = "measured"', ""])
 
 
 def _channel(column: str | None, moving: str, loaded: _Loading) -> str:
@@ -272,9 +273,9 @@ def _loading(strain: np.ndarray, force: float, upright: bool) -> _Loading:
     """Tension or shear, by the mean strain (2, 2) under the largest force, which is 0 without a log."""
     along, shear = strain[1, 1] if upright else strain[0, 0], 2.0 * strain[0, 1]
     sheared = bool(abs(shear) > abs(along))
-    seen = shear if sheared else along
-    opposite = bool(seen * force < 0)
-    words = (f"{'shear' if sheared else 'tension' if seen > 0 else 'compression'}, by the mean strain"
+    main_strain = shear if sheared else along
+    opposite = bool(main_strain * force < 0)
+    words = (f"{'shear' if sheared else 'tension' if main_strain > 0 else 'compression'}, by the mean strain"
              + ("; the log counts the other way" if opposite else ""))
     return _Loading("y" if upright != sheared else "x", opposite, words)
 

@@ -77,58 +77,58 @@ def look_around(folder: Path, files: list[Path], area: Area | None) -> Found:
     images = max(groups.values(), key=len)
     patterns = patterns_of(folder, images)
     stack = open_stack(recorded_order(images, folder))
-    found = Found(folder, patterns[0] if len(patterns) == 1 else patterns, stack.n_frames, stack.shape,
-                  stack.labels[0])
-    _find_mask(masks, found)
+    contents = Found(folder, patterns[0] if len(patterns) == 1 else patterns, stack.n_frames, stack.shape,
+                     stack.labels[0])
+    _find_mask(masks, contents)
     holes: list = []
     if area is not None:
-        found.outline, holes = area(np.asarray(stack.frame(0)))
-        found.holes = [hole for hole in holes if is_circle(hole)]
+        contents.outline, holes = area(np.asarray(stack.frame(0)))
+        contents.holes = [hole for hole in holes if is_circle(hole)]
     formats = set(mesh_suffixes()) - set(_NO_MESHES)
-    _find_mesh([path for path in files if path.suffix.lower() in formats], found)
-    if found.mesh is None and (left := len(holes) - len(found.holes)):
-        found.notes.append(f"{left} {'hole is' if left == 1 else 'holes are'} not round and left out: the mesh covers "
-                           "them, although they have no pattern; idic draw draws holes of any shape")
-    _find_log([path for path in files if path.suffix.lower() == ".csv"], found)
-    return found
+    _find_mesh([path for path in files if path.suffix.lower() in formats], contents)
+    if contents.mesh is None and (n_irregular := len(holes) - len(contents.holes)):
+        contents.notes.append(f"{n_irregular} {'hole is' if n_irregular == 1 else 'holes are'} not round and left out: "
+                              "the mesh covers them, although they have no pattern; idic draw draws holes of any shape")
+    _find_log([path for path in files if path.suffix.lower() == ".csv"], contents)
+    return contents
 
 
-def _find_mask(paths: list[Path], found: Found) -> None:
+def _find_mask(paths: list[Path], contents: Found) -> None:
     """The first one of the size of the images."""
     for path in paths:
         try:
             shape = image_entries(path)[0].shape
         except InputError as error:
-            found.notes.append(f"{path.name} was not understood: {error.what}")
+            contents.notes.append(f"{path.name} was not understood: {error.what}")
             continue
-        if shape == found.image_shape:
-            found.mask = path.relative_to(found.folder).as_posix()
+        if shape == contents.image_shape:
+            contents.mask = path.relative_to(contents.folder).as_posix()
             return
-        found.notes.append(f"{path.name} is no mask: it is {shape[1]} x {shape[0]} px")
+        contents.notes.append(f"{path.name} is no mask: it is {shape[1]} x {shape[0]} px")
 
 
-def _find_mesh(paths: list[Path], found: Found) -> None:
+def _find_mesh(paths: list[Path], contents: Found) -> None:
     for path in paths:
         try:
             raw = read_mesh_file(path)
             n_dim = max(DIMENSION[kind] for kind, cells, _ in raw.cells if len(cells))
             mesh, _ = to_mesh(raw, n_dim, 1.0)
         except (InputError, ValueError) as error:
-            found.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
+            contents.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
             continue
-        found.mesh_file, found.mesh = path.relative_to(found.folder).as_posix(), mesh
-        others = [other.name for other in paths if other != path]
-        if others:
-            found.notes.append(f"other meshes here: {', '.join(others)}")
+        contents.mesh_file, contents.mesh = path.relative_to(contents.folder).as_posix(), mesh
+        other_meshes = [candidate.name for candidate in paths if candidate != path]
+        if other_meshes:
+            contents.notes.append(f"other meshes here: {', '.join(other_meshes)}")
         return
 
 
-def _find_log(paths: list[Path], found: Found) -> None:
+def _find_log(paths: list[Path], contents: Found) -> None:
     for path in paths:
         try:
             log = read_log(path)
         except InputError as error:
-            found.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
+            contents.notes.append(f"{path.name} was not understood: {str(error).splitlines()[0]}")
             continue
-        found.log_file, found.log = path.relative_to(found.folder).as_posix(), log
+        contents.log_file, contents.log = path.relative_to(contents.folder).as_posix(), log
         return

@@ -8,14 +8,15 @@ from idic.fe import EDGE_STD_SHARE, OUTLINE
 from idic.readers import PointOutline, sides
 
 
-def open_edges(found: PointOutline, pitch: float, ends: Sequence[str]) -> str:
+def open_edges(point_outline: PointOutline, pitch: float, ends: Sequence[str]) -> str:
     """The tables [[dof]] of the free edges, each with a distance of its own.
 
     ends : names of the driven sides, which do not move
     """
-    held = {number for name, numbers in sides(found.outline).items() if name in ends for number in numbers}
-    names = [*(f"EDGE{k}" for k in range(1, len(found.outline) + 1) if k not in held),
-             *(f"HOLE{k}" for k in range(1, len(found.holes) + 1))]
+    driven_edges = {number for name, numbers in sides(point_outline.outline).items() if name in ends
+                    for number in numbers}
+    names = [*(f"EDGE{k}" for k in range(1, len(point_outline.outline) + 1) if k not in driven_edges),
+             *(f"HOLE{k}" for k in range(1, len(point_outline.holes) + 1))]
     lines = ["# facets end half their width before an edge, and their grid shows it within half a distance: how far",
              "# the free edges lie outside of this mesh is identified, too; leave it out where outline_mm draws them"]
     for name in names:

@@ -47,32 +47,32 @@ def with_flat_terms(raw: Mapping, file: str) -> dict:
         return dict(raw)
     written = {COMPOSED: _flat, RUBBER: free_rubber, RELAXATION: free_relaxation}
     laws = {name: table.get("law") for name, table in materials.items() if isinstance(table, Mapping)}
-    made = {name: written[laws[name]](table, file, f"material.{name}")
-            if isinstance(laws.get(name), str) and laws[name] in written else table
-            for name, table in materials.items()}
-    return {key: made if key == "material" else value for key, value in raw.items()}
+    flat_materials = {name: written[laws[name]](table, file, f"material.{name}")
+                      if isinstance(laws.get(name), str) and laws[name] in written else table
+                      for name, table in materials.items()}
+    return {key: flat_materials if key == "material" else value for key, value in raw.items()}
 
 
 def _flat(table: Mapping, file: str, key: str) -> dict:
     kinds: list[str] = []
     flat: dict = {}
-    stated: dict = {}
+    curve_smoothness: dict = {}
     for group in GROUPS:
-        given = table.get(group, [])
-        entries = given if isinstance(given, list) else [given]
-        if isinstance(given, list) and group in table and group not in LISTS:
+        terms = table.get(group, [])
+        entries = terms if isinstance(terms, list) else [terms]
+        if isinstance(terms, list) and group in table and group not in LISTS:
             raise InputError("not a usable value", file=file, key=f"{key}.{group}",
                              expected=f'{{ kind = "..." }}, one {group}',
                              found="a list", remedy="write one table")
         for number, entry in enumerate(entries, 1):
-            place = f"{key}.{group}" + (f"[{number - 1}]" if isinstance(given, list) else "")
+            place = f"{key}.{group}" + (f"[{number - 1}]" if isinstance(terms, list) else "")
             kind = _kind(entry, group, file, place)
             if kind == "free":
                 kind, entry, smoothness = free_hardening(entry, table.get("yield_stress"), file, place)
-                stated |= {f"hardening_{number}": smoothness} if smoothness else {}
+                curve_smoothness |= {f"hardening_{number}": smoothness} if smoothness else {}
             elif kind == FREE_SURFACE:
                 kind, entry, smoothness = free_surface(entry, file, place)
-                stated |= {group: smoothness} if smoothness else {}
+                curve_smoothness |= {group: smoothness} if smoothness else {}
             elif group == "temperature":
                 kind, entry = _factor(kind, entry, file, place)
             kinds.append(kind)
@@ -82,7 +82,7 @@ def _flat(table: Mapping, file: str, key: str) -> dict:
     except InputError as error:
         raise InputError(error.what, file=file, key=f"{key}.{error.key}", expected=error.expected, found=error.found,
                          remedy=error.remedy) from None
-    flat |= {"smoothness": stated} if stated else {}
+    flat |= {"smoothness": curve_smoothness} if curve_smoothness else {}
     return {k: name if k == "law" else v for k, v in table.items() if k not in GROUPS} | flat
 
 
@@ -93,11 +93,11 @@ def _kind(entry: object, group: str, file: str, key: str) -> str:
                          found=repr(entry)[:80], remedy="write it in { }")
     kind = entry.get("kind")
     if kind not in kinds:
-        near = difflib.get_close_matches(str(kind), kinds, n=1, cutoff=0.5)
+        matches = difflib.get_close_matches(str(kind), kinds, n=1, cutoff=0.5)
         raise InputError(f"no such {group} term" if "kind" in entry else "a term without its kind", file=file,
                          key=f"{key}.kind", expected=" | ".join(kinds),
                          found=repr(kind) if "kind" in entry else "no such key",
-                         remedy=f'did you mean kind = "{near[0]}"?' if near else "choose one of these")
+                         remedy=f'did you mean kind = "{matches[0]}"?' if matches else "choose one of these")
     return str(kind)
 
 
@@ -118,13 +118,13 @@ def course_notes(materials: Sequence[Material], parameters: Sequence[Parameter],
     """What the course of a test cannot tell apart in composed laws; courses : logged motions and loads, per frame."""
     if any(_turns_back(np.asarray(course, dtype=float)) for course in courses) or not courses:
         return []
-    free, notes = [p.name for p in parameters if p.free], []
+    free_names, notes = [p.name for p in parameters if p.free], []
     for material in materials:
         if not material.law.startswith(COMPOSED):
             continue
-        own = [name.removeprefix(f"{material.element_set}.") for name in free
-               if name.startswith(f"{material.element_set}.")]
-        groups = {group for group in ("hardening", "backstress", "damage") for name in own
+        constants = [name.removeprefix(f"{material.element_set}.") for name in free_names
+                     if name.startswith(f"{material.element_set}.")]
+        groups = {group for group in ("hardening", "backstress", "damage") for name in constants
                   if name.startswith(f"{group}_")}
         if groups >= {"hardening", "backstress"}:
             notes.append(f"material.{material.element_set}: the load never turns back, so isotropic hardening and "
@@ -150,10 +150,10 @@ def _parameters(kind: str, entry: Mapping, number: int, file: str, key: str) -> 
     names = [p.name for p in term.parameters]
     unknown = [name for name in entry if name not in (*names, "kind")]
     if unknown:
-        near = difflib.get_close_matches(unknown[0], names, n=1, cutoff=0.5)
+        matches = difflib.get_close_matches(unknown[0], names, n=1, cutoff=0.5)
         raise InputError(f"{term.kind} has no such parameter", file=file, key=f"{key}.{unknown[0]}",
                          expected=", ".join(names) or "kind only", found=unknown[0],
-                         remedy=f"did you mean {near[0]}?" if near else "remove it")
+                         remedy=f"did you mean {matches[0]}?" if matches else "remove it")
     for declared in term.parameters:
         if declared.name not in entry and declared.null is None:
             unit = f', unit = "{declared.unit}"' if declared.unit != "-" else ""

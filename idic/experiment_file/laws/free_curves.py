@@ -47,8 +47,8 @@ SECOND_SHARE = 0.1  # of the size of g1: bends of g2, which is a small part of t
 
 def free_hardening(entry: Mapping, yield_stress: object, file: str, key: str) -> tuple[str, dict, dict]:
     """A free curve as the kind with its number of knots, a start value at every knot, and its stated smoothness."""
-    n, slope, last = _knots(entry, file, key), entry.get("H", START_SLOPE), entry.get("range", LAST_KNOT)
-    for name, value in (("H", slope), ("range", last)):
+    n, slope, last_knot = _knots(entry, file, key), entry.get("H", START_SLOPE), entry.get("range", LAST_KNOT)
+    for name, value in (("H", slope), ("range", last_knot)):
         if not is_number(value) or not value > 0:
             raise InputError("a free curve starts on a straight line", file=file, key=f"{key}.{name}",
                              expected="a number above zero" + (" (MPa)" if name == "H" else ""), found=repr(value)[:80],
@@ -59,9 +59,9 @@ def free_hardening(entry: Mapping, yield_stress: object, file: str, key: str) ->
         start, unit = START_SLOPE, None  # the missing yield stress is told with the other parameters
     per_unit = factor_between(unit, "MPa", file=file, key=f"{key}.yield_stress") if isinstance(unit, str) else 1.0
     levels = {f"s{k + 1}": {"value": float(start * per_unit + slope * p), "unit": "MPa", "identify": True}
-              for k, p in enumerate(knots(last, n)) if k > 0}
-    own = {name: value for name, value in entry.items() if name not in ("knots", "H", *SMOOTHNESS_KEYS)}
-    return f"free{n}", {"range": last} | levels | own, stated_smoothness(entry, file, key)
+              for k, p in enumerate(knots(last_knot, n)) if k > 0}
+    entries = {name: value for name, value in entry.items() if name not in ("knots", "H", *SMOOTHNESS_KEYS)}
+    return f"free{n}", {"range": last_knot} | levels | entries, stated_smoothness(entry, file, key)
 
 
 def free_rubber(table: Mapping, file: str, key: str) -> dict:
@@ -75,7 +75,7 @@ def free_rubber(table: Mapping, file: str, key: str) -> dict:
     if not any(isinstance(table.get(invariant), Mapping) for invariant in INVARIANTS):
         return dict(table)
     flat: dict = {}
-    counts, stated = [], {}
+    counts, curve_smoothness = [], {}
     for invariant, start in zip(INVARIANTS, ("C10", "C01"), strict=True):
         entry = table.get(invariant)
         if entry is None and invariant == INVARIANTS[1]:
@@ -87,8 +87,8 @@ def free_rubber(table: Mapping, file: str, key: str) -> dict:
                              found=repr(entry)[:80], remedy="write it in { }")
         n = _knots(entry, file, place)
         names = rubber_levels(invariant, n)
-        own = {name.partition("_")[2]: name for name in names}
-        unknown = [name for name in entry if name not in ("knots", "range", "smoothness", start, *own)]
+        full_names = {name.partition("_")[2]: name for name in names}
+        unknown = [name for name in entry if name not in ("knots", "range", "smoothness", start, *full_names)]
         if unknown:
             raise InputError("a free curve has no such key", file=file, key=f"{place}.{unknown[0]}",
                              expected=f"knots, range, smoothness, {start}, g1 ... g{n}", found=unknown[0],
@@ -104,13 +104,13 @@ def free_rubber(table: Mapping, file: str, key: str) -> dict:
                              + ("L^2 + 2 / L - 3" if invariant == "I1" else "2 L + 1 / L^2 - 3"),
                              found=repr(entry.get("range"))[:80], remedy="write e.g.  range = 4.0")
         counts.append(n)
-        stated |= {invariant: own_prior} if (own_prior := stated_smoothness(entry, file, place)) else {}
+        curve_smoothness |= {invariant: prior} if (prior := stated_smoothness(entry, file, place)) else {}
         flat[f"{invariant}_range"] = entry["range"]
         flat |= {name: entry.get(short, {"value": float(first), "unit": "MPa", "identify": True})
-                 for short, name in own.items()}
-    made = {k: v for k, v in table.items() if k not in INVARIANTS}
-    made |= {"law": f"{FREE_RUBBER}({'+'.join(map(str, counts))})"} | flat
-    return made | ({"smoothness": stated} if stated else {})
+                 for short, name in full_names.items()}
+    flat_table = {k: v for k, v in table.items() if k not in INVARIANTS}
+    flat_table |= {"law": f"{FREE_RUBBER}({'+'.join(map(str, counts))})"} | flat
+    return flat_table | ({"smoothness": curve_smoothness} if curve_smoothness else {})
 
 
 def _knots(entry: Mapping, file: str, key: str) -> int:
@@ -135,9 +135,9 @@ def stated_smoothness(entry: Mapping, file: str, key: str) -> dict:
         raise InputError("a free curve is smooth over its strain, or over the root of it", file=file,
                          key=f"{key}.smooth_over", expected=" | ".join(OVER), found=repr(over)[:80],
                          remedy="leave it out")
-    made = {} if strength is None else {"strength": float(strength)}
-    made |= {} if over is None else {"over": over}
-    return made | ({"by_evidence": True} if entry.get("knots") == BY_EVIDENCE else {})
+    table = {} if strength is None else {"strength": float(strength)}
+    table |= {} if over is None else {"over": over}
+    return table | ({"by_evidence": True} if entry.get("knots") == BY_EVIDENCE else {})
 
 
 def is_number(value: object) -> bool:
@@ -149,14 +149,14 @@ def is_number(value: object) -> bool:
 class StatedCurve:
     """A free curve of a material.
 
-    key : in ``smoothness``; names : of its values at the knots; last : name of its last knot; size : of its starting
-    curve, MPa; over : what it may be smooth over; rising : whether it never falls; by_evidence : whether knots and
-    smoothness are still to be chosen
+    key : in ``smoothness``; names : of its values at the knots; last_knot : name of its last knot; size : of its
+    starting curve, MPa; over : what it may be smooth over; rising : whether it never falls; by_evidence : whether
+    knots and smoothness are still to be chosen
     """
 
     key: str
     names: tuple[str, ...]
-    last: str
+    last_knot: str
     size: float
     smoothness: Smoothness
     over: tuple[str, ...]
@@ -177,28 +177,29 @@ def free_curves(materials: Sequence[Material], tables: Mapping[str, MaterialTabl
 
 
 def _curves(material: Material, table: MaterialTable, values: Mapping[str, float]) -> Iterator[StatedCurve]:
-    def stated(key: str, names: Sequence[str], last: str, size: float, over: tuple[str, ...]) -> StatedCurve:
-        own = table.smoothness.get(key, SmoothnessTable())
-        return StatedCurve(key, tuple(names), f"{material.element_set}.{last}", own.size or size,
-                           Smoothness(own.strength, own.over or over[0]), over, key == "hardening_1", own.by_evidence)
+    def curve(key: str, names: Sequence[str], last_knot: str, size: float, over: tuple[str, ...]) -> StatedCurve:
+        smoothness = table.smoothness.get(key, SmoothnessTable())
+        return StatedCurve(key, tuple(names), f"{material.element_set}.{last_knot}", smoothness.size or size,
+                           Smoothness(smoothness.strength, smoothness.over or over[0]), over, key == "hardening_1",
+                           smoothness.by_evidence)
 
     names = level_names(material.law, material.element_set)
     if names:
-        yield stated("hardening_1", names, "hardening_1_range", rise(np.array([values[name] for name in names])), OVER)
+        yield curve("hardening_1", names, "hardening_1_range", rise(np.array([values[name] for name in names])), OVER)
     for invariant, n in zip(INVARIANTS, knots_of_rubber(material.law), strict=True):
         if n:
             size = values[f"{material.element_set}.I1_g1"] * (SECOND_SHARE if invariant == INVARIANTS[1] else 1.0)
-            yield stated(invariant, [f"{material.element_set}.{name}" for name in rubber_levels(invariant, n)],
+            yield curve(invariant, [f"{material.element_set}.{name}" for name in rubber_levels(invariant, n)],
                          f"{invariant}_range", size, (ROOT,))
     n = ring_knots_of(material.law)
     if n:
         weights = [f"{material.element_set}.{name}" for name in surface_weights(n)]
-        yield stated(SURFACE, weights, "yield_surface_angle", NEIGHBOURS, (STRAIN,))
+        yield curve(SURFACE, weights, "yield_surface_angle", NEIGHBOURS, (STRAIN,))
     n = times_of(material.law)
     if n:
         weights = [f"{material.element_set}.{name}" for name in weight_names(n)]
         mean = max(sum(values[name] for name in weights) / n, SMALLEST_WEIGHT)
-        yield stated(SPECTRUM, weights, "longest", (n - 1) * mean, (ROOT,))
+        yield curve(SPECTRUM, weights, "longest", (n - 1) * mean, (ROOT,))
 
 
 def smoothness_priors(curves: Sequence[StatedCurve], parameters: Sequence[Parameter]) -> tuple[SmoothnessPrior, ...]:
@@ -211,12 +212,12 @@ def smoothness_priors(curves: Sequence[StatedCurve], parameters: Sequence[Parame
 def _bends(curve: StatedCurve, values: Mapping[str, float]) -> np.ndarray:
     if curve.key == SURFACE:
         return prior_rows(len(curve.names) // RINGS, curve.size * curve.smoothness.strength)
-    return bends(knots(values[curve.last], len(curve.names)), curve.size, curve.smoothness)
+    return bends(knots(values[curve.last_knot], len(curve.names)), curve.size, curve.smoothness)
 
 
 def knot_notes(tables: Mapping[str, MaterialTable]) -> list[str]:
-    """What the evidence has said of every free curve."""
+    """The knots and the smoothness of every free curve that their evidence selects."""
     return [f"material.{name}.{key}: knots and smoothness by their evidence; ln Z against the best number of knots: "
-            + ", ".join(f"{n} {ln_z:+.1f}" for n, ln_z in own.evidence.items()) + f"; smoothness {own.strength:g}"
-            + (" over the root of the plastic strain" if own.over == ROOT and key.startswith("hardening") else "")
-            for name, table in tables.items() for key, own in table.smoothness.items() if own.evidence]
+            + ", ".join(f"{n} {ln_z:+.1f}" for n, ln_z in curve.evidence.items()) + f"; smoothness {curve.strength:g}"
+            + (" over the root of the plastic strain" if curve.over == ROOT and key.startswith("hardening") else "")
+            for name, table in tables.items() for key, curve in table.smoothness.items() if curve.evidence]

@@ -30,8 +30,8 @@ def free_surface(entry: Mapping, file: str, key: str) -> tuple[str, dict, dict]:
         A number of knots or a smoothness that is none.
     """
     n = entry.get("knots", DEFAULT_RING)
-    stated: dict[str, object] = {"by_evidence": True} if n == BY_EVIDENCE else {}
-    n = RING_KNOTS[1] if stated else n
+    smoothness_table: dict[str, object] = {"by_evidence": True} if n == BY_EVIDENCE else {}
+    n = RING_KNOTS[1] if smoothness_table else n
     if not isinstance(n, int) or isinstance(n, bool) or not RING_KNOTS[0] <= n <= RING_KNOTS[1]:
         raise InputError("a free yield surface needs its number of knots on a ring", file=file, key=f"{key}.knots",
                          expected=f'a whole number, {RING_KNOTS[0]} to {RING_KNOTS[1]}, or "{BY_EVIDENCE}"',
@@ -45,6 +45,6 @@ def free_surface(entry: Mapping, file: str, key: str) -> tuple[str, dict, dict]:
                          found=repr(smoothness)[:80], remedy="smaller is smoother; leave it out for 1")
     weights = {f"u{k}": {"value": 1.0, "identify": True, "prior": {"mean": 1.0, "std": SPREAD}}
                for k in range(1, RINGS * n + 1)}
-    own = {name: value for name, value in entry.items() if name not in KEYS}
-    stated |= {} if smoothness is None else {"strength": float(smoothness)}
-    return f"{KIND}{n}", weights | own, stated
+    entries = {name: value for name, value in entry.items() if name not in KEYS}
+    smoothness_table |= {} if smoothness is None else {"strength": float(smoothness)}
+    return f"{KIND}{n}", weights | entries, smoothness_table

@@ -40,10 +40,10 @@ def softening_notes(materials: Sequence[Material], parameters: Sequence[Paramete
 
 def sizes_of(mesh: Mesh, elements: np.ndarray) -> np.ndarray:
     """Sizes of elements as softening laws see them  # (n,) global indices -> (n,) mm"""
-    found = np.zeros(mesh.n_elements)
+    sizes = np.zeros(mesh.n_elements)
     for block in mesh.blocks:
         xi, w = quadrature_rule(block.cell, None)
         jac = np.einsum("eak,qai->eqki", mesh.nodes[block.connectivity], shape_gradients(block.cell, xi))
         volumes = (np.linalg.det(jac) * w).sum(axis=1)
-        found[block.first:block.first + block.n_elements] = element_sizes(block.cell, volumes, mesh.n_dim)
-    return found[elements]
+        sizes[block.first:block.first + block.n_elements] = element_sizes(block.cell, volumes, mesh.n_dim)
+    return sizes[elements]

@@ -45,8 +45,8 @@ def free_relaxation(table: Mapping, file: str, key: str) -> dict:
         raise InputError("a relaxation spectrum needs its number of times", file=file, key=f"{place}.times",
                          expected=f'a whole number, {TIMES[0]} to {TIMES[1]}, or "{BY_EVIDENCE}"', found=repr(n)[:80],
                          remedy="two or three per decade between shortest and longest")
-    own, allowed = weight_names(n), ("times", *ENDS, "share", "smoothness")
-    unknown = [name for name in entry if name not in (*allowed, *own)]
+    weights, allowed = weight_names(n), ("times", *ENDS, "share", "smoothness")
+    unknown = [name for name in entry if name not in (*allowed, *weights)]
     if unknown:
         raise InputError("a relaxation spectrum has no such key", file=file, key=f"{place}.{unknown[0]}",
                          expected=f"{', '.join(allowed)}, g_1 ... g_{n}", found=unknown[0], remedy="remove it")
@@ -66,10 +66,10 @@ def free_relaxation(table: Mapping, file: str, key: str) -> dict:
                          expected="their sum at the start, 0 or more and below 1", found=repr(share)[:80],
                          remedy=f"write  share = {DEFAULT_SHARE}")
     flat = {"law": f"{FREE_RELAXATION}({n})", **{name: entry[name] for name in ENDS}}
-    flat |= {name: entry.get(name, {"value": share / n, "identify": True}) for name in own}
-    stated = stated_smoothness(entry, file, place) | ({"by_evidence": True} if chosen else {})
-    made = {name: value for name, value in table.items() if name != KEY} | flat
-    return made | ({"smoothness": {KEY: stated}} if stated else {})
+    flat |= {name: entry.get(name, {"value": share / n, "identify": True}) for name in weights}
+    smoothness_table = stated_smoothness(entry, file, place) | ({"by_evidence": True} if chosen else {})
+    flat_table = {name: value for name, value in table.items() if name != KEY} | flat
+    return flat_table | ({"smoothness": {KEY: smoothness_table}} if smoothness_table else {})
 
 
 def spectrum_notes(materials: Sequence[Material], parameters: Sequence[Parameter],
@@ -79,10 +79,10 @@ def spectrum_notes(materials: Sequence[Material], parameters: Sequence[Parameter
     for material in materials:
         if times is None or len(times) < 2 or not times_of(material.law):
             continue
-        first, last = (values[f"{material.element_set}.{name}"] for name in ENDS)
-        shown, whole = float(np.diff(times).min()), float(times[-1] - times[0])
-        if first < 0.5 * shown or last > 2.0 * whole:
-            notes.append(f"material.{material.element_set}: relaxation times of {first:.3g} to {last:.3g} s; the "
-                         f"frames show {shown:.3g} to {whole:.3g} s: faster relaxation is over before a frame, "
+        shortest, longest = (values[f"{material.element_set}.{name}"] for name in ENDS)
+        interval, duration = float(np.diff(times).min()), float(times[-1] - times[0])
+        if shortest < 0.5 * interval or longest > 2.0 * duration:
+            notes.append(f"material.{material.element_set}: relaxation times of {shortest:.3g} to {longest:.3g} s; the "
+                         f"frames show {interval:.3g} to {duration:.3g} s: faster relaxation is over before a frame, "
                          "slower relaxation looks elastic, and such weights follow the smoothness prior")
     return notes

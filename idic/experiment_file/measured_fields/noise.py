@@ -45,7 +45,7 @@ def depth_of(config: ExperimentFile, points: MeasuredPoints, free_rigid: bool) -
         return None
     measured = any(drive is not None and drive.measured is not None for table in config.boundary
                    for drive in (table.u, table.ux, table.uy))
-    return Depth(free=free_rigid or measured)
+    return Depth(rigid_motion=free_rigid or measured)
 
 
 def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoints, frames: Sequence[int],
@@ -57,47 +57,49 @@ def noise_of_fields(config: ExperimentFile, stack: FieldStack, points: FieldPoin
     InputError
         The noise is neither given nor visible in the stages.
     """
-    given = config.experiment.fields_noise_um
-    found = _noise_seen(stack, points, frames, reference, n_references, (0, 1))
-    if found is None:
-        if given is None:
+    stated_std = config.experiment.fields_noise_um
+    stage_noise = _noise_seen(stack, points, frames, reference, n_references, (0, 1))
+    if stage_noise is None:
+        if stated_std is None:
             raise InputError("the noise of the fields is not known", file=file, key="experiment.fields_noise_um",
                              expected="its standard deviation in µm, or three stages or more that show it",
                              found=f"{len(frames)} stages", remedy="give it: two stages at rest show it")
-        return Noise(given, "given")
-    std = found.std if given is None else given
-    rows = tuple(tuple(float(value) for value in row) for row in found.correlation)
-    return Noise(std, "stage_differences" if given is None else "given",
-                 correlated=CorrelatedNoise(std, std * found.sum_std / found.std, rows, std))
+        return Noise(stated_std, "given")
+    std = stage_noise.std if stated_std is None else stated_std
+    rows = tuple(tuple(float(value) for value in row) for row in stage_noise.correlation)
+    return Noise(std, "stage_differences" if stated_std is None else "given",
+                 correlated=CorrelatedNoise(std, std * stage_noise.sum_std / stage_noise.std, rows, std))
 
 
 def with_depth(points: FieldPoints, noise: Noise, stack: FieldStack, frames: Sequence[int], reference: int,
-               n_references: int, asked: bool = True, thickness: float | None = None) -> tuple[FieldPoints, str]:
+               n_references: int, unconditional: bool = True,
+               thickness: float | None = None) -> tuple[FieldPoints, str]:
     """The points with the weight of the rows along the normal by their own noise, and a note.
 
-    asked : False: of a sheet of this thickness (mm), only where its change can exceed that noise.
+    unconditional : False: of a sheet of this thickness (mm), only where its change can exceed that noise.
 
     The rows are weighed so that sums over many points scatter as those in the plane do; the correlation of neighbours
     is taken to be that in the plane. Where the stages do not show the noise, it is that in the plane.
     """
     assert points.depth is not None
-    plane, own = noise.correlated, _noise_seen(stack, points, frames, reference, n_references, (2,))
-    said = "" if not points.depth.free else "; an offset and two tilts of every stage are its own"
+    plane, normal_noise = noise.correlated, _noise_seen(stack, points, frames, reference, n_references, (2,))
+    remark = "" if not points.depth.rigid_motion else "; an offset and two tilts of every stage are its own"
     if points.depth.side:
-        most, std = _largest_change(stack, frames, thickness or 0.0), noise.std_gv if own is None else own.std
-        said = (f"; of a sheet it is the change of thickness, up to {most:.2g} µm rms here; every stage bends by a "
-                "polynomial of the third degree of its own")
-        if not asked and most < (std or 0.0):
+        most = _largest_change(stack, frames, thickness or 0.0)
+        std = noise.std_gv if normal_noise is None else normal_noise.std
+        remark = (f"; of a sheet it is the change of thickness, up to {most:.2g} µm rms here; every stage bends by a "
+                  "polynomial of the third degree of its own")
+        if not unconditional and most < (std or 0.0):
             return replace(points, depth=None), (
                 f"the change of thickness moves the seen side by {most:.2g} µm rms at most, less than the noise along "
                 f"the normal ({std:.2g} µm per point): it is not compared (fields_thickness_change = true compares it)")
-    if own is None or plane is None:
+    if normal_noise is None or plane is None:
         return replace(points, depth=replace(points.depth, std_um=noise.std_gv)), (
-            "the displacement out of the plane is compared too, with the noise of the others" + said)
-    weight = plane.sum_std_gv / own.sum_std
-    gain = (weight * own.std / plane.recorded_gv) ** 2
-    return replace(points, depth=replace(points.depth, weight=weight, noise_gain=gain, std_um=own.std)), (
-        f"the displacement out of the plane is compared too; its noise is {own.std:.3g} µm per point{said}")
+            "the displacement out of the plane is compared too, with the noise of the others" + remark)
+    weight = plane.sum_std_gv / normal_noise.sum_std
+    gain = (weight * normal_noise.std / plane.recorded_gv) ** 2
+    return replace(points, depth=replace(points.depth, weight=weight, noise_gain=gain, std_um=normal_noise.std)), (
+        f"the displacement out of the plane is compared too; its noise is {normal_noise.std:.3g} µm per point{remark}")
 
 
 def _largest_change(stack: FieldStack, frames: Sequence[int], thickness: float) -> float:
@@ -105,7 +107,7 @@ def _largest_change(stack: FieldStack, frames: Sequence[int], thickness: float) 
     at = stack.points.positions
     looked = {frames[-1], frames[len(frames) // 2]}
     moved = (stack.frame(k)[:, :2].astype(float) * [1.0, -1.0] / UM_PER_MM for k in looked)
-    return max(UM_PER_MM * largest_change(at, one, 0.5 * thickness) for one in moved)
+    return max(UM_PER_MM * largest_change(at, motion, 0.5 * thickness) for motion in moved)
 
 
 def _noise_seen(stack: FieldStack, points: FieldPoints, frames: Sequence[int], reference: int, n_references: int,

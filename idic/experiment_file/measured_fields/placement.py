@@ -50,12 +50,12 @@ def field_camera(config: ExperimentFile, points: MeasuredPoints, file: Path) -> 
             raise InputError("a key of images next to fields", file=file, key=f"camera.{key}",
                              expected="origin_mm, axes, rotation_deg, and pixel_size_mm for fields in px", found=key,
                              remedy="leave it out; fields_noise_um gives the noise of fields")
-    wanted = _field_axes(config)
-    if wanted[0][1:] == wanted[1][1:]:
+    axes = _field_axes(config)
+    if axes[0][1:] == axes[1][1:]:
         raise InputError("both axes point along the same direction", file=file, key="camera.axes",
                          expected='one along x, one along y, e.g. ["+x", "+y"]', found=str(table.axes),
                          remedy="correct one of them")
-    return _camera_at(points, np.array(table.origin_mm or (0.0, 0.0)), wanted, table.rotation_deg)
+    return _camera_at(points, np.array(table.origin_mm or (0.0, 0.0)), axes, table.rotation_deg)
 
 
 def _camera_at(points: MeasuredPoints, origin_mm: np.ndarray, axes: Sequence[str], rotation_deg: float) -> Camera:
@@ -75,26 +75,27 @@ def laid_on_outline(config: ExperimentFile, points: MeasuredPoints, mesh: Mesh, 
     base = Camera.from_table(points.pitch, (0.0, 0.0), _field_axes(config)).matrix * points.pitch * [[1.0], [-1.0]]
     edges = Edges.of(mesh.nodes[:, :2] @ base.T, surface_cells(mesh, config.experiment.surface))
     origin = np.full(2, np.nan) if table.origin_mm is None else np.array(table.origin_mm)
-    near = Placement(origin, float(np.radians(table.rotation_deg)), 0.0)
+    start = Placement(origin, float(np.radians(table.rotation_deg)), 0.0)
     loops = sorted(loops_of(points.positions, points.pitch), key=lambda loop: -float(np.prod(np.ptp(loop, axis=0))))
     loops = [loop for k, loop in enumerate(loops) if k == 0 or len(loop) >= MIN_HOLE]
     try:
-        found, others = fitted_placement(edges, points.positions, loops, points.pitch, near)
+        placement, equivalents = fitted_placement(edges, points.positions, loops, points.pitch, start)
     except InputError as error:
         raise InputError(error.what, file=file, key=error.key, expected=error.expected, found=error.found,
                          remedy=error.remedy) from None
-    degrees = float(np.degrees((found.angle + np.pi) % (2.0 * np.pi) - np.pi))
-    note = (f"the mesh is laid along the outline of the points: origin_mm = [{found.origin[0]:.3f}, "
-            f"{found.origin[1]:.3f}], "
-            f"rotation_deg = {degrees:.3f}; the points end {found.margin:.2g} mm before its edges, "
-            f"{np.sqrt(found.cost):.2g} mm rms off that; {100 * found.on_edges:.0f} % of the outline are along "
+    degrees = float(np.degrees((placement.angle + np.pi) % (2.0 * np.pi) - np.pi))
+    note = (f"the mesh is laid along the outline of the points: origin_mm = [{placement.origin[0]:.3f}, "
+            f"{placement.origin[1]:.3f}], "
+            f"rotation_deg = {degrees:.3f}; the points end {placement.margin:.2g} mm before its edges, "
+            f"{np.sqrt(placement.cost):.2g} mm rms off that; {100 * placement.on_edges:.0f} % of the outline are along "
             f"edges")
-    if others:
-        turns = ", ".join(f"{np.degrees(one.angle - found.angle) % 360.0:.0f}°" for one in others)
+    if equivalents:
+        turns = ", ".join(f"{np.degrees(equivalent.angle - placement.angle) % 360.0:.0f}°"
+                          for equivalent in equivalents)
         note += (f". The mesh is symmetric: turned by {turns} it fits equally well. The smallest rotation from "
                  "rotation_deg is used; another matters only for sets, loads and material directions that are less "
                  "symmetric")
-    return _camera_at(points, found.origin, _field_axes(config), degrees), note
+    return _camera_at(points, placement.origin, _field_axes(config), degrees), note
 
 
 def _field_axes(config: ExperimentFile) -> list[str]:

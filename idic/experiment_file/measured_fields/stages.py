@@ -49,16 +49,15 @@ def kept_stages(table: StagesTable, stack: FieldStack, references: Sequence[int]
                 excluded: Sequence[int]) -> tuple[tuple[int, ...], str]:
     """The stages that the rule of `experiment.stages` keeps, and the rule in words."""
     rule = StageRule(table.every_strain, table.every_change_um, table.every_time_s, table.max)
-    kept = chosen_stages(stack.series, stack.points, rule, references, excluded)
-    return kept, (f"{len(kept)} of {len(stack.series.entries)} stages are compared, {rule.words}; the reference and "
-                  f"the "
-                  "last stage are among them (stages in [experiment])")
+    numbers = chosen_stages(stack.series, stack.points, rule, references, excluded)
+    return numbers, (f"{len(numbers)} of {len(stack.series.entries)} stages are compared, {rule.words}; the reference "
+                     "and the last stage are among them (stages in [experiment])")
 
 
 def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int],
                 thickness: float | None) -> list[str]:
     """What a user should know of the fields: format, points, and motion out of the plane at the last of the stages."""
-    series, points, last = stack.series, stack.points, stages[-1]
+    series, points, last_stage = stack.series, stack.points, stages[-1]
     extent = np.ptp(points.positions, axis=0)
     notes = [f"fields: {len(series.entries)} stages in the format {series.format}; {len(points)} points over "
              f"{extent[0]:.3g} x {extent[1]:.3g} mm, {grid.pitch_mm:.3g} mm apart; positions are those of the plane of "
@@ -68,19 +67,19 @@ def field_notes(stack: FieldStack, grid: FieldPoints, stages: Sequence[int],
                      "(fields_unit in [experiment] states another unit)")
     if points.plane is None:
         return notes
-    moved = points.moved(series.stage(last))
-    found = out_of_plane(points.positions, moved[:, 2])
-    if found is None:
+    moved = points.moved(series.stage(last_stage))
+    deflection = out_of_plane(points.positions, moved[:, 2])
+    if deflection is None:
         return notes
-    text = (f"out of the plane, at {series.labels[last]}: {found.rms_mm:.2g} mm rms, tilt "
-            f"{np.degrees(np.hypot(*found.tilt)):.2g}°, curvature {1e3 * found.curvature:.2g} 1/m")
+    text = (f"out of the plane, at {series.labels[last_stage]}: {deflection.rms_mm:.2g} mm rms, tilt "
+            f"{np.degrees(np.hypot(*deflection.tilt)):.2g}°, curvature {1e3 * deflection.curvature:.2g} 1/m")
     if grid.depth is not None and not grid.depth.side:
         return [*notes, text]
-    bending = 0.5 * found.curvature * (thickness or 0.0)
+    bending = 0.5 * deflection.curvature * (thickness or 0.0)
     text += ("; the plane model is compared with the mid-plane of the sheet, flattened: tilt, arcs"
              + (f" and the strain of bending at the surface ({bending:.1e})" if bending > MIN_TOLD_CURVATURE_STRAIN
                 else " and bending" if thickness else "") + " are removed from the in-plane motion")
-    if not thickness and 0.5 * found.curvature > MIN_TOLD_CURVATURE_STRAIN:
+    if not thickness and 0.5 * deflection.curvature > MIN_TOLD_CURVATURE_STRAIN:
         text += "; with thickness_mm the strain of bending at the surface would be, too"
     most = largest_bending(stack, stages, thickness) if thickness else None
     if most is None or most.share < MIN_TOLD_BENDING:

@@ -50,15 +50,14 @@ def aligned(clicks: Sequence[Clicks], file,
                          expected="three points or more that span a plane", found=f"{len(points)} points",
                          remedy="click corners and holes that lie far apart")
     starts = sorted(_starts(clicks), key=lambda start: _click_error(clicks, *start))[:N_REFINED_STARTS]
-    best = min((_refined(clicks, start) for start in starts), key=lambda found: found[2])
+    best = min((_refined(clicks, start) for start in starts), key=lambda pose: pose[2])
     rotation, shift, error = best
     if error > max_error_px:
-        worst, which = max((float(np.abs(c.camera.project(c.points_mm @ rotation.T + shift) - c.points_px).max()),
-                            c.key)
-                           for c in clicks)
+        worst, worst_key = max((float(np.abs(c.camera.project(c.points_mm @ rotation.T + shift) - c.points_px).max()),
+                                c.key) for c in clicks)
         raise InputError("the clicked points do not fit the calibration", file=file, key=clicks[0].key,
                          expected=f"a pose that leaves less than {max_error_px:g} px (rms)",
-                         found=f"{error:.1f} px, up to {worst:.1f} px in {which}",
+                         found=f"{error:.1f} px, up to {worst:.1f} px in {worst_key}",
                          remedy="check points_mm and points_px, the image that they were clicked in, and whether left "
                                 "and right camera are swapped (calibration_camera)")
     notes = [f"alignment: {len(points)} clicked points, {error:.2f} px (rms)"]
@@ -140,8 +139,8 @@ def _refined(clicks: Sequence[Clicks], start) -> tuple[np.ndarray, np.ndarray, f
 
     if not np.isfinite(_click_error(clicks, rotation, shift)):
         return rotation, shift, np.inf
-    found = scipy.optimize.least_squares(residual, np.zeros(6), slopes, x_scale="jac", max_nfev=60)
-    six = found.x * unit
+    fit = scipy.optimize.least_squares(residual, np.zeros(6), slopes, x_scale="jac", max_nfev=60)
+    six = fit.x * unit
     turn = rotation_of(six[:3])
-    error = float(np.sqrt((found.fun**2).sum() / (len(found.fun) / 2)))
+    error = float(np.sqrt((fit.fun**2).sum() / (len(fit.fun) / 2)))
     return rotation @ turn, rotation @ (pivot - turn @ pivot + six[3:]) + shift, error

@@ -49,13 +49,13 @@ def starts(clicks: Sequence[Clicks], centre_mm: np.ndarray, outward: np.ndarray,
         pose = aligned(clicks, file, ROUGH_PX)[:2]
         return [pose, *(_mirrored(*pose, clicks[0]) if len(clicks) == 1 else ())]
     points, places = _two_places(clicks, measured, file, key)
-    along, seen = points[1] - points[0], places[1] - places[0]
-    made = []
+    mesh_axis, rig_axis = points[1] - points[0], places[1] - places[0]
+    poses = []
     for tilt in TILTS_DEG:
-        turn = (rotation_of(tilt * seen / np.linalg.norm(seen)) @ _frame(seen, centre_mm - places.mean(axis=0))
-                @ _frame(along, outward).T)
-        made.append((turn, places.mean(axis=0) - turn @ points.mean(axis=0)))
-    return made
+        turn = (rotation_of(tilt * rig_axis / np.linalg.norm(rig_axis))
+                @ _frame(rig_axis, centre_mm - places.mean(axis=0)) @ _frame(mesh_axis, outward).T)
+        poses.append((turn, places.mean(axis=0) - turn @ points.mean(axis=0)))
+    return poses
 
 
 def _two_places(clicks: Sequence[Clicks], measured: bool, file, key: str) -> tuple[np.ndarray, np.ndarray]:
@@ -65,24 +65,24 @@ def _two_places(clicks: Sequence[Clicks], measured: bool, file, key: str) -> tup
     points = np.array([first, every[np.argmax(np.linalg.norm(every - first, axis=1))]])
     rays = [[(c.camera.centre_mm, c.camera.rays(c.points_px[k:k + 1])[1][0]) for c in clicks
              for k in np.flatnonzero(np.linalg.norm(c.points_mm - point, axis=1) < 1e-9)] for point in points]
-    if all(len(own) > 1 for own in rays):
-        return points, np.array([_nearest_point(own) for own in rays])
+    if all(len(bundle) > 1 for bundle in rays):
+        return points, np.array([_nearest_point(bundle) for bundle in rays])
     if len(clicks) > 1 or measured:
         raise InputError("points on a line that are not marked in two cameras", file=file, key=key,
                          expected="both holes in the alignment of two cameras, or a third point off their line",
                          found=f"{len(every)} points", remedy="add the holes to the alignment of the other camera, or "
                          "an edge, or a clicked point")
-    (centre, one), (_, two) = rays[0][0], rays[1][0]  # at equal distances
-    length = np.linalg.norm(points[1] - points[0]) / max(float(np.linalg.norm(one - two)), 1e-9)
-    return points, centre + length * np.array([one, two])
+    (centre, ray), (_, second_ray) = rays[0][0], rays[1][0]  # at equal distances
+    length = np.linalg.norm(points[1] - points[0]) / max(float(np.linalg.norm(ray - second_ray)), 1e-9)
+    return points, centre + length * np.array([ray, second_ray])
 
 
 def _frame(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Right-handed axes: along the first vector, towards the second  # (3, 3), in columns"""
-    one = first / np.linalg.norm(first)
-    two = second - (second @ one) * one
-    two /= np.linalg.norm(two)
-    return np.column_stack([one, two, np.cross(one, two)])
+    first_axis = first / np.linalg.norm(first)
+    second_axis = second - (second @ first_axis) * first_axis
+    second_axis /= np.linalg.norm(second_axis)
+    return np.column_stack([first_axis, second_axis, np.cross(first_axis, second_axis)])
 
 
 def _nearest_point(rays) -> np.ndarray:

@@ -112,16 +112,16 @@ class _LensTables:
         numbers = [self._number(i) for i in range(len(self.tables))]
         lens = [self._lens(i, placed) for i in range(len(self.tables))]
         rotation, shift, notes = self._place(lens)
-        made = []
+        cameras = []
         for i, table in enumerate(self.tables):
             if lens[i] is not None and table.rotation is not None:  # its own pose, from the mesh frame
-                own = lens[i].placed(table.rotation, table.translation_mm)
-                turn = own.rotation @ rotation.T
-                lens[i] = own.placed(turn, own.translation_mm - turn @ shift)
-            made.append(None if lens[i] is None else PlacedCamera(lens[i], rotation, shift))
+                camera = lens[i].placed(table.rotation, table.translation_mm)
+                turn = camera.rotation @ rotation.T
+                lens[i] = camera.placed(turn, camera.translation_mm - turn @ shift)
+            cameras.append(None if lens[i] is None else PlacedCamera(lens[i], rotation, shift))
         sizes = tuple(None if number is None else self._rig(i).image_size_px[number]
                       for i, number in enumerate(numbers))
-        prior = self._prior(numbers, made)
+        prior = self._prior(numbers, cameras)
         freed = () if prior is None else tuple(
             name for name in prior.names
             for table in self.tables if table.identify_calibration and name.startswith(f"{table.name}."))
@@ -130,7 +130,7 @@ class _LensTables:
                              expected="a file with the covariance of its values, as idic calibrate writes it",
                              found="values alone",
                              remedy="leave identify_calibration out, and give [[dof]] with a prior")
-        return Lenses(tuple(made), sizes, prior, freed, tuple(notes))
+        return Lenses(tuple(cameras), sizes, prior, freed, tuple(notes))
 
     def _is_placed(self) -> bool:
         """Whether a pose of the mesh is given: then the frame of the calibration is that of camera 0."""
@@ -144,9 +144,9 @@ class _LensTables:
         table = self.tables[i]
         if table.model != PINHOLE or table.calibration is None:
             return None
-        given = table.calibration_camera
-        number = given if given is not None else sum(
-            other.calibration == table.calibration for other in self.tables[:i])
+        stated_number = table.calibration_camera
+        number = stated_number if stated_number is not None else sum(
+            earlier.calibration == table.calibration for earlier in self.tables[:i])
         n = len(self._rig(i).cameras)
         if number >= n:
             raise InputError("no such camera in the calibration", file=self.file, key=self.key(i, "calibration_camera"),
@@ -182,9 +182,9 @@ class _LensTables:
         self._check_common_frame()
         for camera, table in zip(lens, self.tables, strict=True):
             if camera is not None and table.rotation is not None:
-                own = camera.placed(table.rotation, table.translation_mm)  # checks the matrix
-                return (camera.rotation.T @ own.rotation,
-                        camera.rotation.T @ (own.translation_mm - camera.translation_mm), [])
+                posed_camera = camera.placed(table.rotation, table.translation_mm)  # checks the matrix
+                return (camera.rotation.T @ posed_camera.rotation,
+                        camera.rotation.T @ (posed_camera.translation_mm - camera.translation_mm), [])
         clicks = [Clicks(self.key(i, "alignment"), camera, np.array([[*p, 0.0][:3] for p in table.alignment.points_mm]),
                          np.array(table.alignment.points_px))
                   for i, (camera, table) in enumerate(zip(lens, self.tables, strict=True))
@@ -203,7 +203,7 @@ class _LensTables:
                              "translation_mm of each", found=", ".join(str(name) for name in sorted(map(str, files))),
                              remedy="calibrate the cameras together")
 
-    def _prior(self, numbers: Sequence[int | None], made: Sequence[PlacedCamera | None]) -> JointPrior | None:
+    def _prior(self, numbers: Sequence[int | None], cameras: Sequence[PlacedCamera | None]) -> JointPrior | None:
         """The covariances of the calibration files in the names of the degrees of freedom; files know nothing of each
         other."""
         names: list[str] = []
@@ -211,9 +211,10 @@ class _LensTables:
         for file, rig in self.rigs.items():
             if rig.covariance is None:
                 continue
-            stems = {number: (table, camera) for table, number, camera in zip(self.tables, numbers, made, strict=True)
+            stems = {number: (table, camera)
+                     for table, number, camera in zip(self.tables, numbers, cameras, strict=True)
                      if number is not None and table.calibration == file}
-            own = []
+            rows = []
             for k, name in enumerate(rig.names):
                 number, _, parameter = name.partition(".")
                 if int(number) not in stems or parameter not in LENS_PARAMETERS or not rig.covariance[k, k] > 0.0:
@@ -221,10 +222,10 @@ class _LensTables:
                 table, camera = stems[int(number)]
                 if camera is None or (table.rotation is not None and parameter not in INTRINSIC_PARAMETERS):
                     continue  # a pose of its own
-                own.append(k)
+                rows.append(k)
                 names.append(f"{table.name}.{parameter}")
                 mean.append(camera.lens.values()[parameter])
-            blocks.append(rig.covariance[np.ix_(own, own)])
+            blocks.append(rig.covariance[np.ix_(rows, rows)])
         return JointPrior(tuple(names), np.array(mean), block_diag(*blocks)) if names else None
 
 
@@ -257,11 +258,11 @@ def middle_of(mesh: Mesh) -> np.ndarray:
 
 def joint_priors(lens: Lenses, parameters: Sequence[Parameter]) -> tuple[JointPrior, ...]:
     """The deviations of calibration and placement, less the values that have a prior of their own."""
-    own = {p.name for p in parameters if p.prior_std}
-    made = []
+    names_with_prior = {p.name for p in parameters if p.prior_std}
+    priors = []
     for prior in (lens.prior, lens.placement_prior):
         if prior is not None:
-            keep = [i for i, name in enumerate(prior.names) if name not in own]
-            made.append(JointPrior(tuple(prior.names[i] for i in keep), prior.mean[keep],
-                                   prior.covariance[np.ix_(keep, keep)]))
-    return tuple(made)
+            keep = [i for i, name in enumerate(prior.names) if name not in names_with_prior]
+            priors.append(JointPrior(tuple(prior.names[i] for i in keep), prior.mean[keep],
+                                     prior.covariance[np.ix_(keep, keep)]))
+    return tuple(priors)

@@ -79,9 +79,9 @@ def placed_by_images(mesh: Mesh, eyes: Sequence[Eye], file) -> Placed:
     return _kept[key]
 
 
-def as_points(given) -> np.ndarray:
+def as_points(coordinates) -> np.ndarray:
     """Points of the mesh frame, z = 0 where it is not given  # (n, 2|3) -> (n, 3) mm"""
-    return np.array([[*point, 0.0][:3] for point in given], dtype=float)
+    return np.array([[*point, 0.0][:3] for point in coordinates], dtype=float)
 
 
 def _cost(pose: Pose) -> float:
@@ -108,19 +108,19 @@ class _Alignment:
         try:
             if not self.measured:
                 best = min((fitted_pose(start, Evidence(self.rims, self.marked)) for start in cameras), key=_cost)
-                seen = reselected(self._at(best), Evidence(self.rims, self.marked))
-                self.rims = seen.rims
-                pose, ambiguous = self._best([fitted_pose(start, seen) for start in [*cameras, self._at(best)]])
+                evidence = reselected(self._at(best), Evidence(self.rims, self.marked))
+                self.rims = evidence.rims
+                pose, ambiguous = self._best([fitted_pose(start, evidence) for start in [*cameras, self._at(best)]])
             else:
-                here = max(cameras, key=self._agreement)
+                estimate = max(cameras, key=self._agreement)
                 for search in SEARCHES_PX:
-                    surface = self._surface(here, search)
-                    pose = fitted_pose(here, Evidence(self.rims, self.marked, surface))
-                    here = self._at(pose)
-                seen = reselected(here, Evidence(self.rims, self.marked, surface))
-                self.rims, pose = seen.rims, fitted_pose(here, seen)
+                    surface = self._surface(estimate, search)
+                    pose = fitted_pose(estimate, Evidence(self.rims, self.marked, surface))
+                    estimate = self._at(pose)
+                evidence = reselected(estimate, Evidence(self.rims, self.marked, surface))
+                self.rims, pose = evidence.rims, fitted_pose(estimate, evidence)
         except InputError as error:
-            raise self._here(error) from None
+            raise self._with_place(error) from None
         self._check(pose)
         names = tuple(f"{PLACEMENT_STEM}.{name}" for name in RIGID)
         prior = JointPrior(names, np.zeros(6), pose.covariance) if self.measured else None
@@ -133,19 +133,19 @@ class _Alignment:
         for k, hole in enumerate(eye.table.holes):
             key, centre = f"{eye.key}.alignment.holes[{k}]", as_points([hole.centre_mm])[0]
             normal = self._normal(centre[None], eye.surface, key, hole.radius_mm)
-            yield Rim(key, number, self._found(hole_contour, eye, hole.px, key), centre, normal, None, hole.radius_mm)
+            yield Rim(key, number, self._contour(hole_contour, eye, hole.px, key), centre, normal, None, hole.radius_mm)
         for k, edge in enumerate(eye.table.edges):
             key, ends = f"{eye.key}.alignment.edges[{k}]", as_points(edge.points_mm)
             normal = self._normal(ends, eye.surface, key)
             along = ends[1] - ends[0]
-            yield Rim(key, number, self._found(edge_contour, eye, edge.points_px, key), ends[0], normal,
+            yield Rim(key, number, self._contour(edge_contour, eye, edge.points_px, key), ends[0], normal,
                       along / np.linalg.norm(along))
 
-    def _found(self, seek, eye: Eye, px, key: str) -> Contour:
+    def _contour(self, seek, eye: Eye, px, key: str) -> Contour:
         try:
             return seek(np.asarray(eye.image, dtype=float), np.array(px))
         except InputError as error:
-            raise self._here(error, key) from None
+            raise self._with_place(error, key) from None
 
     def _normal(self, points: np.ndarray, surface: str | None, key: str, radius: float | None = None) -> np.ndarray:
         """Unit normal of the surface of the mesh around points, which lie on it  # (n, 3) mm -> (3,)"""
@@ -154,18 +154,18 @@ class _Alignment:
         nodes = np.unique(np.concatenate([b.connectivity.ravel() for b in surface_cells(self.mesh, surface)]))
         at, normals = self.mesh.nodes[nodes], nodal_normals(self.mesh, surface)[nodes]
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-        near = np.zeros(len(nodes), dtype=bool)
+        neighbours = np.zeros(len(nodes), dtype=bool)
         for point in points:
             distance = np.linalg.norm(at - point, axis=1)
-            near |= distance <= 1.3 * max(distance.min(), radius or 0.0) + 1e-9
-        normal = normals[near].mean(axis=0)
+            neighbours |= distance <= 1.3 * max(distance.min(), radius or 0.0) + 1e-9
+        normal = normals[neighbours].mean(axis=0)
         normal /= max(float(np.linalg.norm(normal)), 1e-300)
-        if (normals[near] @ normal).min() < np.cos(np.radians(FLAT_DEG)):
+        if (normals[neighbours] @ normal).min() < np.cos(np.radians(FLAT_DEG)):
             raise InputError("a hole or an edge on a curved surface", file=self.file, key=key,
                              expected="a flat surface around it", found="normals that differ by more than "
                              f"{FLAT_DEG:g}°", remedy="click points there (points_mm, points_px); the surface around "
                              "them may be measured (measured_surface = true)")
-        off = float(np.abs((at[near].mean(axis=0) - points) @ normal).max())
+        off = float(np.abs((at[neighbours].mean(axis=0) - points) @ normal).max())
         if off > 1e-3 * float(np.ptp(at, axis=0).max()):
             raise InputError("a hole or an edge off the surface of the mesh", file=self.file, key=key,
                              expected=f"points on {surface}", found=f"{off:.3g} mm off it",
@@ -185,7 +185,7 @@ class _Alignment:
 
     def _clicks(self) -> list[Clicks]:
         """Middles of holes, ends of edges, clicked points, by camera."""
-        made = []
+        clicks = []
         for number, eye in enumerate(self.eyes):
             rims = [rim for rim in self.rims if rim.camera == number and rim.along is None]
             edges = [] if eye.table is None else eye.table.edges
@@ -195,26 +195,27 @@ class _Alignment:
             pixels = [*(rim.contour.middle[None] for rim in rims), *(np.array(e.points_px) for e in edges),
                       *(m.points_px for m in marked)]
             if points:
-                made.append(Clicks(f"{eye.key}.alignment", eye.camera.aimed, np.concatenate(points),
-                                   np.concatenate(pixels)))
-        return made
+                clicks.append(Clicks(f"{eye.key}.alignment", eye.camera.aimed, np.concatenate(points),
+                                     np.concatenate(pixels)))
+        return clicks
 
     # surface --------------------------------------------------------------------------------------
-    def _seen(self, cameras: Sequence[PlacedCamera], number: int) -> Seen:
+    def _view(self, cameras: Sequence[PlacedCamera], number: int) -> Seen:
         return Seen(cameras[number], self.eyes[number].image, self.eyes[number].surface)
 
     def _agreement(self, cameras: Sequence[PlacedCamera]) -> float:
-        found = speckle_agreement(self.mesh, self._seen(cameras, 0), self._seen(cameras, 1), COARSE_PX).correlation
-        return -1.0 if np.isnan(found) else found
+        correlation = speckle_agreement(self.mesh, self._view(cameras, 0), self._view(cameras, 1),
+                                        COARSE_PX).correlation
+        return -1.0 if np.isnan(correlation) else correlation
 
     def _surface(self, cameras: Sequence[PlacedCamera], search: float) -> SurfacePoints:
         """Measured points of the first camera with every other one."""
-        found = [surface_points(self.mesh, self._seen(cameras, 0), self._seen(cameras, other), search)
-                 for other in range(1, len(cameras))]
+        pairs = [surface_points(self.mesh, self._view(cameras, 0), self._view(cameras, number), search)
+                 for number in range(1, len(cameras))]
         rig, on_mesh, normals, mm_per_px, epipolar = (
-            np.concatenate([getattr(own, name) for own in found])
+            np.concatenate([getattr(pair, name) for pair in pairs])
             for name in ("rig_mm", "mesh_mm", "normals", "mm_per_px", "epipolar_px"))
-        every = SurfacePoints(rig, on_mesh, normals, mm_per_px, epipolar, sum(own.n_tried for own in found))
+        every = SurfacePoints(rig, on_mesh, normals, mm_per_px, epipolar, sum(pair.n_tried for pair in pairs))
         n = len(every.rig_mm)
         if n < MIN_SUBSETS or n < MIN_MATCHED * every.n_tried:
             raise InputError("the surface cannot be measured", expected="speckle that two cameras see alike, at the "
@@ -227,12 +228,12 @@ class _Alignment:
         """The cameras at a place of the mesh."""
         return [replace(eye.camera, rotation=pose.rotation, translation_mm=pose.translation_mm) for eye in self.eyes]
 
-    def _best(self, found: Sequence[Pose]) -> tuple[Pose, float]:
+    def _best(self, poses: Sequence[Pose]) -> tuple[Pose, float]:
         """The pose that fits best, its covariance widened to one that fits nearly as well; the angle between, deg."""
-        best = min(found, key=_cost)
+        best = min(poses, key=_cost)
         pivot = self.eyes[0].camera.pivot_mm
-        others = [best.step_to(own, pivot) for own in found if own.cost < best.cost + AMBIGUOUS_COST]
-        farthest = max(others, key=lambda step: float(np.linalg.norm(step[:3])))
+        steps = [best.step_to(pose, pivot) for pose in poses if pose.cost < best.cost + AMBIGUOUS_COST]
+        farthest = max(steps, key=lambda step: float(np.linalg.norm(step[:3])))
         angle = float(np.linalg.norm(farthest[:3]))
         if angle < MIN_AMBIGUITY_DEG:
             return best, 0.0
@@ -279,6 +280,6 @@ class _Alignment:
                         for k, (name, std) in enumerate(zip(RIGID, pose.std, strict=True)))
         yield f"standard deviations of the placement{'' if self.measured else ' (roughly)'}, about the middle: {six}"
 
-    def _here(self, error: InputError, key: str | None = None) -> InputError:
+    def _with_place(self, error: InputError, key: str | None = None) -> InputError:
         return InputError(error.what, file=self.file, key=key or error.key or self.key, expected=error.expected,
                           found=error.found, remedy=error.remedy)

@@ -27,10 +27,10 @@ def placed_lenses(lens: Lenses, config: ExperimentFile, mesh: Mesh, stacks: Sequ
         The images do not show the place of the mesh, or another key gives it as well.
     """
     tables = camera_tables(config)
-    asked = [i for i, table in enumerate(tables) if table.alignment is not None and table.alignment.by_images]
-    if not asked:
+    numbers = [i for i, table in enumerate(tables) if table.alignment is not None and table.alignment.by_images]
+    if not numbers:
         return lens
-    key = "camera" if len(tables) == 1 else f"camera[{asked[0]}]"
+    key = "camera" if len(tables) == 1 else f"camera[{numbers[0]}]"
     if any(table.rotation is not None for table in tables):
         raise InputError("the pose is given twice", file=file, key=f"{key}.alignment",
                          expected="rotation and translation_mm, or alignment", found="both", remedy="leave out one")

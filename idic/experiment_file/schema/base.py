@@ -37,8 +37,8 @@ def as_list(value: object) -> object:
 
 
 def exactly_one(model: BaseModel, names: tuple[str, ...], example: str) -> None:
-    given = [name for name in names if getattr(model, name) is not None]
-    if len(given) != 1:
+    keys = [name for name in names if getattr(model, name) is not None]
+    if len(keys) != 1:
         raise refuse("the source of the values is ambiguous", f"exactly one of {', '.join(names)}",
                      f"write e.g. {example}",
-                     ", ".join(given) or "none of them")
+                     ", ".join(keys) or "none of them")

@@ -73,13 +73,13 @@ class CorrectionTable(Strict):
     def _own_keys(self):
         timed = ("slip", "rotation", "misalignment", "shape")
         logged = ("rotation", "compliance", "misalignment", "seating", "shape")
-        own = {"start_s": timed, "course": timed, "knots": timed, "jump_frames": timed, "column": logged,
-               "unit": logged,
-               "towards": ("misalignment",),
-               "seated_at": ("seating",), "degree": ("shape",)}
-        for key in sorted(self.model_fields_set & set(own)):
-            if self.kind not in own[key]:
-                raise refuse(f"{key} does not belong here", f"{key} of a {' or '.join(own[key])}", f"leave out {key}",
+        kinds = {"start_s": timed, "course": timed, "knots": timed, "jump_frames": timed, "column": logged,
+                 "unit": logged,
+                 "towards": ("misalignment",),
+                 "seated_at": ("seating",), "degree": ("shape",)}
+        for key in sorted(self.model_fields_set & set(kinds)):
+            if self.kind not in kinds[key]:
+                raise refuse(f"{key} does not belong here", f"{key} of a {' or '.join(kinds[key])}", f"leave out {key}",
                              f"{key} of a {self.kind}")
         if self.course != "free" and self.knots is not None:
             raise refuse("knots of a time course that has none", 'knots next to course = "free"', "leave out knots",
@@ -213,7 +213,7 @@ class TemperatureTable(Strict):
             raise refuse("knots of a time course that has none", 'knots next to course = "free"', "leave out knots",
                          f"course = {self.course}")
         times = [] if self.course == "free" else [time for time, _ in self.course or ()]
-        if any(after <= before for before, after in pairwise(times)):
+        if any(later <= earlier for earlier, later in pairwise(times)):
             raise refuse("the times of the course do not increase", "[[time_s, temperature], ...] in order of time",
                          "sort the pairs, and give every time once", str(times))
         if (self.matrix_px_per_unit is None) != (self.origin_px is None):
@@ -240,22 +240,22 @@ class BoundaryTable(Strict):
 
     @model_validator(mode="after")
     def _something(self):
-        given = [name for name in type(self).model_fields if name not in ("nodes", "edges")
-                 and getattr(self, name) is not None]
-        if not given:
+        keys = [name for name in type(self).model_fields if name not in ("nodes", "edges")
+                and getattr(self, name) is not None]
+        if not keys:
             raise refuse("a [[boundary]] without drive or load",
                          "ux, uy, uz, u, pressure, traction, force or temperature", 'add e.g. uy = 0.0', "none of them")
         if self.u is not None and self.u.measured is None and self.u.virtual is None:
             raise refuse("u stands for all components", 'u = "measured" or u = { virtual = … }',
                          "give ux and uy one by one", "another drive")
-        if self.u is not None and {"ux", "uy", "uz"} & set(given):
+        if self.u is not None and {"ux", "uy", "uz"} & set(keys):
             raise refuse("a component is driven twice", 'u alone, or ux, uy, uz', "leave out one of them",
-                         ", ".join(given))
+                         ", ".join(keys))
         for name in ("pressure", "traction"):
             if (load := getattr(self, name)) is not None and load.controlled_by is not None:
                 raise refuse(f"a {name} that a gauge controls", "a motion or a force", "write force = { … } (N), "
                              f"or log the {name}", f"{name} = {{ controlled_by = … }}")
-        if self.nodes is None and {"ux", "uy", "uz", "u"} & set(given):
+        if self.nodes is None and {"ux", "uy", "uz", "u"} & set(keys):
             raise refuse("the node set is missing", "nodes", 'write nodes = "NAME"', "no nodes")
         return self
 

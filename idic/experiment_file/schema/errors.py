@@ -25,35 +25,36 @@ def input_error(error: ValidationError, raw: Mapping, file: Path) -> InputError:
     first = min(error.errors(include_url=False),
                 key=lambda e: e["type"] != "extra_forbidden")  # a misspelt key explains a missing one
     kind, ctx = first["type"], first.get("ctx") or {}
-    last = 1 if kind in ("missing", "extra_forbidden") else 0  # a key of the file, whatever its name looks like
-    loc = _existing(first["loc"], last)
+    n_exact = 1 if kind in ("missing", "extra_forbidden") else 0  # a key of the file, whatever its name looks like
+    loc = _existing(first["loc"], n_exact)
     key = _dotted(loc)
     if kind == "idic":
-        found = ctx.get("found")
-        return InputError(ctx["what"], file=file, key=key or None, expected=ctx.get("expected"), found=found,
+        actual = ctx.get("found")
+        return InputError(ctx["what"], file=file, key=key or None, expected=ctx.get("expected"), found=actual,
                           remedy=ctx.get("remedy"))
     if kind in ("missing", "extra_forbidden"):
         names = _fields_at(loc[:-1])
-        near = difflib.get_close_matches(str(loc[-1]), names, n=1, cutoff=0.6)
+        matches = difflib.get_close_matches(str(loc[-1]), names, n=1, cutoff=0.6)
         if kind == "missing":
             return InputError("a key is missing", file=file, key=key, expected=f"{loc[-1]} in {_table(loc[:-1])}",
                               found="no such key",
                               remedy="add the key; idic init writes a commented example")
         return InputError("unknown key", file=file, key=key, expected=f"one of {', '.join(names)}", found=str(loc[-1]),
-                          remedy=f"did you mean {near[0]}?" if near else "remove the key")
+                          remedy=f"did you mean {matches[0]}?" if matches else "remove the key")
     expected = _EXPECTED.get(kind, first["msg"][:1].lower() + first["msg"][1:])
     return InputError("not a usable value", file=file, key=key, expected=expected, found=shortened(first.get("input")),
                       remedy="correct the value")
 
 
-def _existing(loc: tuple, last: int) -> tuple:
-    """The location without the names that pydantic inserts for the branches of a union; its `last` parts are kept."""
-    inner = len(loc) - last
-    kept = tuple(part for k, part in enumerate(loc) if k >= inner or isinstance(part, int)
-                 or (not any(mark in part for mark in "[(") and part not in ("str", "literal")))
-    if kept[:1] == ("further_cameras",):  # the second and later of [[camera]]
-        return ("camera", kept[1] + 1, *kept[2:]) if len(kept) > 1 else ("camera",)
-    return kept
+def _existing(loc: tuple, n_exact: int) -> tuple:
+    """The location without the names that pydantic inserts for the branches of a union; its last `n_exact` parts
+    are kept."""
+    inner = len(loc) - n_exact
+    parts = tuple(part for k, part in enumerate(loc) if k >= inner or isinstance(part, int)
+                  or (not any(mark in part for mark in "[(") and part not in ("str", "literal")))
+    if parts[:1] == ("further_cameras",):  # the second and later of [[camera]]
+        return ("camera", parts[1] + 1, *parts[2:]) if len(parts) > 1 else ("camera",)
+    return parts
 
 
 def _dotted(loc: tuple) -> str:
@@ -94,7 +95,7 @@ def _model_in(annotation: object) -> type[BaseModel] | None:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for part in getattr(annotation, "__args__", ()):
-        found = _model_in(part)
-        if found is not None:
-            return found
+        model = _model_in(part)
+        if model is not None:
+            return model
     return None

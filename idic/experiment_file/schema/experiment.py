@@ -86,10 +86,10 @@ class MeshTable(Strict):
         if self.file is None and getattr(self, f"element_{unit}") is None:
             raise refuse("the size of the elements is missing", f"element_{unit} next to {shape}_{unit}",
                          f"write {{ {shape}_{unit} = …, element_{unit} = … }}", "no element size")
-        other = {"px": ("element_mm", "holes_mm"), "mm": ("element_px", "holes_px")}[unit]
+        foreign_keys = {"px": ("element_mm", "holes_mm"), "mm": ("element_px", "holes_px")}[unit]
         if self.file is not None:
-            other = ("element_px", "holes_px", "element_mm", "holes_mm")
-        self._leave_out(f"{shape}, element and holes in one unit", other)
+            foreign_keys = ("element_px", "holes_px", "element_mm", "holes_mm")
+        self._leave_out(f"{shape}, element and holes in one unit", foreign_keys)
         if not self.is_drawn:
             self._leave_out("edge_names next to an outline", ("edge_names",))
         return self if self.is_drawn else self._circles()
@@ -218,6 +218,6 @@ class SetupTable(Strict):
     machine: str | None = None
 
     @property
-    def stated(self) -> dict[str, str]:
+    def entries(self) -> dict[str, str]:
         """The given entries."""
         return {name: text for name in type(self).model_fields if (text := getattr(self, name))}

@@ -51,23 +51,23 @@ class ExperimentFile(Strict):
         """[[camera]] tables: the first is the main camera, its images are those of [experiment]."""
         if not isinstance(raw, Mapping) or not isinstance(raw.get("camera"), list):
             return raw
-        main, *others = raw["camera"] or [{}]
+        main, *further_tables = raw["camera"] or [{}]
         extra = [key for key in _OF_THE_MAIN_CAMERA if isinstance(main, Mapping) and key in main]
         if extra:
             raise refuse("the first [[camera]] is the main camera: its images belong in [experiment]",
                          f"{extra[0]} under [experiment]", f"move {', '.join(extra)} to [experiment]",
                          f"{extra[0]} in the first [[camera]]")
-        return {**raw, "camera": main, "further_cameras": others}
+        return {**raw, "camera": main, "further_cameras": further_tables}
 
     @model_validator(mode="after")
     def _camera_names(self):
-        taken = set(self.material) | set(_NOT_A_CAMERA)
+        names = set(self.material) | set(_NOT_A_CAMERA)
         main = self.camera.name if self.camera else "camera"
         for name in (main, *(camera.name for camera in self.further_cameras)):
-            if name in taken:
+            if name in names:
                 raise refuse("a camera name is taken", "for every camera a name that no other camera and "
                              "no material has", "choose another name", name)
-            taken.add(name)
+            names.add(name)
         return self
 
     @model_validator(mode="after")
@@ -77,13 +77,13 @@ class ExperimentFile(Strict):
         for name, table in tables.items():
             if table.texture is None:
                 continue
-            others = [other for other in pinhole if other != name]
+            partners = [candidate for candidate in pinhole if candidate != name]
             if table is self.camera:
                 raise refuse("the first camera is what others are compared with", "texture in a further [[camera]] "
                              "table: two cameras with a lens or more", f"leave texture out of {name}", table.texture)
-            if name not in pinhole or table.texture not in others:
+            if name not in pinhole or table.texture not in partners:
                 raise refuse(f"{name} has no texture to be compared with", 'the name of another camera, both with '
-                             'model = "pinhole"', f"write one of {', '.join(others) or 'none'}, or leave texture out",
+                             'model = "pinhole"', f"write one of {', '.join(partners) or 'none'}, or leave texture out",
                              f"texture = {table.texture!r}" + ("" if name in pinhole else f", {name} telecentric"))
             chain = [name]
             while (following := tables[chain[-1]].texture) is not None:

@@ -97,16 +97,16 @@ class HeterogeneityTable(Strict):
     @model_validator(mode="after")
     def _own_keys(self):
         spot = ("centre_mm", "identify_centre", "radius_mm")
-        own = {"inclusion": (*spot, "stiffness"), "void": (*spot, "stiffness"), "thickness": (*spot, "thickness"),
-               "gradient": ("along_x", "along_y", "along_z"),
-               "layers": ("period_mm", "direction_deg", "stiffness_ratio", "offset_mm", "share")}[self.form]
-        extra = sorted(self.model_fields_set - {"set", "form", "name", *own})
+        keys = {"inclusion": (*spot, "stiffness"), "void": (*spot, "stiffness"), "thickness": (*spot, "thickness"),
+                "gradient": ("along_x", "along_y", "along_z"),
+                "layers": ("period_mm", "direction_deg", "stiffness_ratio", "offset_mm", "share")}[self.form]
+        extra = sorted(self.model_fields_set - {"set", "form", "name", *keys})
         if extra:
-            raise refuse(f"{extra[0]} does not belong here", f"{', '.join(own)} of a {self.form}",
+            raise refuse(f"{extra[0]} does not belong here", f"{', '.join(keys)} of a {self.form}",
                          f"leave out {extra[0]}", extra[0])
         needed = {"gradient": (), "layers": ("period_mm", "direction_deg")}.get(self.form, ("centre_mm", "radius_mm"))
         missing = [key for key in needed if getattr(self, key) is None]
-        if self.form == "gradient" and not self.model_fields_set & set(own):
+        if self.form == "gradient" and not self.model_fields_set & set(keys):
             missing = ["along_x"]
         if missing:
             raise refuse(f"a {self.form} without {missing[0]}", missing[0], f"add {missing[0]} = …", "no such key")

@@ -149,11 +149,11 @@ class CircleTable(GaugeTable):
 
 def in_one_unit(table: GaugeTable, stems: tuple[str, ...], example: str) -> str:
     """"mm" or "px", in which all of these keys are given."""
-    given = [name for name in type(table).model_fields if name.endswith(("_mm", "_px"))
-             and getattr(table, name) is not None]
+    keys = [name for name in type(table).model_fields if name.endswith(("_mm", "_px"))
+            and getattr(table, name) is not None]
     for unit in ("mm", "px"):
-        if given == [f"{stem}_{unit}" for stem in stems]:
+        if keys == [f"{stem}_{unit}" for stem in stems]:
             return unit
-    wanted = " and ".join(f"{stem}_mm" for stem in stems)
-    raise refuse("the place of a gauge is not complete", f"{wanted}, or the same with _px", f"write e.g. {example}",
-                 ", ".join(given) or "none of them")
+    keys_in_mm = " and ".join(f"{stem}_mm" for stem in stems)
+    raise refuse("the place of a gauge is not complete", f"{keys_in_mm}, or the same with _px", f"write e.g. {example}",
+                 ", ".join(keys) or "none of them")

@@ -67,26 +67,26 @@ def motion(config: ExperimentFile, mesh: Mesh, context: Context) -> Motion:
     InputError
         A set is unknown, a column is missing, a unit is wrong, or a component of a node has two drives.
     """
-    made = Motion(mesh)
+    motion = Motion(mesh)
     for number, table in enumerate(config.boundary):
-        _boundary(made, table, f"boundary[{number}]", context)
+        _boundary(motion, table, f"boundary[{number}]", context)
     for number, table in enumerate(config.channel):
         key = f"channel[{number}]"
-        if any(channel.column == table.column for channel in made.channels):
+        if any(channel.column == table.column for channel in motion.channels):
             raise InputError("a channel is given twice", file=context.file, key=f"{key}.column",
                              expected="every column once", found=table.column,
                              remedy="remove one of the [[channel]] tables")
-        made.channels.append(_channel(made, table, key, context))
-    _check_conflicts(made, context.file)
-    return made
+        motion.channels.append(_channel(motion, table, key, context))
+    _check_conflicts(motion, context.file)
+    return motion
 
 
-def _channel(made: Motion, table: ChannelTable, key: str, context: Context) -> Channel:
+def _channel(motion: Motion, table: ChannelTable, key: str, context: Context) -> Channel:
     simulated = table.simulated
     kind = next(name for name in _CHANNEL_UNITS if getattr(simulated, name) is not None)
     name, unit = getattr(simulated, kind), _CHANNEL_UNITS[kind] or context.length_unit
     if kind == "pressure":
-        pressures = [load.edges for load in made.loads if load.kind == "pressure"]
+        pressures = [load.edges for load in motion.loads if load.kind == "pressure"]
         if name not in pressures:
             raise InputError("a channel reads a pressure that no [[boundary]] applies", file=context.file,
                              key=f"{key}.simulated.pressure",
@@ -95,19 +95,19 @@ def _channel(made: Motion, table: ChannelTable, key: str, context: Context) -> C
                              found=name, remedy="correct the name, or add the pressure to a [[boundary]]")
     else:
         for part in filter(None, ("minus" if simulated.minus else None, kind)):
-            made.mesh = with_node_set(made.mesh, getattr(simulated, part), context.file, f"{key}.simulated.{part}")
-        _component(simulated.component, made.mesh, context, f"{key}.simulated.component")
+            motion.mesh = with_node_set(motion.mesh, getattr(simulated, part), context.file, f"{key}.simulated.{part}")
+        _component(simulated.component, motion.mesh, context, f"{key}.simulated.component")
     values, factor, rates = logged(table.column, unit, table.unit, context, f"{key}.column")
     noise = None if table.noise_std is None else table.noise_std * factor
     if kind == "displacement":
-        values = _from_rest(made, values, table.column, factor, noise or 0.0, key, context)
-    free = [((), None) if number is None else free_course(number, context)
-            for number in (table.drift_knots, table.friction_knots)]
+        values = _from_rest(motion, values, table.column, factor, noise or 0.0, key, context)
+    courses = [((), None) if number is None else free_course(number, context)
+               for number in (table.drift_knots, table.friction_knots)]
     if table.drift_from_s is not None:
-        made.notes += counted_in_frames(f"{key}.drift_from_s", context)
+        motion.notes += counted_in_frames(f"{key}.drift_from_s", context)
     return Channel(table.column, values, noise, name, simulated.component, simulated.factor, rates, unit, kind,
-                   simulated.minus, drift_from=_drift_from(table, key, context), drift_knots=free[0][0],
-                   drift_hats=free[0][1], friction_knots=free[1][0], friction_hats=free[1][1],
+                   simulated.minus, drift_from=_drift_from(table, key, context), drift_knots=courses[0][0],
+                   drift_hats=courses[0][1], friction_knots=courses[1][0], friction_hats=courses[1][1],
                    shown_unit=_unit_of(table.column, table.unit, context) or unit, shown_factor=factor)
 
 
@@ -123,19 +123,19 @@ def _drift_from(table: ChannelTable, key: str, context: Context) -> float | None
     return table.drift_from_s
 
 
-def _from_rest(made: Motion, values: np.ndarray, column: str, factor: float, noise: float, key: str,
+def _from_rest(motion: Motion, values: np.ndarray, column: str, factor: float, noise: float, key: str,
                context: Context) -> np.ndarray:
     """A logged displacement; relative to the reference frame if its reading there exceeds the noise."""
     start = float(values[context.reference])
     if abs(start) <= _MAX_READING_AT_REST_STD * noise:
         return values
     if start != 0.0:
-        made.notes.append(f"{key}: {column} is taken relative to the reference frame ({start / factor:g})")
+        motion.notes.append(f"{key}: {column} is taken relative to the reference frame ({start / factor:g})")
     return values - start
 
 
-def _boundary(made: Motion, table: BoundaryTable, key: str, context: Context) -> None:
-    components = "xyz"[:made.mesh.n_dim]
+def _boundary(motion: Motion, table: BoundaryTable, key: str, context: Context) -> None:
+    components = "xyz"[:motion.mesh.n_dim]
     drives = {"x": table.ux, "y": table.uy, "z": table.uz}
     if table.u is not None:
         drives = dict.fromkeys(components, table.u)
@@ -143,22 +143,22 @@ def _boundary(made: Motion, table: BoundaryTable, key: str, context: Context) ->
         if drive is None:
             continue
         name = f"{key}.{'u' if table.u is not None else f'u{component}'}"
-        _component(component, made.mesh, context, name)
-        made.mesh = with_node_set(made.mesh, table.nodes, context.file, f"{key}.nodes")
-        record = _drive(made, drive, name, context)
+        _component(component, motion.mesh, context, name)
+        motion.mesh = with_node_set(motion.mesh, table.nodes, context.file, f"{key}.nodes")
+        record = _drive(motion, drive, name, context)
         if drive.corrections:
-            place = Place(made.mesh, table.nodes, component)
+            place = Place(motion.mesh, table.nodes, component)
             record = replace(record, corrections=corrections(drive.corrections, record, place, name, context))
             if any(table.start_s is not None for table in drive.corrections):
-                made.notes += counted_in_frames(f"{name}.corrections: start_s", context)
-        made.prescribed.append(Prescribed(table.nodes, component, record))
+                motion.notes += counted_in_frames(f"{name}.corrections: start_s", context)
+        motion.prescribed.append(Prescribed(table.nodes, component, record))
     for kind, load in (("pressure", table.pressure), ("traction", table.traction), ("force", table.force)):
         if load is not None:
-            _load(made, kind, load, table, f"{key}.{kind}", context)
+            _load(motion, kind, load, table, f"{key}.{kind}", context)
     if table.temperature is not None:
         nodes = table.temperature.nodes or table.nodes  # the values are read on the final mesh: temperatures.py
-        if nodes is not None and not (nodes == "ALL" and "ALL" not in made.mesh.node_sets):
-            made.mesh = with_node_set(made.mesh, nodes, context.file, f"{key}.temperature.nodes")
+        if nodes is not None and not (nodes == "ALL" and "ALL" not in motion.mesh.node_sets):
+            motion.mesh = with_node_set(motion.mesh, nodes, context.file, f"{key}.temperature.nodes")
 
 
 def _component(component: str, mesh: Mesh, context: Context, key: str) -> None:
@@ -167,55 +167,55 @@ def _component(component: str, mesh: Mesh, context: Context, key: str) -> None:
                          found="z", remedy='correct the component, or set kind = "solid"')
 
 
-def _drive(made: Motion, table: DriveTable, key: str, context: Context) -> Drive:
+def _drive(motion: Motion, table: DriveTable, key: str, context: Context) -> Drive:
     if table.controlled_by is not None:
-        return _controlled(made, table.controlled_by, f"{key}.controlled_by", context)
+        return _controlled(motion, table.controlled_by, f"{key}.controlled_by", context)
     if table.measured:
         return Measured(table.smoothing)
     if table.virtual is not None:
-        return _parametrised(made, table, key, context)
+        return _parametrised(motion, table, key, context)
     if table.value is not None:
         factor = factor_between(table.unit, context.length_unit, file=context.file,
                                 key=f"{key}.unit") if table.unit else 1.0
         return Constant(table.value * factor)
     values, factor, rates = logged(table.column, context.length_unit, table.unit, context, f"{key}.column")
     noise = table.noise_std * factor
-    values = _from_rest(made, values, table.column, factor, noise, key, context)
+    values = _from_rest(motion, values, table.column, factor, noise, key, context)
     return Column(table.column, values, noise, table.identify_offset, rates)
 
 
-def _controlled(made: Motion, table: ControlTable, key: str, context: Context) -> Controlled:
-    drives = [entry.drive for entry in (*made.prescribed, *made.loads)]  # type: ignore[attr-defined]
-    if other := next((drive for drive in drives if isinstance(drive, Controlled)), None):
+def _controlled(motion: Motion, table: ControlTable, key: str, context: Context) -> Controlled:
+    drives = [entry.drive for entry in (*motion.prescribed, *motion.loads)]  # type: ignore[attr-defined]
+    if first_controlled := next((drive for drive in drives if isinstance(drive, Controlled)), None):
         raise InputError("two motions or forces that a gauge controls", file=context.file, key=key,
-                         expected="one controlled_by", found=f"another, by {other.column}",
+                         expected="one controlled_by", found=f"another, by {first_controlled.column}",
                          remedy="give the other motion or force as a column")
     for part in filter(None, ("minus" if table.minus else None, "displacement")):
-        made.mesh = with_node_set(made.mesh, getattr(table, part), context.file, f"{key}.{part}")
-    _component(table.component, made.mesh, context, f"{key}.component")
+        motion.mesh = with_node_set(motion.mesh, getattr(table, part), context.file, f"{key}.{part}")
+    _component(table.component, motion.mesh, context, f"{key}.component")
     course, factor, rates = logged(table.column, context.length_unit, table.unit, context, f"{key}.column")
-    course = _from_rest(made, course, table.column, factor, 0.0, key, context)
+    course = _from_rest(motion, course, table.column, factor, 0.0, key, context)
     return Controlled(table.column, course, table.displacement, table.component, table.minus, rates)
 
 
-def _parametrised(made: Motion, table: DriveTable, key: str, context: Context) -> Parametrised:
+def _parametrised(motion: Motion, table: DriveTable, key: str, context: Context) -> Parametrised:
     later = context.n_frames - 1 - context.reference
     if table.time_modes > later:
         if "time_modes" in table.model_fields_set:
             raise InputError("more modes in time than frames", file=context.file, key=f"{key}.time_modes",
                              expected=f"at most {later}, the frames after the reference", found=str(table.time_modes),
                              remedy="reduce time_modes")
-        made.notes.append(f"{key}: time_modes = {later}, one per frame after the reference")
+        motion.notes.append(f"{key}: time_modes = {later}, one per frame after the reference")
     return Parametrised(table.virtual, table.modes, min(table.time_modes, later))
 
 
-def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, key: str, context: Context) -> None:
+def _load(motion: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, key: str, context: Context) -> None:
     edges = table.edges or boundary.edges or boundary.nodes
     if edges is None:
         raise InputError("the edge that carries the load is missing", file=context.file, key=f"{key}.edges",
                          expected="a set of edges (faces in a solid)", found="none",
                          remedy=f'write {kind} = {{ …, edges = "NAME" }}')
-    made.mesh = with_edge_set(made.mesh, edges, context.file, f"{key}.edges")
+    motion.mesh = with_edge_set(motion.mesh, edges, context.file, f"{key}.edges")
     if kind == "pressure" and table.component is not None:
         raise InputError("a pressure acts along the normal", file=context.file, key=f"{key}.component",
                          expected="no component", found=table.component,
@@ -228,10 +228,11 @@ def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, ke
         if table.follower:
             raise InputError("only a pressure can be a follower load", file=context.file, key=f"{key}.follower",
                              expected="pressure", found=kind, remedy="leave follower out")
-        _component(table.component, made.mesh, context, f"{key}.component")
+        _component(table.component, motion.mesh, context, f"{key}.component")
     unit = "N" if kind == "force" else "MPa"
     if table.controlled_by is not None:
-        drive: Constant | Column | Controlled = _controlled(made, table.controlled_by, f"{key}.controlled_by", context)
+        gauge_key = f"{key}.controlled_by"
+        drive: Constant | Column | Controlled = _controlled(motion, table.controlled_by, gauge_key, context)
         at_rest = 0.0
     elif table.value is not None:
         factor = factor_between(table.unit, unit, file=context.file, key=f"{key}.unit") if table.unit else 1.0
@@ -244,9 +245,9 @@ def _load(made: Motion, kind: str, table: LoadTable, boundary: BoundaryTable, ke
         at_rest = float(values[context.reference])
         at_rest = 0.0 if abs(at_rest) <= _MAX_READING_AT_REST_STD * noise else at_rest
     if at_rest != 0.0:
-        made.notes.append(f"{key}: the load is {at_rest:g} {unit} at the reference; "
-                          "displacements are zero there by definition")
-    made.loads.append(Load(edges, kind, drive, table.component, table.follower, table.identify_scale))
+        motion.notes.append(f"{key}: the load is {at_rest:g} {unit} at the reference; "
+                            "displacements are zero there by definition")
+    motion.loads.append(Load(edges, kind, drive, table.component, table.follower, table.identify_scale))
 
 
 def logged(column: str, internal: str, unit: str | None, context: Context,
@@ -267,22 +268,22 @@ def _unit_of(column: str, unit: str | None, context: Context) -> str | None:
     return unit or (None if context.log is None else context.log.unit(column))
 
 
-def _check_conflicts(made: Motion, file) -> None:
+def _check_conflicts(motion: Motion, file) -> None:
     """InputError if a component of a node has two different drives; sets with equal drives may share nodes."""
     owner: dict[tuple[int, str], Prescribed] = {}
-    for entry in made.prescribed:
-        for node in made.mesh.node_sets[entry.nodes]:
-            other = owner.setdefault((int(node), entry.component), entry)
-            if other is not entry and not _same(other.drive, entry.drive):
-                label = made.mesh.node_labels[node]
+    for entry in motion.prescribed:
+        for node in motion.mesh.node_sets[entry.nodes]:
+            first_entry = owner.setdefault((int(node), entry.component), entry)
+            if first_entry is not entry and not _agree(first_entry.drive, entry.drive):
+                label = motion.mesh.node_labels[node]
                 raise InputError("a node is driven in two ways", file=file,
                                  key=f"boundary, nodes = {entry.nodes!r}, u{entry.component}",
                                  expected="one drive per node and component",
-                                 found=f"node {label} is also in {other.nodes}, which is driven differently",
+                                 found=f"node {label} is also in {first_entry.nodes}, which is driven differently",
                                  remedy="remove the shared nodes from one of the sets, e.g. with a set by position")
 
 
-def _same(a: Drive, b: Drive) -> bool:
+def _agree(a: Drive, b: Drive) -> bool:
     if type(a) is not type(b) or corrections_of(a) or corrections_of(b):
         return False
     if isinstance(a, Column):

@@ -79,43 +79,43 @@ def _rigid_motion(table: CameraTable, context, times: np.ndarray | None,
 
 def rigid_parameters(camera: PlacedCamera, scales: Mapping[str, float]) -> list[Parameter]:
     """The amplitudes of the rigid motion as degrees of freedom; scales : of the six numbers, deg and mm."""
-    motion, made = camera.motion, []
+    motion, parameters = camera.motion, []
     if motion is None:
         return []
     for name, kind, course in zip(motion.names, motion.kinds, motion.courses, strict=True):
         unit = RIGID_UNITS[kind] + ("/s" if name.endswith("_drift") else "")
-        made.append(Parameter(f"{PLACEMENT_STEM}.{name}", 0.0, unit, "[" in name,
-                              scale=scales[kind] / (float(np.abs(course).max()) or 1.0)))
-    return made
+        parameters.append(Parameter(f"{PLACEMENT_STEM}.{name}", 0.0, unit, "[" in name,
+                                    scale=scales[kind] / (float(np.abs(course).max()) or 1.0)))
+    return parameters
 
 
 def motion_parameters(stem: str, camera: AnyCamera, image_shape) -> list[Parameter]:
     """The amplitudes as degrees of freedom; a unit of their scale moves a corner of the image by three pixels."""
     if camera.motion is None or isinstance(camera, PlacedCamera):
         return []
-    half, made = 0.5 * float(np.hypot(*image_shape)), []
+    half, parameters = 0.5 * float(np.hypot(*image_shape)), []
     for name, kind, course in zip(camera.motion.names, camera.motion.kinds, camera.motion.courses, strict=True):
         reach = {MAGNIFICATION: half, TURN: float(np.radians(half))}.get(kind, 1.0) * float(np.abs(course).max())
         unit = _AT[name.partition("[")[0]][1] if "_at[" in name else "1/s" if name == DRIFT else ""
-        made.append(Parameter(f"{stem}.{name}", 0.0, unit, "[" in name, scale=3.0 / (reach or 1.0)))
-    return made
+        parameters.append(Parameter(f"{stem}.{name}", 0.0, unit, "[" in name, scale=3.0 / (reach or 1.0)))
+    return parameters
 
 
-def with_identified_motions(camera: AnyCamera, others: tuple[FurtherCamera, ...], table: CameraTable | None,
+def with_identified_motions(camera: AnyCamera, cameras: tuple[FurtherCamera, ...], table: CameraTable | None,
                             parameters: Sequence[Parameter]) -> tuple[AnyCamera, tuple[FurtherCamera, ...]]:
     """The main and further cameras; only motions that are parameters are kept."""
     values = {parameter.name: parameter.value for parameter in parameters}
     main = _identified(camera, "camera" if table is None else table.name, values)
-    return main, tuple(replace(other, camera=_identified(other.camera, other.name, values)) for other in others)
+    return main, tuple(replace(entry, camera=_identified(entry.camera, entry.name, values)) for entry in cameras)
 
 
 def _identified(camera: AnyCamera, stem: str, values: Mapping[str, float]) -> AnyCamera:
     motion, stem = camera.motion, PLACEMENT_STEM if isinstance(camera, PlacedCamera) else stem
-    kept = [] if motion is None else [i for i, name in enumerate(motion.names) if f"{stem}.{name}" in values]
-    if not kept:
+    indices = [] if motion is None else [i for i, name in enumerate(motion.names) if f"{stem}.{name}" in values]
+    if not indices:
         return replace(camera, motion=None)
-    names = tuple(motion.names[i] for i in kept)
-    return replace(camera, motion=type(motion)(names, tuple(motion.kinds[i] for i in kept), motion.courses[kept],
+    names = tuple(motion.names[i] for i in indices)
+    return replace(camera, motion=type(motion)(names, tuple(motion.kinds[i] for i in indices), motion.courses[indices],
                                                np.array([values[f"{stem}.{name}"] for name in names])))
 
 

@@ -66,31 +66,32 @@ def camera_noise(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, fil
         The still frames are unusable, or missing although the noise is measured by grey value.
     """
     table = config.camera
-    wanted = None if table is None else table.noise_model
-    given = None if table is None else table.noise_std_gv
-    if wanted not in (None, UNIFORM):
-        _check_model(config, given, file)
-    if given is not None:
-        return Noise(given, "given"), _drift(config, frames, mesh, camera, file)
-    if not frames.still and frames.still_stack is None and not isinstance(wanted, NoiseModelTable):
-        if wanted == BY_GREY_LEVEL:
+    noise_model = None if table is None else table.noise_model
+    stated_std = None if table is None else table.noise_std_gv
+    if noise_model not in (None, UNIFORM):
+        _check_model(config, stated_std, file)
+    if stated_std is not None:
+        return Noise(stated_std, "given"), _drift(config, frames, mesh, camera, file)
+    if not frames.still and frames.still_stack is None and not isinstance(noise_model, NoiseModelTable):
+        if noise_model == BY_GREY_LEVEL:
             raise InputError("noise by grey value needs still frames", file=file,
                              key="camera.noise_model", expected="experiment.still_frames", found="none",
                              remedy="name two or more images taken at rest, or give offset_gv2 and slope_gv")
         return Noise(None, ""), ()
-    found = StillFrames(config, frames, mesh, camera, file)
-    notes = found.drift_notes
-    reference = np.asarray(frames.stack.frame(frames.reference), dtype=float)[found.region]
-    if isinstance(wanted, NoiseModelTable):
-        noise, own = _by_grey_level(NoiseModel(wanted.offset_gv2, wanted.slope_gv), reference, "given", file)
-        return noise, (*own, *notes)
+    still_frames = StillFrames(config, frames, mesh, camera, file)
+    notes = still_frames.drift_notes
+    reference = np.asarray(frames.stack.frame(frames.reference), dtype=float)[still_frames.region]
+    if isinstance(noise_model, NoiseModelTable):
+        noise, level_notes = _by_grey_level(NoiseModel(noise_model.offset_gv2, noise_model.slope_gv), reference,
+                                            "given", file)
+        return noise, (*level_notes, *notes)
     if config.experiment.quantity == "grey":
-        check_exposures(found.images, found.labels, found.region, file, "experiment.still_frames")
-    model = found.measured(still_noise_model)
-    if wanted == BY_GREY_LEVEL:
-        noise, own = _by_grey_level(model, reference, "still_frames", file)
-        return noise, (*own, *notes)
-    noise = Noise(found.measured(still_noise).std_gv, "still_frames")
+        check_exposures(still_frames.images, still_frames.labels, still_frames.region, file, "experiment.still_frames")
+    model = still_frames.measured(still_noise_model)
+    if noise_model == BY_GREY_LEVEL:
+        noise, level_notes = _by_grey_level(model, reference, "still_frames", file)
+        return noise, (*level_notes, *notes)
+    noise = Noise(still_frames.measured(still_noise).std_gv, "still_frames")
     dark, bright = np.sqrt(model.variance(np.quantile(reference, [0.05, 0.95])))
     if config.experiment.quantity == "height" or bright < MIN_REPORTED_NOISE_RATIO * dark:
         return noise, notes
@@ -105,13 +106,14 @@ def _drift(config: ExperimentFile, frames, mesh: Mesh, camera: Camera, file) -> 
     return StillFrames(config, frames, mesh, camera, file).drift_notes
 
 
-def _check_model(config: ExperimentFile, given: float | None, file) -> None:
+def _check_model(config: ExperimentFile, stated_std: float | None, file) -> None:
     """Refuse a noise model for heights, and together with a stated standard deviation that replaces it."""
     problem = None
     if config.experiment.quantity == "height":
         problem = 'quantity = "height"', "leave noise_model out: height images have no grey values"
-    elif given is not None:
-        problem = f"noise_std_gv = {given:g}, one value for every intensity", "leave out noise_model or noise_std_gv"
+    elif stated_std is not None:
+        problem = (f"noise_std_gv = {stated_std:g}, one value for every intensity",
+                   "leave out noise_model or noise_std_gv")
     if problem:
         raise InputError("noise by grey value is not possible here", file=file, key="camera.noise_model",
                          expected="grey images, and no noise_std_gv", found=problem[0], remedy=problem[1])

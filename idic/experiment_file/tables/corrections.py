@@ -36,29 +36,29 @@ def corrections(tables: Sequence[CorrectionTable], drive: Column | Constant, pla
         a column.
     """
     nodes = np.asarray(place.mesh.node_sets[place.nodes])
-    made = []
+    records = []
     for number, table in enumerate(tables):
-        own = f"{key}.corrections[{number}]"
+        table_key = f"{key}.corrections[{number}]"
         if table.course in ("free", "jumps"):
             most = reach(table.kind, place.mesh, nodes, place.component)
-            made += (_jumps(table, drive, most, own, context) if table.course == "jumps"
-                     else _free(table, drive, most, context))
+            records += (_jumps(table, drive, most, table_key, context) if table.course == "jumps"
+                        else _knot_corrections(table, drive, most, context))
             continue
         if table.kind == "slip":
-            course, unit = _slip(table, drive, own, context), context.length_unit
+            course, unit = _slip(table, drive, table_key, context), context.length_unit
         elif table.kind == "compliance":
-            course, unit = _compliance(table, drive, own, context), f"{context.length_unit}/N"
+            course, unit = _compliance(table, drive, table_key, context), f"{context.length_unit}/N"
         elif table.kind == "seating":
-            course, unit = _seating(table, drive, own, context), context.length_unit
+            course, unit = _seating(table, drive, table_key, context), context.length_unit
         else:
-            course, unit = _in_proportion(table, drive, own, context)
-        made.append(Correction(table.kind, course - course[context.reference], unit,
-                               reach(table.kind, place.mesh, nodes, place.component), table.towards,
-                               degree=table.degree))
-    return tuple(made)
+            course, unit = _in_proportion(table, drive, table_key, context)
+        records.append(Correction(table.kind, course - course[context.reference], unit,
+                                  reach(table.kind, place.mesh, nodes, place.component), table.towards,
+                                  degree=table.degree))
+    return tuple(records)
 
 
-def _free(table: CorrectionTable, drive: Column | Constant, most: float, context) -> list[Correction]:
+def _knot_corrections(table: CorrectionTable, drive: Column | Constant, most: float, context) -> list[Correction]:
     """One correction per knot of a course that the data give; most : largest value of the pattern."""
     sign, unit = _sign_and_unit(table, drive, context)
     return [Correction(table.kind, sign * course, unit, most, table.towards, frame, degree=table.degree)
@@ -139,14 +139,14 @@ def _seating(table: CorrectionTable, drive: Column | Constant, key: str, context
 
 def _in_proportion(table: CorrectionTable, drive: Column | Constant, key: str, context) -> tuple[np.ndarray, str]:
     """Course and unit of a rotation, misalignment or shape: the motion, or a column of the log over its largest."""
-    what = "rad" if table.kind == "rotation" else context.length_unit
+    unit = "rad" if table.kind == "rotation" else context.length_unit
     if table.start_s is not None or table.course is not None:
         start, times = _start(table, key, context)
         motion = drive.values if isinstance(drive, Column) else times
-        return slip_course(times, start, table.course or "ramp", motion), what
+        return slip_course(times, start, table.course or "ramp", motion), unit
     if table.column is not None:
         values = _logged(table, None, key, context)
-        return values / (np.abs(values).max() or 1.0), what
+        return values / (np.abs(values).max() or 1.0), unit
     if not isinstance(drive, Column):
         raise InputError(f"a {table.kind} of a fixed set without a column", file=context.file, key=f"{key}.column",
                          expected="the column of the log for its course", found="no column",

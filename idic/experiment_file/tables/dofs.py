@@ -46,11 +46,11 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
         raise InputError(f"{law.name} does not support these kinematics", file=file, key=f"{key}.kinematics",
                          expected=" or ".join(law.kinematics),
                          found=kinematics, remedy="leave kinematics out")
-    own = {name_: entry for name_, entry in table.parameters.items() if name_ != EXPANSION.name}
-    given, notes = _own_names(law, own, file, key)
-    made = []
+    stated_entries = {name_: entry for name_, entry in table.parameters.items() if name_ != EXPANSION.name}
+    entries, notes = _own_names(law, stated_entries, file, key)
+    parameters = []
     for declared in law.parameters:
-        entry = given.get(declared.name)
+        entry = entries.get(declared.name)
         if entry is None:
             if declared.null is None:
                 raise InputError("a parameter of the law is missing", file=file, key=f"{key}.{declared.name}",
@@ -59,15 +59,15 @@ def material(name: str, table: MaterialTable, file) -> tuple[Material, list[Para
                                  found=f"only {', '.join(table.parameters) or 'none'}")
             entry = ParameterTable.model_construct(value=declared.null)  # unchecked: the null may be infinite
             notes.append(f"{key}.{declared.name} not given: {declared.null:g} (no effect)")
-        made.append(_parameter(f"{name}.{declared.name}", declared, entry, file, f"{key}.{declared.name}"))
-    reason = law.why_impossible([parameter.value for parameter in made])
+        parameters.append(_parameter(f"{name}.{declared.name}", declared, entry, file, f"{key}.{declared.name}"))
+    reason = law.why_impossible([parameter.value for parameter in parameters])
     if reason:
         raise InputError("no body has these parameters together", file=file, key=key, found=reason,
                          expected="parameters of a body that resists every strain", remedy="correct the values")
     if EXPANSION.name in table.parameters:
-        made.append(_parameter(f"{name}.{EXPANSION.name}", EXPANSION, table.parameters[EXPANSION.name], file,
-                               f"{key}.{EXPANSION.name}"))
-    return Material(name, law.name, kinematics), made, notes
+        parameters.append(_parameter(f"{name}.{EXPANSION.name}", EXPANSION, table.parameters[EXPANSION.name], file,
+                                     f"{key}.{EXPANSION.name}"))
+    return Material(name, law.name, kinematics), parameters, notes
 
 
 def _law(name: str, parameters: Iterable[str], file, key) -> LawSpec:
@@ -84,31 +84,31 @@ def _example(declared: LawParameter) -> str:
     return f"{declared.name} = {{ value = {value}{unit}, identify = true }}"
 
 
-def _own_names(law: LawSpec, given: Mapping[str, ParameterTable], file,
+def _own_names(law: LawSpec, entries: Mapping[str, ParameterTable], file,
                key) -> tuple[dict[str, ParameterTable], list[str]]:
     """The given parameters under the law's own names; other pairs of elastic constants are converted."""
-    unknown = [name for name in given if name not in law.parameter_names]
+    unknown = [name for name in entries if name not in law.parameter_names]
     if not unknown:
-        return dict(given), []
+        return dict(entries), []
     for names, convert in law.alternatives.items():
-        others = [name for name in given if name not in names]
-        if set(names) <= set(given) and set(unknown) <= set(names) and set(others) <= set(law.parameter_names):
-            return _converted(law, given, names, convert, others, file, key)
-    near = difflib.get_close_matches(unknown[0], law.parameter_names, n=1, cutoff=0.5)
+        other_names = [name for name in entries if name not in names]
+        if set(names) <= set(entries) and set(unknown) <= set(names) and set(other_names) <= set(law.parameter_names):
+            return _converted(law, entries, names, convert, other_names, file, key)
+    matches = difflib.get_close_matches(unknown[0], law.parameter_names, n=1, cutoff=0.5)
     pairs = "".join(f"; or {', '.join(names)}" for names in law.alternatives)
     raise InputError(f"{law.name} has no such parameter", file=file, key=f"{key}.{unknown[0]}",
                      expected=", ".join(law.parameter_names) + pairs,
-                     found=unknown[0], remedy=f"did you mean {near[0]}?" if near
+                     found=unknown[0], remedy=f"did you mean {matches[0]}?" if matches
                      else "remove it, or choose another law:  idic laws")
 
 
 _ALTERNATIVE_UNITS = {"nu": "-"}  # K, G, E, lam, mu are moduli
 
 
-def _converted(law, given, names, convert, others, file, key):
+def _converted(law, entries, names, convert, other_names, file, key):
     values = []
     for name in names:
-        entry = given[name]
+        entry = entries[name]
         if entry.bounds is not None or entry.prior is not None:
             raise InputError(f"bounds and priors belong to {', '.join(law.parameter_names[:2])}", file=file,
                              key=f"{key}.{name}",
@@ -119,12 +119,15 @@ def _converted(law, given, names, convert, others, file, key):
                                      if entry.unit else 1.0))
     arguments = dict(zip(names, values, strict=True))
     with np.errstate(all="ignore"):
-        own = convert(**arguments) if set(inspect.signature(convert).parameters) == set(names) else convert(*values)
-    identify = any(given[name].identify for name in names)
-    made = {name: given[name] for name in others}
-    made |= {name: ParameterTable.model_construct(value=float(value), unit=None, identify=identify, bounds=None,
-                                                  prior=None) for name, value in own.items()}
-    return made, [f"{key}: {', '.join(names)} were converted to {', '.join(f'{n} = {v:g}' for n, v in own.items())}"]
+        by_name = set(inspect.signature(convert).parameters) == set(names)
+        constants = convert(**arguments) if by_name else convert(*values)
+    identify = any(entries[name].identify for name in names)
+    converted_entries = {name: entries[name] for name in other_names}
+    converted_entries |= {name: ParameterTable.model_construct(value=float(value), unit=None, identify=identify,
+                                                               bounds=None, prior=None)
+                          for name, value in constants.items()}
+    values_text = ", ".join(f"{name} = {value:g}" for name, value in constants.items())
+    return converted_entries, [f"{key}: {', '.join(names)} were converted to {values_text}"]
 
 
 def _parameter(name: str, declared: LawParameter, entry: ParameterTable, file, key) -> Parameter:
@@ -168,12 +171,12 @@ def _scale(declared: LawParameter, value: float) -> float:
 
 
 # [[dof]] ------------------------------------------------------------------------------------------------
-def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, ...],
-            prescribed: tuple[Prescribed, ...],
-            thickness: float | None, times: np.ndarray | None, length_unit: str, image_shape,
-            materials: list[Parameter], file, cameras: tuple[FurtherCamera, ...] = (),
-            holes: tuple[Parameter, ...] = (), loads: tuple[Load, ...] = (),
-            calibrated: tuple[str, ...] = (), knots: Sequence[Parameter] = ()) -> list[Parameter]:
+def degrees_of_freedom(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, ...],
+                       prescribed: tuple[Prescribed, ...], thickness: float | None, times: np.ndarray | None,
+                       length_unit: str, image_shape, materials: list[Parameter], file,
+                       cameras: tuple[FurtherCamera, ...] = (), holes: tuple[Parameter, ...] = (),
+                       loads: tuple[Load, ...] = (), calibrated: tuple[str, ...] = (),
+                       knots: Sequence[Parameter] = ()) -> list[Parameter]:
     """The parameters of [[dof]] and those of drives, loads and camera motions.
 
     camera, image_shape : of the main camera; cameras : the further cameras; holes : parameters of `tables.geometry`;
@@ -184,46 +187,47 @@ def further(config: ExperimentFile, camera: AnyCamera, channels: tuple[Channel, 
     InputError
         A name is unknown in this experiment or given twice, a unit is wrong, or friction has no motion.
     """
-    known = {p.name: p for p in boundary_parameters(prescribed, camera.pixel_size, length_unit)}
+    catalogue = {p.name: p for p in boundary_parameters(prescribed, camera.pixel_size, length_unit)}
     uncertain = {p.name: p for p in load_parameters(loads)}
-    known_by_drive = (*known, *(p.name for p in uncertain.values() if p.free))  # in order: every process numbers alike
-    known |= uncertain
+    # in order: every process numbers alike
+    known_by_drive = (*catalogue, *(p.name for p in uncertain.values() if p.free))
+    catalogue |= uncertain
     main = "camera" if config.camera is None else config.camera.name
     moves = motion_parameters(main, camera, image_shape)
-    for other in cameras:
-        moves += motion_parameters(other.name, other.camera, other.stack.shape)
-    seen_by = {main: (camera, image_shape)} | {other.name: (other.camera, other.stack.shape) for other in cameras}
+    for view in cameras:
+        moves += motion_parameters(view.name, view.camera, view.stack.shape)
+    seen_by = {main: (camera, image_shape)} | {view.name: (view.camera, view.stack.shape) for view in cameras}
     placed = [(c, shape) for c, shape in seen_by.values() if isinstance(c, PlacedCamera)]
     of_placement, motions = placement_dofs(*placed[0]) if placed else ({}, [])
     moves += motions
-    known |= {p.name: p for p in moves}
+    catalogue |= {p.name: p for p in moves}
     known_by_drive = (*known_by_drive, *(p.name for p in moves if p.free))
     for name, (by, shape) in seen_by.items():
-        known |= (lens_dofs(name, by, shape) if isinstance(by, PlacedCamera)
-                  else _camera_dofs(name, by, length_unit, shape))
-    known |= of_placement
+        catalogue |= (lens_dofs(name, by, shape) if isinstance(by, PlacedCamera)
+                      else _camera_dofs(name, by, length_unit, shape))
+    catalogue |= of_placement
     of_channels = _channel_dofs(channels, times, prescribed)
     _require_way(channels, of_channels, prescribed, file)
-    known |= of_channels
+    catalogue |= of_channels
     known_by_drive = (*known_by_drive, *(p.name for p in of_channels.values() if p.free))
-    known |= {p.name: p for p in knots}
+    catalogue |= {p.name: p for p in knots}
     known_by_drive = (*known_by_drive, *(p.name for p in knots))
-    known |= _other_dofs(thickness, times, length_unit) | {p.name: p for p in holes}
-    made = {name: known[name] for name in known_by_drive}
-    made |= {name: replace(known[name], free=True) for name in calibrated}
-    own = {p.name for p in materials}
-    seen: set[str] = set()
+    catalogue |= _other_dofs(thickness, times, length_unit) | {p.name: p for p in holes}
+    parameters = {name: catalogue[name] for name in known_by_drive}
+    parameters |= {name: replace(catalogue[name], free=True) for name in calibrated}
+    material_names = {p.name for p in materials}
+    names: set[str] = set()
     for number, entry in enumerate(config.dof):
         key = f"dof[{number}].name"
-        if entry.name in seen or entry.name in own:
-            where = "in [material]" if entry.name in own else "in another [[dof]]"
+        if entry.name in names or entry.name in material_names:
+            place = "in [material]" if entry.name in material_names else "in another [[dof]]"
             raise InputError("a degree of freedom is given twice", file=file, key=key, expected="every name once",
-                             found=f"{entry.name}, also {where}", remedy="leave one of them out")
-        seen.add(entry.name)
-        if entry.name not in known:
-            raise _unknown(entry.name, known, own, file, key)
-        made[entry.name] = _dof(known[entry.name], entry, file, f"dof[{number}]")
-    return list(made.values())
+                             found=f"{entry.name}, also {place}", remedy="leave one of them out")
+        names.add(entry.name)
+        if entry.name not in catalogue:
+            raise _unknown(entry.name, catalogue, material_names, file, key)
+        parameters[entry.name] = _dof(catalogue[entry.name], entry, file, f"dof[{number}]")
+    return list(parameters.values())
 
 
 def start_of_time_offset(config: ExperimentFile, file) -> float:
@@ -265,12 +269,12 @@ def _camera_dofs(camera_name: str, camera: AnyCamera, length_unit: str, image_sh
     units = {"pixel_size": length_unit, "rotation_deg": "deg", "shift_col": "px", "shift_row": "px", "k1": "1/px^2",
              "tilt_x": f"1/{length_unit}", "tilt_y": f"1/{length_unit}"}
     values = camera.values()
-    made = {}
+    dofs = {}
     for name in CAMERA_PARAMETERS:
         bounds = (1e-3 * size, 1e3 * size) if name == "pixel_size" else (-np.inf, np.inf)
-        made[f"{camera_name}.{name}"] = Parameter(f"{camera_name}.{name}", values[name], units[name], bounds=bounds,
+        dofs[f"{camera_name}.{name}"] = Parameter(f"{camera_name}.{name}", values[name], units[name], bounds=bounds,
                                                   scale=scales[name], max_step=CAMERA_MAX_STEP)
-    return made
+    return dofs
 
 
 def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None,
@@ -279,10 +283,10 @@ def _channel_dofs(channels: tuple[Channel, ...], times: np.ndarray | None,
             for parameter in term.parameters(channel, times, prescribed)}
 
 
-def _require_way(channels: tuple[Channel, ...], known: Mapping[str, Parameter], prescribed: tuple[Prescribed, ...],
+def _require_way(channels: tuple[Channel, ...], catalogue: Mapping[str, Parameter], prescribed: tuple[Prescribed, ...],
                  file) -> None:
     knotted = [number for number, channel in enumerate(channels)
-               if channel.friction_knots and channel.dof("friction") not in known]
+               if channel.friction_knots and channel.dof("friction") not in catalogue]
     if knotted:
         logged = [entry.drive.column for entry in prescribed if isinstance(entry.drive, Column)]
         raise InputError("friction without a logged motion", file=file, key=f"channel[{knotted[0]}].friction_knots",
@@ -292,24 +296,24 @@ def _require_way(channels: tuple[Channel, ...], known: Mapping[str, Parameter], 
 
 
 def _other_dofs(thickness: float | None, times: np.ndarray | None, length_unit: str) -> dict[str, Parameter]:
-    made = {}
+    dofs = {}
     if thickness is not None:
-        made["geometry.thickness"] = Parameter("geometry.thickness", thickness, length_unit, bounds=(0.0, np.inf),
+        dofs["geometry.thickness"] = Parameter("geometry.thickness", thickness, length_unit, bounds=(0.0, np.inf),
                                                transform="log", scale=thickness)
     if times is not None and len(times) > 1:
-        made["time.offset"] = Parameter("time.offset", 0.0, "s", scale=float(np.median(np.diff(times))))
-    return made
+        dofs["time.offset"] = Parameter("time.offset", 0.0, "s", scale=float(np.median(np.diff(times))))
+    return dofs
 
 
-def _unknown(name: str, known: Mapping[str, Parameter], own: set[str], file, key) -> InputError:
-    why = ""
+def _unknown(name: str, catalogue: Mapping[str, Parameter], material_names: set[str], file, key) -> InputError:
+    reason = ""
     if name.startswith("geometry.hole"):
-        why = "holes have hole_x, hole_y, hole_radius, of several holes [1], [2], ...; "
+        reason = "holes have hole_x, hole_y, hole_radius, of several holes [1], [2], ...; "
     elif name == "geometry.thickness":
-        why = "thickness_mm is not given; "
+        reason = "thickness_mm is not given; "
     elif name == "time.offset" or name.endswith(".drift"):
-        why = "the frames have no times; "
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+        reason = "the frames have no times; "
+    matches = difflib.get_close_matches(name, catalogue, n=1, cutoff=0.6)
     return InputError("no such degree of freedom in this experiment", file=file, key=key,
-                      expected=f"one of {', '.join(known)}", found=repr(name),
-                      remedy=why + (f"did you mean {near[0]}?" if near else "remove the entry"))
+                      expected=f"one of {', '.join(catalogue)}", found=repr(name),
+                      remedy=reason + (f"did you mean {matches[0]}?" if matches else "remove the entry"))

@@ -24,19 +24,19 @@ def gauges(config: ExperimentFile, mesh: Mesh, unit: str, camera: Camera, file) 
     InputError
         Two of one name, lengths in mm without a scale, or a place beside the specimen.
     """
-    found, taken = [], set()
+    records, names = [], set()
     for key, name, table in _tables(config):
-        if name in taken:
+        if name in names:
             raise InputError("two gauges of one name", file=file, key=f"{key}.name", expected="a name of its own",
                              found=repr(name), remedy="choose another name")
-        taken.add(name)
+        names.add(name)
         if mesh.n_dim == 2 and config.experiment.surface is not None:
             raise InputError("a gauge on a cross-section", file=file, key=key, expected="a plane model, or a solid",
                              found=f"images of the edge set {config.experiment.surface}", remedy="leave the gauge out")
         gauge = _gauge(key, name, table, unit, camera, file)
         _check_place(gauge, key, mesh, config.experiment.surface, unit, file)
-        found.append(gauge)
-    return tuple(found)
+        records.append(gauge)
+    return tuple(records)
 
 
 def _tables(config: ExperimentFile) -> Iterator[tuple[str, str, Any]]:

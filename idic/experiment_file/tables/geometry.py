@@ -42,10 +42,11 @@ def geometry_of(mesh: Mesh, config: ExperimentFile, length_unit: str, file) -> G
         There is no such hole or free edge.
     """
     names = [entry.name for entry in config.dof]
-    held = {table.nodes: mesh.node_sets[table.nodes] for table in config.boundary if table.nodes in mesh.node_sets
-            and any(drive is not None for drive in (table.u, table.ux, table.uy, table.uz))}
+    driven_ends = {table.nodes: mesh.node_sets[table.nodes] for table in config.boundary
+                   if table.nodes in mesh.node_sets
+                   and any(drive is not None for drive in (table.u, table.ux, table.uy, table.uz))}
     holes = holes_of(mesh, names, length_unit, file)
-    outline = outline_of_mesh(holes.mesh, names, held, length_unit, file)
+    outline = outline_of_mesh(holes.mesh, names, driven_ends, length_unit, file)
     return Geometry(holes.mesh, (*holes.morphs, *outline.morphs), (*holes.parameters, *outline.parameters),
                     holes.notes)
 
@@ -60,23 +61,23 @@ def holes_of(mesh: Mesh, names: Sequence[str], length_unit: str, file) -> Geomet
     InputError
         The mesh has no round hole, a number is missing although there are several holes, or a number is too large.
     """
-    asked = [(number, match) for number, name in enumerate(names) if (match := _NAME.fullmatch(name))]
-    if not asked:
+    matches = [(number, match) for number, name in enumerate(names) if (match := _NAME.fullmatch(name))]
+    if not matches:
         return Geometry(mesh)
-    found, made = find_holes(mesh), {}
-    for number, match in asked:
-        made[match[0]] = _pick(found, match, file, f"dof[{number}].name")
-    holes = list({id(hole): hole for hole in made.values()}.values())
+    mesh_holes, holes_by_name = find_holes(mesh), {}
+    for number, match in matches:
+        holes_by_name[match[0]] = _pick(mesh_holes, match, file, f"dof[{number}].name")
+    holes = list({id(hole): hole for hole in holes_by_name.values()}.values())
     straight = mesh.nodes
     mesh = on_circle(mesh, holes)
     fields = {id(hole): velocities(mesh, hole) for hole in holes}
     morphs, parameters = [], []
-    for name, hole in made.items():
-        which = _NAME.fullmatch(name)[1]
-        start = float(np.round({"x": hole.centre[0], "y": hole.centre[1], "radius": hole.radius}[which], 9)) + 0.0
-        velocity = fields[id(hole)][which]
+    for name, hole in holes_by_name.items():
+        quantity = _NAME.fullmatch(name)[1]
+        start = float(np.round({"x": hole.centre[0], "y": hole.centre[1], "radius": hole.radius}[quantity], 9)) + 0.0
+        velocity = fields[id(hole)][quantity]
         low, high = (start + _MAX_HOLE_TRAVEL_SHARE * change for change in admissible(mesh, velocity))
-        if which == "radius":
+        if quantity == "radius":
             low = max(low, 0.05 * hole.radius)
         morphs.append(Morph(name, start, velocity))
         parameters.append(Parameter(name, start, length_unit, bounds=(float(low), float(high)),
@@ -87,51 +88,51 @@ def holes_of(mesh: Mesh, names: Sequence[str], length_unit: str, file) -> Geomet
     return Geometry(mesh, tuple(morphs), tuple(parameters), tuple(notes))
 
 
-def _pick(found: tuple[Hole, ...], match: re.Match, file, key: str) -> Hole:
+def _pick(holes: tuple[Hole, ...], match: re.Match, file, key: str) -> Hole:
     """The hole of a name in [[dof]]."""
     listed = "; ".join(f"[{k}] at ({hole.centre[0]:.4g}, {hole.centre[1]:.4g}), radius {hole.radius:.4g}"
-                       for k, hole in enumerate(found, 1))
-    if not found:
+                       for k, hole in enumerate(holes, 1))
+    if not holes:
         raise InputError("the mesh has no round hole", file=file, key=key,
                          expected="a closed rim inside the mesh, corner nodes within 5 % of a circle",
                          found="none", remedy="remove the entry, or mesh the hole whole (a quarter model has none)")
-    if match[2] is None and len(found) > 1:
+    if match[2] is None and len(holes) > 1:
         raise InputError("the number of the hole is missing", file=file, key=key,
-                         expected=f"{match[0]}[1] … {match[0]}[{len(found)}]",
-                         found=f"{match[0]}, and {len(found)} holes: {listed}", remedy="add the number in brackets")
+                         expected=f"{match[0]}[1] … {match[0]}[{len(holes)}]",
+                         found=f"{match[0]}, and {len(holes)} holes: {listed}", remedy="add the number in brackets")
     index = int(match[2] or 1)
-    if not 1 <= index <= len(found):
+    if not 1 <= index <= len(holes):
         raise InputError("no such hole", file=file, key=key, expected=listed, found=match[0],
                          remedy="correct the number in brackets")
-    return found[index - 1]
+    return holes[index - 1]
 
 
-def outline_of_mesh(mesh: Mesh, names: Sequence[str], held: Mapping[str, np.ndarray], length_unit: str,
+def outline_of_mesh(mesh: Mesh, names: Sequence[str], driven_ends: Mapping[str, np.ndarray], length_unit: str,
                     file) -> Geometry:
     """The degrees of freedom among `names` (of [[dof]]) that move free edges outwards, from 0 on; mm.
 
-    held : {name: (n,) nodes} of driven ends, which stay
+    driven_ends : {name: (n,) nodes} of driven ends, which stay
 
     Raises
     ------
     InputError
         A solid, no free edge, or a name that is no set of free edges.
     """
-    asked = [(number, match) for number, name in enumerate(names) if (match := _OUTLINE.fullmatch(name))]
-    if not asked:
+    matches = [(number, match) for number, name in enumerate(names) if (match := _OUTLINE.fullmatch(name))]
+    if not matches:
         return Geometry(mesh)
-    key = f"dof[{asked[0][0]}].name"
+    key = f"dof[{matches[0][0]}].name"
     if mesh.n_dim != 2:
         raise InputError("the outline of a solid does not move", file=file, key=key, expected="a plane model",
                          found="a solid", remedy="remove the entry, or identify geometry.hole_radius")
-    free = free_edges(mesh, held)
-    known = edges_by_name(mesh, free)
+    edges = free_edges(mesh, driven_ends)
+    named_edges = edges_by_name(mesh, edges)
     morphs, parameters = [], []
-    for number, match in asked:
-        faces = free if match[1] is None else known.get(match[1], free[:0])
+    for number, match in matches:
+        faces = edges if match[1] is None else named_edges.get(match[1], edges[:0])
         if not len(faces):
             raise InputError("no such free edge", file=file, key=f"dof[{number}].name",
-                             expected=", ".join(f"{OUTLINE}.{name}" for name in known) or "a free edge",
+                             expected=", ".join(f"{OUTLINE}.{name}" for name in named_edges) or "a free edge",
                              found=match[0], remedy="ends that [[boundary]] moves do not count; correct the name")
         velocity = outward_velocity(mesh, faces)
         low, high = (_MAX_HOLE_TRAVEL_SHARE * change for change in admissible(mesh, velocity, _MIN_JACOBIAN_OF_EDGES))

@@ -30,32 +30,32 @@ def heterogeneities(config: ExperimentFile, mesh: Mesh, length_unit: str,
     InputError
         A set has no material, a name is taken, a spot touches no element of its set, or a unit is wrong.
     """
-    made, parameters = [], []
+    records, parameters = [], []
     for number, table in enumerate(config.heterogeneity):
         key, name = f"heterogeneity[{number}]", table.name or table.form
         if table.set not in config.material:
             raise InputError("a heterogeneity of a set without a material", file=file, key=f"{key}.set",
                              expected=f"one of {', '.join(config.material)}", found=table.set, remedy="correct the set")
-        if any((other.element_set, other.name) == (table.set, name) for other in made):
+        if any((earlier.element_set, earlier.name) == (table.set, name) for earlier in records):
             raise InputError("two heterogeneities of one name", file=file, key=f"{key}.name",
                              expected="different names within one set", found=name,
                              remedy='add e.g. name = "second"')
         record = Heterogeneity(table.set, name, table.form)
-        made.append(record)
-        own = (_gradient(table, mesh, key, file) if table.form == "gradient"
-               else _layers(table, mesh, length_unit, key, file) if table.form == "layers"
-               else _spot(table, record, mesh, length_unit, key, file))
-        parameters += [_named(f"{table.set}.{name}.{last}", parameter) for last, parameter in own.items()]
-    return tuple(made), parameters
+        records.append(record)
+        amounts = (_gradient(table, mesh, key, file) if table.form == "gradient"
+                   else _layers(table, mesh, length_unit, key, file) if table.form == "layers"
+                   else _spot(table, record, mesh, length_unit, key, file))
+        parameters += [_named(f"{table.set}.{name}.{suffix}", parameter) for suffix, parameter in amounts.items()]
+    return tuple(records), parameters
 
 
 def _spot(table: HeterogeneityTable, record: Heterogeneity, mesh: Mesh, length_unit: str, key: str,
           file) -> dict[str, Parameter]:
-    given = table.thickness if table.form == "thickness" else table.stiffness
-    if given is None:
+    amount = table.thickness if table.form == "thickness" else table.stiffness
+    if amount is None:
         void = table.form == "void"
-        given = ParameterTable(value=VOID_STIFFNESS_RATIO) if void else ParameterTable(value=1.0, identify=True)
-    made = {record.amount: _parameter(given, "", f"{key}.{record.amount}", file, SPOT_BOUNDS, "log")}
+        amount = ParameterTable(value=VOID_STIFFNESS_RATIO) if void else ParameterTable(value=1.0, identify=True)
+    parameters = {record.amount: _parameter(amount, "", f"{key}.{record.amount}", file, SPOT_BOUNDS, "log")}
     radius = _parameter(table.radius_mm, length_unit, f"{key}.radius_mm", file, (0.0, np.inf), "log")
     centre = np.array(table.centre_mm)
     if len(centre) > mesh.n_dim:
@@ -66,22 +66,23 @@ def _spot(table: HeterogeneityTable, record: Heterogeneity, mesh: Mesh, length_u
         raise InputError("a heterogeneity outside the body", file=file, key=f"{key}.centre_mm",
                          expected=f"a centre in {table.set}", found=str(table.centre_mm),
                          remedy="correct the centre or the radius")
-    made["radius"] = radius
+    parameters["radius"] = radius
     for axis, value in zip("xyz", centre, strict=False):
-        made[axis] = Parameter("", float(value), length_unit, table.identify_centre, scale=radius.value)
-    return made
+        parameters[axis] = Parameter("", float(value), length_unit, table.identify_centre, scale=radius.value)
+    return parameters
 
 
 def _gradient(table: HeterogeneityTable, mesh: Mesh, key: str, file) -> dict[str, Parameter]:
-    made = {}
+    parameters = {}
     for axis in "xyz":
-        given = getattr(table, f"along_{axis}")
-        if given is not None and "xyz".index(axis) >= mesh.n_dim:
+        slope = getattr(table, f"along_{axis}")
+        if slope is not None and "xyz".index(axis) >= mesh.n_dim:
             raise InputError("a gradient along z in a plane model", file=file, key=f"{key}.along_{axis}",
                              expected="along_x or along_y", found=f"along_{axis}", remedy="leave it out")
-        if given is not None:
-            made[f"along_{axis}"] = _parameter(given, "", f"{key}.along_{axis}", file, GRADIENT_BOUNDS, "linear", 0.3)
-    return made
+        if slope is not None:
+            parameters[f"along_{axis}"] = _parameter(slope, "", f"{key}.along_{axis}", file, GRADIENT_BOUNDS, "linear",
+                                                     0.3)
+    return parameters
 
 
 def _layers(table: HeterogeneityTable, mesh: Mesh, length_unit: str, key: str, file) -> dict[str, Parameter]:
@@ -89,15 +90,16 @@ def _layers(table: HeterogeneityTable, mesh: Mesh, length_unit: str, key: str, f
     nodes = mesh.nodes[nodes_of(mesh, table.set), :2]
     size = float(np.linalg.norm(np.ptp(nodes, axis=0)))
     ratio = table.stiffness_ratio or ParameterTable(value=1.0, identify=True)
-    made = {"stiffness_ratio": _parameter(ratio, "", f"{key}.stiffness_ratio", file, SPOT_BOUNDS, "log"),
-            "period": _parameter(table.period_mm, length_unit, f"{key}.period_mm", file, (1e-6 * size, size), "log"),
-            "direction": _parameter(table.direction_deg, "deg", f"{key}.direction_deg", file, (-np.inf, np.inf),
-                                    "linear", DIRECTION_SCALE_DEG)}
+    parameters = {"stiffness_ratio": _parameter(ratio, "", f"{key}.stiffness_ratio", file, SPOT_BOUNDS, "log"),
+                  "period": _parameter(table.period_mm, length_unit, f"{key}.period_mm", file, (1e-6 * size, size),
+                                       "log"),
+                  "direction": _parameter(table.direction_deg, "deg", f"{key}.direction_deg", file, (-np.inf, np.inf),
+                                          "linear", DIRECTION_SCALE_DEG)}
     offset = table.offset_mm or ParameterTable(value=0.0)
-    made["offset"] = _parameter(offset, length_unit, f"{key}.offset_mm", file, (-np.inf, np.inf), "linear",
-                                0.25 * made["period"].value)
+    parameters["offset"] = _parameter(offset, length_unit, f"{key}.offset_mm", file, (-np.inf, np.inf), "linear",
+                                      0.25 * parameters["period"].value)
     share = table.share or ParameterTable(value=0.5)
-    return made | {"share": _parameter(share, "", f"{key}.share", file, SHARE_BOUNDS, "linear", 0.2)}
+    return parameters | {"share": _parameter(share, "", f"{key}.share", file, SHARE_BOUNDS, "linear", 0.2)}
 
 
 def _parameter(entry: ParameterTable, unit: str, key: str, file, bounds: tuple[float, float], transform: str,

@@ -85,8 +85,8 @@ def further_camera(table: FurtherCameraTable, key: str, image_shape: tuple[int, 
     notes: list[str] = []
     scaled = table.pixel_size_mm is not None and scale.unit == "mm"
     if table.matrix_px_per_unit is None and not scaled:
-        wanted = "matrix_px_per_unit" if scale.unit == "px" else "pixel_size_mm, or matrix_px_per_unit"
-        raise InputError("a further camera without its scale", file=file, key=f"{key}.pixel_size_mm", expected=wanted,
+        keys = "matrix_px_per_unit" if scale.unit == "px" else "pixel_size_mm, or matrix_px_per_unit"
+        raise InputError("a further camera without its scale", file=file, key=f"{key}.pixel_size_mm", expected=keys,
                          found="no such key" if table.pixel_size_mm is None else f"{table.pixel_size_mm:g} mm",
                          remedy="calibrate this camera on the same mesh: px per unit of the mesh")
     if table.origin_px is None:

@@ -45,8 +45,8 @@ def mesh_on_image(config: ExperimentFile, scale: Lengths, stack: Stack, file: Pa
     if table.around_points_mm is not None and isinstance(stack, FieldStack):
         return _around_points(config, stack.points, scale.camera, file), [_margin_note(config, stack.points)]
     if table.outline_points_mm is not None and isinstance(stack, FieldStack):
-        drawing, found = _of_outline(config, stack.points, scale.camera, file)
-        return drawing.mesh(file), [*_edge_notes(config, found, stack.points.pitch), *_gap_notes(found)]
+        drawing, point_outline = _of_outline(config, stack.points, scale.camera, file)
+        return drawing.mesh(file), [*_edge_notes(config, point_outline, stack.points.pitch), *_gap_notes(point_outline)]
     if not table.in_px:
         return _mesh_in_mm(table, scale, file, _ends(config) if fields else {}), []
     mesh = (drawing_of(table).mesh(file, KEY) if table.outline_px is not None
@@ -78,51 +78,52 @@ def _of_outline(config: ExperimentFile, points: MeasuredPoints, camera: Camera,
     table = config.experiment.mesh
     at = camera.inverse(grid_of(points).positions_px)
     try:
-        found = outline_of(at, points.pitch, float(table.outline_points_mm or 0.0))
+        point_outline = outline_of(at, points.pitch, float(table.outline_points_mm or 0.0))
     except InputError as error:
         raise InputError(error.what, file=file, key=KEY, expected=error.expected, found=error.found,
                          remedy=error.remedy) from None
     size = table.element_mm or NEIGHBOURS_PER_ELEMENT * points.pitch
-    return Drawing(found.outline.tolist(), [hole.tolist() for hole in found.holes], size, table.elements == "quads",
-                   sides(found.outline), table.mesher), found
+    return Drawing(point_outline.outline.tolist(), [hole.tolist() for hole in point_outline.holes], size,
+                   table.elements == "quads", sides(point_outline.outline), table.mesher), point_outline
 
 
 def _margin_note(config: ExperimentFile, points: MeasuredPoints) -> str:
     across, along = np.broadcast_to(np.atleast_1d(config.experiment.mesh.around_points_mm), 2)
     counted = any(entry.name.startswith(OUTLINE) for entry in config.dof)
-    who = (f"{OUTLINE} counts it in their error bars. With the true margins, leave it out" if counted else
-           "no error bar counts it: make it as wide as the specimen")
+    advice = (f"{OUTLINE} counts it in their error bars. With the true margins, leave it out" if counted else
+              "no error bar counts it: make it as wide as the specimen")
     return (f"the rectangle around the points with margins of {across:.2g} and {along:.2g} mm along x and y: facets "
             f"end half their width before an edge, and the grid shows it to {0.5 * points.pitch:.2g} mm. Moduli by the "
-            f"force are off as the width of the mesh is, and {who}")
+            f"force are off as the width of the mesh is, and {advice}")
 
 
-def _edge_notes(config: ExperimentFile, found: PointOutline, pitch: float) -> list[str]:
-    width, error = narrowest(found, pitch), width_error(found, pitch)
+def _edge_notes(config: ExperimentFile, point_outline: PointOutline, pitch: float) -> list[str]:
+    width, error = narrowest(point_outline, pitch), width_error(point_outline, pitch)
     notch = f", that of a notch to {0.5 * error:.2g} mm" if error > pitch else ""
     counted = any(entry.name.startswith(OUTLINE) for entry in config.dof)
-    who = (f"{OUTLINE} identifies where the edges are" if counted else
-           f"no error bar counts it: let [[dof]] {OUTLINE} identify where the edges are, or draw them (outline_mm)")
+    advice = (f"{OUTLINE} identifies where the edges are" if counted else
+              f"no error bar counts it: let [[dof]] {OUTLINE} identify where the edges are, or draw them (outline_mm)")
     return [f"the outline of the points with a margin of {config.experiment.mesh.outline_points_mm:.2g} mm: facets end "
             f"half their width before an edge, and the grid shows it to {0.5 * pitch:.2g} mm{notch}. If the margin is "
             f"half a facet, the narrowest width of {width:.3g} mm is off by up to {100.0 * error / width:.2g} %, and "
-            f"so are moduli by the force; {who}"]
+            f"so are moduli by the force; {advice}"]
 
 
 def outline_share(config: ExperimentFile, stack: Stack, camera: Camera, file: Path) -> float | None:
     """By how much the narrowest width of a mesh from the outline of points may be off, of that width; None without."""
     if config.experiment.mesh.outline_points_mm is None or not isinstance(stack, FieldStack):
         return None
-    found = _of_outline(config, stack.points, camera, file)[1]
-    return width_error(found, stack.points.pitch) / narrowest(found, stack.points.pitch)
+    point_outline = _of_outline(config, stack.points, camera, file)[1]
+    return width_error(point_outline, stack.points.pitch) / narrowest(point_outline, stack.points.pitch)
 
 
-def _gap_notes(found: PointOutline) -> list[str]:
-    if not len(found.gaps):
+def _gap_notes(point_outline: PointOutline) -> list[str]:
+    if not len(point_outline.gaps):
         return []
-    x, y, width = found.gaps[np.argmax(found.gaps[:, 2])]
-    return [f"{len(found.gaps)} gaps of the points, the widest {width:.3g} mm at ({x:.4g}, {y:.4g}), are filled by the "
-            "mesh, as points that are missing; if the specimen has a hole there, draw it (outline_mm with holes_mm)"]
+    x, y, width = point_outline.gaps[np.argmax(point_outline.gaps[:, 2])]
+    return [f"{len(point_outline.gaps)} gaps of the points, the widest {width:.3g} mm at ({x:.4g}, {y:.4g}), are "
+            "filled by the mesh, as points that are missing; if the specimen has a hole there, draw it (outline_mm "
+            "with holes_mm)"]
 
 
 def _ends(config: ExperimentFile) -> dict[str, list[int]]:

@@ -59,13 +59,13 @@ def _by_position(mesh: Mesh, name: str, expression: str, factor: float, file, ke
     return _added(mesh, name, np.flatnonzero(inside), faces, elements)
 
 
-def _by_boundary(mesh: Mesh, name: str, which: str, file, key) -> Mesh:
+def _by_boundary(mesh: Mesh, name: str, loop_kind: str, file, key) -> Mesh:
     if mesh.n_dim != 2:
         raise InputError("boundary sets exist for plane meshes only", file=file, key=f"{key}.boundary",
                          expected="kind = plane_stress or plane_strain",
                          found="a solid", remedy="define the set by position: where = …")
     outer, holes = _split_loops(mesh)
-    loops = {"outer": outer, "holes": holes, "all": outer + holes}[which]
+    loops = {"outer": outer, "holes": holes, "all": outer + holes}[loop_kind]
     if not loops:
         raise InputError("an empty set", file=file, key=f"{key}.boundary", expected="a mesh with holes",
                          found="a mesh without holes", remedy="leave the entry out")
@@ -97,8 +97,8 @@ def known_name(name: str, names: Iterable[str]) -> str | None:
     names = list(names)
     if name in names:
         return name
-    same = [other for other in names if other.upper() == name.upper()]
-    return same[0] if len(same) == 1 else None
+    matches = [candidate for candidate in names if candidate.upper() == name.upper()]
+    return matches[0] if len(matches) == 1 else None
 
 
 def with_node_set(mesh: Mesh, name: str, file, key) -> Mesh:
@@ -106,12 +106,12 @@ def with_node_set(mesh: Mesh, name: str, file, key) -> Mesh:
     if name in mesh.node_sets:
         return mesh
     node_sets = dict(mesh.node_sets)
-    if (known := known_name(name, mesh.node_sets)) is not None:
-        node_sets[name] = mesh.node_sets[known]
-    elif (known := known_name(name, mesh.edge_sets)) is not None:
-        node_sets[name] = face_set_nodes(mesh, mesh.edge_sets[known])
-    elif (known := known_name(name, mesh.element_sets)) is not None:
-        node_sets[name] = _nodes_of_elements(mesh, mesh.element_sets[known])
+    if (spelling := known_name(name, mesh.node_sets)) is not None:
+        node_sets[name] = mesh.node_sets[spelling]
+    elif (spelling := known_name(name, mesh.edge_sets)) is not None:
+        node_sets[name] = face_set_nodes(mesh, mesh.edge_sets[spelling])
+    elif (spelling := known_name(name, mesh.element_sets)) is not None:
+        node_sets[name] = _nodes_of_elements(mesh, mesh.element_sets[spelling])
     else:
         raise _no_set("no such set of nodes", name, {*mesh.node_sets, *mesh.edge_sets, *mesh.element_sets}, file, key)
     return replace(mesh, node_sets=node_sets)
@@ -122,11 +122,11 @@ def with_edge_set(mesh: Mesh, name: str, file, key) -> Mesh:
     if name in mesh.edge_sets:
         return mesh
     edge_sets = dict(mesh.edge_sets)
-    if (known := known_name(name, mesh.edge_sets)) is not None:
-        edge_sets[name] = mesh.edge_sets[known]
-    elif (known := known_name(name, mesh.node_sets)) is not None:
+    if (spelling := known_name(name, mesh.edge_sets)) is not None:
+        edge_sets[name] = mesh.edge_sets[spelling]
+    elif (spelling := known_name(name, mesh.node_sets)) is not None:
         inside = np.zeros(mesh.n_nodes, dtype=bool)
-        inside[mesh.node_sets[known]] = True
+        inside[mesh.node_sets[spelling]] = True
         faces = [face for face in boundary_faces(mesh) if inside[mesh.face_nodes(face)].all()]
         if not faces:
             raise InputError("the node set contains no boundary edge", file=file, key=key,
@@ -148,8 +148,8 @@ def with_element_set(mesh: Mesh, name: str, only: bool, file, key,
     if name in mesh.element_sets:
         return mesh, None
     element_sets, note = dict(mesh.element_sets), None
-    if (known := known_name(name, mesh.element_sets)) is not None:
-        element_sets[name] = mesh.element_sets[known]
+    if (spelling := known_name(name, mesh.element_sets)) is not None:
+        element_sets[name] = mesh.element_sets[spelling]
     elif only and set(mesh.element_sets) <= {"ALL", *by_position}:
         element_sets[name] = np.arange(mesh.n_elements)
         note = f"the mesh names no element sets: material {name} applies to all elements"
@@ -161,18 +161,18 @@ def with_element_set(mesh: Mesh, name: str, only: bool, file, key,
 def _nodes_of_elements(mesh: Mesh, elements: np.ndarray) -> np.ndarray:
     parts = []
     for block in mesh.blocks:
-        own = elements[(elements >= block.first) & (elements < block.first + block.n_elements)] - block.first
-        parts.append(block.connectivity[own].ravel())
+        rows = elements[(elements >= block.first) & (elements < block.first + block.n_elements)] - block.first
+        parts.append(block.connectivity[rows].ravel())
     return np.unique(np.concatenate(parts))
 
 
-def _no_set(what: str, name: str, names: Iterable[str], file, key) -> InputError:
+def _no_set(fault: str, name: str, names: Iterable[str], file, key) -> InputError:
     names = sorted(names)
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    several = [other for other in names if other.upper().endswith(f"_{name.upper()}")]
-    hint = f"did you mean {near[0]}? " if near else ""
+    matches = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    several = [candidate for candidate in names if candidate.upper().endswith(f"_{name.upper()}")]
+    hint = f"did you mean {matches[0]}? " if matches else ""
     if len(several) > 1:  # see `idic.readers.abaqus_sets`
         hint = f"{name} is another set in each of several parts of the mesh file: write {' or '.join(several)}, "
-    return InputError(what, file=file, key=key, expected=f"one of {', '.join(names)}" if names
+    return InputError(fault, file=file, key=key, expected=f"one of {', '.join(names)}" if names
                       else "a set of the mesh (it names none)", found=repr(name),
                       remedy=hint + 'or define it by position:  [sets]  ' + f'{name} = {{ where = "y < 0" }}')

@@ -88,20 +88,21 @@ def foreign_material(name: str, table: MaterialTable, file) -> tuple[Material, l
     Values are in mm, s, MPa, N. A parameter with a positive start value stays positive (logarithm) unless its bounds
     include negative values.
     """
-    made = []
-    for own, entry in table.parameters.items():
+    parameters = []
+    for constant, entry in table.parameters.items():
         factor = 1.0
         if entry.unit:
-            factor_between(entry.unit, entry.unit, file=file, key=f"material.{name}.{own}.unit")  # it is a unit
+            factor_between(entry.unit, entry.unit, file=file, key=f"material.{name}.{constant}.unit")  # it is a unit
             factor = parse_unit(entry.unit).factor
         value, prior = entry.value * factor, entry.prior
         low, high = (bound * factor for bound in entry.bounds or (-np.inf, np.inf))
         log = value > 0.0 and (entry.bounds is None or low >= 0.0)
-        made.append(Parameter(f"{name}.{own}", value, entry.unit or "", entry.identify,
-                              (max(low, 0.0) if log else low, high), None if prior is None else prior.mean * factor,
-                              None if prior is None else prior.std * factor, "log" if log else "linear",
-                              abs(value) or 1.0, factor))
-    return Material(name, EXTERNAL, table.kinematics or "finite"), made, []
+        parameters.append(Parameter(f"{name}.{constant}", value, entry.unit or "", entry.identify,
+                                    (max(low, 0.0) if log else low, high),
+                                    None if prior is None else prior.mean * factor,
+                                    None if prior is None else prior.std * factor, "log" if log else "linear",
+                                    abs(value) or 1.0, factor))
+    return Material(name, EXTERNAL, table.kinematics or "finite"), parameters, []
 
 
 def solver_files(table: SolverTable | None, folder: Path) -> list[Path]:

@@ -67,7 +67,7 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, infrared:
         A column is missing, number or size of the images is wrong, an image lacks the body, or ``alpha`` has no
         temperature, or a free course stands beside what it does not fit.
     """
-    made, notes = [], []
+    records, notes = [], []
     for number, boundary in enumerate(config.boundary):
         if boundary.temperature is None:
             continue
@@ -77,36 +77,36 @@ def temperatures(config: ExperimentFile, body: Body, context: Context, infrared:
         read = _column if table.column is not None else _course if table.course is not None else _field
         drive, note = read(table, body, context, infrared.get(number), key)
         knots, hats = free_course(table.knots or KNOTS, context) if table.course == "free" else ((), None)
-        made.append(Temperature(nodes, drive, KELVIN if _unit(table, context) == "K" else 0.0, knots, hats))
+        records.append(Temperature(nodes, drive, KELVIN if _unit(table, context) == "K" else 0.0, knots, hats))
         notes.append(f"{key}: {note}")
-    _check_expansion(parameters, bool(made), context.file)
+    _check_expansion(parameters, bool(records), context.file)
     dependent = [p.name for p in parameters if p.name.endswith(f".{REFERENCE.name}")]
-    _require_alone(made, dependent, context.file)
-    if dependent and not made:
+    _require_alone(records, dependent, context.file)
+    if dependent and not records:
         raise InputError("a law depends on the temperature, which is not given", file=context.file,
                          key=f"material.{dependent[0]}",
                          expected='a [[boundary]] with temperature = { column = "temperature_C" }, '
                          "or infrared images", found="none",
                          remedy="give the temperature, or leave the temperature terms out")
-    if made and not dependent and not any(p.name.endswith(f".{EXPANSION.name}") for p in parameters):
+    if records and not dependent and not any(p.name.endswith(f".{EXPANSION.name}") for p in parameters):
         notes.append("no material has alpha or a law that depends on the temperature, so it has no effect; write e.g.  "
                      'alpha = { value = 1e-5, unit = "1/K", identify = true }')
-    return tuple(made), notes
+    return tuple(records), notes
 
 
-def _require_alone(made: list[Temperature], dependent: list[str], file) -> None:
+def _require_alone(records: list[Temperature], dependent: list[str], file) -> None:
     """A free course is a change of the whole body: it neither adds to a temperature nor has a value in °C."""
-    free = next((entry for entry in made if entry.hats is not None), None)
-    if free is None:
+    free_record = next((entry for entry in records if entry.hats is not None), None)
+    if free_record is None:
         return
-    if free.nodes is not None:
+    if free_record.nodes is not None:
         raise InputError("a free course of the temperature of a part", file=file, key="[[boundary]] temperature",
-                         expected="the temperature of the whole body", found=f"nodes = {free.nodes!r}",
+                         expected="the temperature of the whole body", found=f"nodes = {free_record.nodes!r}",
                          remedy='write temperature = { course = "free" } in a [[boundary]] of its own, without nodes')
-    if len(made) > 1:
+    if len(records) > 1:
         raise InputError("a free course next to a temperature that is given", file=file,
                          key="[[boundary]] temperature", expected='{ course = "free" } alone, or temperatures '
-                         "that are given", found=f"{len(made) - 1} more", remedy="leave one or the other out")
+                         "that are given", found=f"{len(records) - 1} more", remedy="leave one or the other out")
     if dependent:
         raise InputError("a free course of the temperature where a law depends on its value", file=file,
                          key="[[boundary]] temperature", expected='the temperature in °C: { column = "temperature_C" } '
@@ -123,12 +123,12 @@ def _unit(table: TemperatureTable, context: Context) -> str | None:
 
 def knots_of_temperature(config: ExperimentFile, context: Context, file) -> list[Parameter]:
     """Degrees of freedom of a temperature whose course the data give; one at most."""
-    free = [table.temperature for table in config.boundary
-            if table.temperature is not None and table.temperature.course == "free"]
-    if len(free) > 1:
+    tables = [table.temperature for table in config.boundary
+              if table.temperature is not None and table.temperature.course == "free"]
+    if len(tables) > 1:
         raise InputError("two free courses of the temperature", file=file, key="[[boundary]] temperature",
-                         expected="one, of the whole body", found=str(len(free)), remedy="leave the others out")
-    frames = free_course(free[0].knots or KNOTS, context)[0] if free else ()
+                         expected="one, of the whole body", found=str(len(tables)), remedy="leave the others out")
+    frames = free_course(tables[0].knots or KNOTS, context)[0] if tables else ()
     return [Parameter(knot_name(TEMPERATURE, frame), 0.0, "K", True, scale=WARMTH_K) for frame in frames]
 
 
@@ -178,7 +178,7 @@ def _course(table: TemperatureTable, body: Body, context: Context, stack: FileSt
         return (TemperatureField(np.zeros((len(body.times), body.mesh.n_nodes)), f"{key}.course"),
                 "its course is identified, alike in the whole body")
     factor = factor_between(table.unit, "K", file=context.file, key=f"{key}.unit") if table.unit else 1.0
-    times, given = np.array(table.course).T
+    times, levels = np.array(table.course).T
     if context.times is None and not 0.0 <= times[0] < times[-1] <= context.n_frames - 1:
         raise InputError("a course in seconds on a test without times", file=context.file, key=f"{key}.course",
                          expected="frame_interval_s or image_times in [experiment], or a column time_s in the log",
@@ -189,7 +189,7 @@ def _course(table: TemperatureTable, body: Body, context: Context, stack: FileSt
                          expected=f"times within {body.times[0]:.12g} … {body.times[-1]:.12g} s, those of the images",
                          found=f"a course from {times[0]:.12g} to {times[-1]:.12g} s",
                          remedy="give the course in the times of the images, those of the log")
-    values = factor * np.interp(body.times, times, given)
+    values = factor * np.interp(body.times, times, levels)
     change = values - values[context.reference]
     field = np.broadcast_to(values[:, None], (len(values), body.mesh.n_nodes))
     return (TemperatureField(field, f"{key}.course"),
@@ -251,7 +251,7 @@ def _camera(table: TemperatureTable, body: Body, shape, context: Context, key: s
 def _logged_motion(body: Body, context: Context) -> np.ndarray | None:
     """Motion of the nodes from the logged boundaries, mm; None if there are none  # (n_frames, n_nodes, dim)"""
     mesh = body.mesh
-    motion, known = np.zeros((context.n_frames, *mesh.nodes.shape)), False
+    motion, has_motion = np.zeros((context.n_frames, *mesh.nodes.shape)), False
     for component in range(mesh.n_dim):
         values = np.full(motion.shape[:2], np.nan)
         for entry in body.prescribed:
@@ -259,9 +259,9 @@ def _logged_motion(body: Body, context: Context) -> np.ndarray | None:
                 course = entry.drive.values if isinstance(entry.drive, Column) else entry.drive.value
                 values[:, mesh.node_sets[entry.nodes]] = np.broadcast_to(course, context.n_frames)[:, None]
         if unreached(mesh, ~np.isnan(values[0])) is None:
-            motion[:, :, component], known = conducted(mesh, values), True
+            motion[:, :, component], has_motion = conducted(mesh, values), True
     motion[context.reference] = 0.0
-    return motion if known and motion.any() else None
+    return motion if has_motion and motion.any() else None
 
 
 def _words(table: TemperatureTable, field: NodalField, factor: float, context: Context, motion, camera) -> str:

@@ -209,12 +209,12 @@ def noise_notes(experiment: Experiment) -> list[str]:
             continue
         of = "" if len(experiment.views) == 1 else f" of {view.camera_name}"
         if view.points is not None:
-            notes.append(_field_note(noise=view.noise, beside=found.beside))
+            notes.append(_field_note(noise=view.noise, beside=found.neighbour_correlation))
             continue
         text = (f"image noise{of}: {found.stated_gv:.3g} {view.value_unit} ({view.noise.source.replace('_', ' ')}), "
                 f"but {TOLD[found.source]} {found.recorded_gv:.3g}")
-        if abs(found.beside) > MIN_TOLD_CORRELATION:
-            text += f" with a correlation of {found.beside:.2f} between neighbouring pixels"
+        if abs(found.neighbour_correlation) > MIN_TOLD_CORRELATION:
+            text += f" with a correlation of {found.neighbour_correlation:.2f} between neighbouring pixels"
         notes.append(f"{text}: sums against the gradient carry {found.sum_std_gv:.3g}, which weights and error bars "
                      f"count")
     return notes

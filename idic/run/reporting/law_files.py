@@ -56,7 +56,7 @@ def export_laws(run: Path | str, folder: Path | str) -> tuple[WrittenLaw, ...]:
                   if f"{material.element_set}.{name}" in parameters}
         files = [folder / f"{material.element_set}.toml"]
         curves = [curve for curve in context.experiment.extras.get("free_curves", ())
-                  if curve.last.startswith(f"{material.element_set}.")]
+                  if curve.last_knot.startswith(f"{material.element_set}.")]
         files[0].write_text(law_table(material.element_set, material.law, material.kinematics, values, result, curves),
                             encoding="utf-8")
         missing = {}

@@ -136,7 +136,7 @@ class Exchange:
             given = one.path if os.path.isdir(one.path) else os.path.dirname(one.path)
             area = areas.setdefault(str(found.folder), f"experiment-{len(areas)}/{found.folder.name}")
             areas[os.path.abspath(given)] = area
-            for path in found.whole:
+            for path in found.read_files:
                 key = f"{area}/{path.relative_to(found.folder).as_posix()}"
                 entries[key], paths[key] = self._scanner.entry(str(path)), str(path)
             for path, facts in found.images.items():
