@@ -93,15 +93,15 @@ def short_law(name: str) -> LawSpec:
     """The law of a short form."""
     form = SHORT_FORMS[name]
     terms = [term_of(kind) for kind in form.kinds]
-    whole = law_of(name, [term for term in terms if term is not None])
+    law = law_of(name, [term for term in terms if term is not None])
     parameters = []
-    for p in whole.parameters:
-        own = form.names.get(p.name, p.name)
-        parameters.append(replace(p, name=own, null=form.nulls.get(own, p.null),
-                                  default=form.defaults.get(own, p.default)))
+    for p in law.parameters:
+        short_name = form.names.get(p.name, p.name)
+        parameters.append(replace(p, name=short_name, null=form.nulls.get(short_name, p.null),
+                                  default=form.defaults.get(short_name, p.default)))
     return replace(
-        whole, name=name, parameters=tuple(parameters), compose=None, isotropic=whole.isotropic,
-        reference=f"elastoplastic({'+'.join(form.kinds)}): sigma = {form.flow}; {whole.reference.partition('; ')[2]}",
+        law, name=name, parameters=tuple(parameters), compose=None, isotropic=law.isotropic,
+        reference=f"elastoplastic({'+'.join(form.kinds)}): sigma = {form.flow}; {law.reference.partition('; ')[2]}",
         derived={key: DerivedQuantity(unit, value) for key, (unit, value) in form.derived.items()})
 
 
