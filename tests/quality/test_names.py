@@ -21,7 +21,7 @@ BANNED = {  # as the whole name of a value; the noun is the residual, the candid
 MOST = {
     "idic.cli": 48, "idic.correlation": 221, "idic.diagnose": 969, "idic.draw": 45, "idic.errors": 4,
     "idic.experiment_file": 342, "idic.identification": 389, "idic.model": 56, "idic.notebook": 39,
-    "idic.parameters": 1, "idic.read_once": 2, "idic.report": 400, "idic.run": 372, "idic.virtual_tests": 36,
+    "idic.parameters": 1, "idic.report": 400, "idic.run": 372, "idic.virtual_tests": 36,
     "idic_flows": 50, "idic_studies": 296,
 }
 
