@@ -191,8 +191,8 @@ class ParameterSet(Mapping[str, Parameter]):
         unknown = set(values) - set(self._items)
         if unknown:
             raise KeyError(f"no such parameter: {', '.join(sorted(unknown))}")
-        given = {name: float(value) for name, value in values.items() if value is not None}
-        return ParameterSet((replace(p, value=given[p.name]) if p.name in given else p for p in self.values()),
+        changed = {name: float(value) for name, value in values.items() if value is not None}
+        return ParameterSet((replace(p, value=changed[p.name]) if p.name in changed else p for p in self.values()),
                             self.joint)
 
     def own_of(self, values: Mapping[str, float]) -> dict[str, float]:
