@@ -61,7 +61,8 @@ def calibrate(views: Views, image_size_px: tuple[tuple[int, int], ...], spacing_
         camera, used = second_camera(single_cameras[0], single_cameras[1], used, points)
         cameras.append(camera)
     first_poses = {v: pose for v, (_, pose) in single_cameras[0].items()}
-    second_poses = {v: _back(cameras[1], pose) for v, (_, pose) in single_cameras[1].items()} if n_cameras == 2 else {}
+    second_poses = {v: _pose_in_camera_0(cameras[1], pose)
+                    for v, (_, pose) in single_cameras[1].items()} if n_cameras == 2 else {}
     poses = [first_poses.get(v, second_poses.get(v)) for v in range(len(used))]
     seen_views = [v for v, pose in enumerate(poses) if pose is not None]
     used = tuple(used[v] for v in seen_views)
@@ -103,7 +104,7 @@ def _rig(adjusted: Adjusted, lens: Lens, noise: float, sizes) -> CameraRig:
                      covariance[np.ix_(order, order)] * factor[:, None] * factor)
 
 
-def _back(camera, pose):
+def _pose_in_camera_0(camera, pose):
     """The pose of a target in the frame of camera 0, of its pose in that of another camera."""
     return Pose(camera.rotation.T @ pose.rotation, camera.rotation.T @ (pose.translation_mm - camera.translation_mm))
 

@@ -73,7 +73,8 @@ def second_camera(first: dict[int, tuple], second: dict[int, tuple], views: View
             rotation = b.rotation @ turn @ a.rotation.T
             candidates[v, n] = rotation, b.rotation @ shift + b.translation_mm - rotation @ a.translation_mm
     scale = np.median([np.linalg.norm(first[v][1].translation_mm) for v in pairs])
-    spread = {key: np.median([min(_apart(pose, candidates[v, n], scale) for n in range(len(turns))) for v in pairs])
+    spread = {key: np.median([min(_pose_distance(pose, candidates[v, n], scale) for n in range(len(turns)))
+                              for v in pairs])
               for key, pose in candidates.items()}
     best = min(spread, key=lambda key: (spread[key], key))
     if spread[best] > MAX_POSE_SPREAD:
@@ -84,7 +85,7 @@ def second_camera(first: dict[int, tuple], second: dict[int, tuple], views: View
     rotation, translation = candidates[best]
     renumbered = list(views)
     for v in pairs:
-        n = min(range(len(turns)), key=lambda n: _apart(candidates[best], candidates[v, n], scale))
+        n = min(range(len(turns)), key=lambda n: _pose_distance(candidates[best], candidates[v, n], scale))
         view = views[v][1]
         renumbered[v] = (views[v][0], replace(view, index=turns[n][0][view.index[:, 0]][:, None]))
     camera = next(iter(second.values()))[0].placed(rotation, translation)
@@ -119,6 +120,6 @@ def _symmetries(points_mm):
     return symmetries
 
 
-def _apart(a, b, scale):
+def _pose_distance(a, b, scale):
     """Distance of two poses: angle in rad and shift over a distance."""
     return Rotation.from_matrix(a[0] @ b[0].T).magnitude() + np.linalg.norm(a[1] - b[1]) / scale

@@ -286,7 +286,7 @@ def _factor(system: System, ev: Evaluation, factor: Factor | None, matrices,
         for group, g in zip(system.groups, ev.groups, strict=True):
             element_matrices(group, g)
         current_matrices = tuple(g.Ke for g in ev.groups)
-        if factor is not None and matrices and all(_same(a, b)
+        if factor is not None and matrices and all(_equal(a, b)
                                                    for a, b in zip(current_matrices, matrices, strict=True)):
             return factor, matrices
     try:
@@ -296,7 +296,7 @@ def _factor(system: System, ev: Evaluation, factor: Factor | None, matrices,
         raise NotConverged(f"the stiffness is singular ({error}): check material parameters and supports") from None
 
 
-def _same(a: np.ndarray, b: np.ndarray) -> bool:
+def _equal(a: np.ndarray, b: np.ndarray) -> bool:
     return a is b or bool(np.abs(a - b).max() <= 1e-12 * np.abs(b).max())  # rounding of the plane-stress condensation
 
 

@@ -30,14 +30,14 @@ def every_second(n_frames: int) -> np.ndarray:
 
 def at_frames(model: Model, frames: np.ndarray) -> Model:
     """The model with its histories at some frames."""
-    def own(histories: np.ndarray | None) -> np.ndarray | None:
+    def sampled(histories: np.ndarray | None) -> np.ndarray | None:
         return None if histories is None else histories[frames]
 
-    loads = replace(model.loads, dead_histories=own(model.loads.dead_histories),
-                    pressure_histories=own(model.loads.pressure_histories))
+    loads = replace(model.loads, dead_histories=sampled(model.loads.dead_histories),
+                    pressure_histories=sampled(model.loads.pressure_histories))
     control = None if model.control is None else replace(model.control, readings=model.control.readings[frames])
     constraints = replace(model.constraints, histories=model.constraints.histories[frames])
-    return replace(model, control=control, constraints=constraints, loads=loads, temperature=own(model.temperature))
+    return replace(model, control=control, constraints=constraints, loads=loads, temperature=sampled(model.temperature))
 
 
 def without_time_error(model: Model, fine: Iterable[Motion], coarse: Iterable[FrameState]) -> Iterator[Motion]:

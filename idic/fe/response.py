@@ -136,13 +136,14 @@ class ModelPoints:
     """Stresses of a model's points along given displacements; they keep their history."""
 
     def __init__(self, system: System, model: Alternative):
-        self.system, self.params, self.states = system, model.params, system.rest()
+        self.system, self.params, self.states = system, model.params, system.rest_states()
 
     def serves(self, system: System, model: Alternative) -> bool:
         """Whether the points of another model go through the same."""
         base_model, other_model = self.system.model, system.model
-        if len(self.system.groups) != len(system.groups) or not _same(base_model.temperature, other_model.temperature) \
-                or not _same(base_model.start_temperature, other_model.start_temperature):
+        if (len(self.system.groups) != len(system.groups)
+                or not _equal(base_model.temperature, other_model.temperature)
+                or not _equal(base_model.start_temperature, other_model.start_temperature)):
             return False
         return all(a.law is b.law and a.name == b.name and a.expansion == b.expansion
                    and np.array_equal(self.params[a.name], model.params[b.name])
@@ -173,7 +174,7 @@ class ModelPoints:
         return evaluation
 
 
-def _same(first: np.ndarray | None, second: np.ndarray | None) -> bool:
+def _equal(first: np.ndarray | None, second: np.ndarray | None) -> bool:
     return (first is None and second is None) or (first is not None and second is not None
                                                   and np.array_equal(first, second))
 

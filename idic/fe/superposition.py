@@ -57,7 +57,8 @@ class _Points:
     def __iter__(self) -> Iterator[PointValues]:
         system = self.body.system
         drives = drives_at(self.body.model, self.body.times, self.time)
-        evaluation = evaluate_system(system, self.body.params, self.u, system.rest(), 0.0, drives, stiffness=False)
+        evaluation = evaluate_system(system, self.body.params, self.u, system.rest_states(), 0.0, drives,
+                                     stiffness=False)
         for group, g in zip(system.groups, evaluation.groups, strict=True):
             yield PointValues(group.section, group.cell, group.elements, g.F, g.P, g.state)
 

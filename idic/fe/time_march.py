@@ -207,7 +207,7 @@ def _frames(system: System, params, times, directions, frozen, substeps, control
             may_cut) -> Iterator[FrameState]:
     """Each increment is differentiated while the next one is solved, where a second thread may do that."""
     drives = drives_at(system.model, times, times[0])
-    rest_state = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest())
+    rest_state = Converged(drives, np.zeros_like(system.model.mesh.nodes), system.rest_states())
     yield _reference_frame(system, times, directions, rest_state)
     changes, influence = at_rest(system, len(directions)), None
     increments = _increments(system, params, times, rest_state, bool(directions), frozen, substeps, control, warm,

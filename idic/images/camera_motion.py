@@ -34,7 +34,7 @@ class CameraMotion:
         return replace(self, values=np.array([values.get(name, amplitude) for name, amplitude in
                                               zip(self.names, self.values, strict=True)], dtype=float))
 
-    def held(self, n: int) -> CameraMotion:
+    def extended(self, n: int) -> CameraMotion:
         """The same for `n` more frames, in which the camera stays as it is in the last one."""
         return replace(self, courses=np.hstack([self.courses, np.repeat(self.courses[:, -1:], n, axis=1)]))
 

@@ -227,14 +227,14 @@ class _Reader:
         names = ScopedNames(self.node_sets, self.element_sets, self.surfaces)
         elements_of = LabelSets(names.flat(self.element_sets), position, "element", self.fail)
         for scope, name, member, line in self.of_elements:
-            inside = elements_of.named(names.meant(member, scope, self.element_sets), line, f"set {name}")
+            inside = elements_of.named(names.resolved(member, scope, self.element_sets), line, f"set {name}")
             self.node_sets[scope, name] += [(node, line) for node in {n for e in inside for n in elements[e][1]}]
         nodes_of = LabelSets(names.flat(self.node_sets), index, "node", self.fail)
         raw = RawMesh(self.path, np.array(self.coordinates, dtype=float).reshape(-1, 3), labels, cells,
                       nodes_of.as_indices(), elements_of.as_indices())
         for (scope, name), (kind, data) in self.surfaces.items():
             sets = self.node_sets if kind == "NODE" else self.element_sets
-            rows = [(number, [names.meant(cells[0], scope, sets), *cells[1:]]) for number, cells in data]
+            rows = [(number, [names.resolved(cells[0], scope, sets), *cells[1:]]) for number, cells in data]
             self._surface(raw, names.key(scope, name), kind, rows, elements, nodes_of, elements_of)
         names.merge_alike(raw.node_sets, raw.element_sets, raw.face_sets)
         return raw

@@ -39,7 +39,7 @@ class ScopedNames:
         """``Part-1_Set-1`` where another scope has such a set of this name, too."""
         return f"{scope or 'Model'}_{name}" if name.upper() in self._shared else name
 
-    def meant(self, member: int | str | range, scope: str, sets: Iterable[Scoped]) -> int | str | range:
+    def resolved(self, member: int | str | range, scope: str, sets: Iterable[Scoped]) -> int | str | range:
         """A member of a set or surface in `scope`, its name as `key` has it: a set of the same scope comes first."""
         if not isinstance(member, str) or member.upper() not in self._shared:
             return member
@@ -49,7 +49,7 @@ class ScopedNames:
 
     def flat(self, sets: Mapping[Scoped, list[Member]]) -> dict[str, list[Member]]:
         """{key: members} of one kind"""
-        return {self.key(scope, name): [(self.meant(member, scope, sets), line) for member, line in members]
+        return {self.key(scope, name): [(self.resolved(member, scope, sets), line) for member, line in members]
                 for (scope, name), members in sets.items()}
 
     def merge_alike(self, *kinds: dict) -> None:
@@ -101,7 +101,7 @@ class LabelSets:
     def named(self, member: int | str, line: int, whose: str) -> frozenset[int]:
         """The labels that a line of a *SURFACE means: one label, or those of a set."""
         if isinstance(member, int):
-            return frozenset(self._known([member], line, whose))
+            return frozenset(self._existing([member], line, whose))
         key = self._spelling.get(member.upper())
         if key is None:
             self._no_set(member, line, whose)
@@ -126,13 +126,13 @@ class LabelSets:
     def _members(self, member: Member | int, name: str, outer: tuple[str, ...]) -> frozenset[int] | set[int]:
         reference, line = member if isinstance(member, tuple) else (member, None)
         if not isinstance(reference, str):
-            return self._known(reference if isinstance(reference, range) else [reference], line, f"set {name}")
+            return self._existing(reference if isinstance(reference, range) else [reference], line, f"set {name}")
         key = self._spelling.get(reference.upper())
         if key is None or key in (*outer, name):
             self._no_set(reference, line, f"set {name}")
         return self.labels(key, (*outer, name))
 
-    def _known(self, labels: Iterable[int], line: int | None, whose: str) -> set[int]:
+    def _existing(self, labels: Iterable[int], line: int | None, whose: str) -> set[int]:
         """The labels, all of which must exist; of a long range the first missing one ends the search."""
         existing = set()
         for label in labels:

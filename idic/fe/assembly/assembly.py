@@ -79,7 +79,7 @@ class System:
     def n_dim(self) -> int:
         return self.model.mesh.n_dim
 
-    def rest(self) -> tuple[np.ndarray, ...]:
+    def rest_states(self) -> tuple[np.ndarray, ...]:
         """The state of the points of each group at rest  # per group (n_points, n_state)"""
         mode = self.model.mode
         return tuple(np.tile(g.law.initial_state(mode), (g.n_points, 1)) for g in self.groups)

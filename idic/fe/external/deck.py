@@ -70,9 +70,9 @@ class Deck:
         NotConverged
             A value that is not finite: these parameters make no deck.
         """
-        return "".join(part if isinstance(part, str) else self._shown(part, values) for part in self.parts)
+        return "".join(part if isinstance(part, str) else self._text_at(part, values) for part in self.parts)
 
-    def _shown(self, place: Place, values: Mapping[str, float | str]) -> str:
+    def _text_at(self, place: Place, values: Mapping[str, float | str]) -> str:
         try:
             value = place.expression.value(values)
         except (ArithmeticError, ValueError) as problem:

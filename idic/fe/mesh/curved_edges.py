@@ -48,7 +48,7 @@ def _curved(mesh: Mesh) -> Mesh | None:
     for arc in arcs:
         nodes[arc.middles] = arc.places
     while len(flat := _flattened(mesh, nodes)):
-        straight = _straight_again(mesh, nodes, arcs, flat)
+        straight = _straightened_middles(mesh, nodes, arcs, flat)
         nodes[straight] = mesh.nodes[straight]
     return replace(mesh, nodes=nodes) if (nodes != mesh.nodes).any() else None
 
@@ -156,7 +156,7 @@ def _flattened(mesh: Mesh, nodes: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate(flat))
 
 
-def _straight_again(mesh: Mesh, nodes: np.ndarray, arcs: Sequence[_Arc], flat: np.ndarray) -> np.ndarray:
+def _straightened_middles(mesh: Mesh, nodes: np.ndarray, arcs: Sequence[_Arc], flat: np.ndarray) -> np.ndarray:
     """Middle nodes that go back to their chords for the sake of flattened elements.
 
     Those of the elements alone; beside another arc, as near as thin layers have it, that arc and its own as a whole:

@@ -88,7 +88,7 @@ class _Nodes:
             for nodes in block.connectivity.tolist():
                 node_keys.update(zip(nodes, (_key(nodes, point_corners) for point_corners in corners), strict=True))
         for node in range(mesh.n_nodes):
-            self._new(node_keys.get(node, ((node, -1),)), np.array([node]), np.ones(1))
+            self._append_node(node_keys.get(node, ((node, -1),)), np.array([node]), np.ones(1))
 
     def add(self, block: Block, points: np.ndarray) -> np.ndarray:
         """Nodes of the children of a block  # (n_elements * n_children, n_nodes)"""
@@ -98,11 +98,11 @@ class _Nodes:
         for e, nodes in enumerate(block.connectivity.tolist()):
             for i in range(len(flat)):
                 index = self.keys.get(key := _key(nodes, corners[i]))
-                connectivity[e, i] = self._new(key, np.array(nodes), values[i]) if index is None else index
+                connectivity[e, i] = self._append_node(key, np.array(nodes), values[i]) if index is None else index
                 self.holders[connectivity[e, i]].add(block.first + e)
         return connectivity.reshape(-1, points.shape[1])
 
-    def _new(self, key: tuple, parents: np.ndarray, weights: np.ndarray) -> int:
+    def _append_node(self, key: tuple, parents: np.ndarray, weights: np.ndarray) -> int:
         self.keys[key] = len(self.rows)
         self.rows.append((parents, weights))
         self.holders.append(set())

@@ -89,7 +89,7 @@ def _refined(boundary: Boundary, inner: np.ndarray, size: float) -> np.ndarray:
         if not len(bad):
             break
         bad = bad[np.argsort(-radius[bad] / sizes[bad], kind="stable")]
-        chosen = _apart(centre[bad], 0.7 * sizes[bad])
+        chosen = _spaced_out(centre[bad], 0.7 * sizes[bad])
         inner = np.concatenate([inner, centre[bad][chosen]])
     return inner
 
@@ -105,7 +105,7 @@ def _circles(corners: np.ndarray):
     return a + offset, np.hypot(*offset.T), edges.min(axis=1)
 
 
-def _apart(points: np.ndarray, distance: np.ndarray) -> np.ndarray:
+def _spaced_out(points: np.ndarray, distance: np.ndarray) -> np.ndarray:
     """Which points to keep so that none lies nearer to an earlier one than its distance  # (n,) bool"""
     is_kept = np.ones(len(points), dtype=bool)
     neighbours = scipy.spatial.cKDTree(points).query_ball_point(points, distance)

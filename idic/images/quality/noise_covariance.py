@@ -256,7 +256,7 @@ def pooled(pairs: Sequence[Sequence[TileNoise]]) -> NoiseCovariance | None:
     variance = float(np.mean([tile.variance for tile in good]))
     weighted = sum(tile.weighted for tile in good) / sum(tile.white_weighted for tile in good)
     if np.count_nonzero(correlation) > 1:
-        variance, weighted, correlation = _given_back(good, lags)
+        variance, weighted, correlation = _before_fit(good, lags)
         correlation = _without_chance(correlation, independent)
     gain = _gain_of_sums(correlation, [tile.pattern for tile in good])
     uncertainty = np.sqrt(0.5 * float((correlation**2).sum()) / independent)
@@ -292,7 +292,7 @@ def _without_chance(correlation: np.ndarray, independent: int) -> np.ndarray:
     return np.where(chance, 0.0, correlation)
 
 
-def _given_back(tiles: Sequence[TileNoise], lags: np.ndarray) -> tuple[float, float, np.ndarray]:
+def _before_fit(tiles: Sequence[TileNoise], lags: np.ndarray) -> tuple[float, float, np.ndarray]:
     """What the fit takes from correlated noise is given back: it takes most of what is as smooth as the pattern.
 
     Fixed point of the covariance whose expected sums after the fit are those found; of as many tiles as tell it.

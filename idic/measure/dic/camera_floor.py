@@ -115,13 +115,13 @@ def camera_floor(experiment: Experiment, reference: ReferenceImage, still: Still
             warp = without_rigid(u, at[nodes], leading[0])
         warp = warp.reshape(-1, 2)
         in_reference = number in experiment.averaged and not still.separate
-        floors.append(_Kept(number, drift, noise.excess(warp, in_reference),
+        floors.append(_StillFrameFloor(number, drift, noise.excess(warp, in_reference),
                             float(noise.variance(in_reference).mean())))
     return _floor(floors, noise, nodes, smoother, still) if floors else None
 
 
 @dataclass(frozen=True, eq=False)
-class _Kept:
+class _StillFrameFloor:
     """One still frame: its rigid motion, px, e^2 - v of every node (m,), px^2, and the mean of v."""
 
     number: int
@@ -221,7 +221,7 @@ class _NodeNoise:
         return (np.mean(warp**2, axis=1) - self.variance(in_reference)) / share**2
 
 
-def _floor(floors: list[_Kept], noise: _NodeNoise, nodes: np.ndarray, smoother: Smoother,
+def _floor(floors: list[_StillFrameFloor], noise: _NodeNoise, nodes: np.ndarray, smoother: Smoother,
            still: StillFrames) -> CameraFloor:
     mean = np.mean([floor.excess for floor in floors], axis=0)  # (m,) px^2
     shared = (1.0 + SHARED_NOISE_SQUARE * (len(floors) - 1)) / len(floors)

@@ -89,7 +89,7 @@ class _Setting:
 
 
 @dataclass(frozen=True, eq=False)
-class _Known:
+class _LastFrame:
     """The last frame with a usable displacement."""
 
     frame: int
@@ -183,7 +183,7 @@ def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, Any]]:
     zero = np.zeros((experiment.mesh.n_nodes, 2))
     dof_of: tuple[Factorisation | None, float] = (None, 0.0)
     for order in (range(experiment.reference + 1, experiment.n_frames), range(experiment.reference - 1, -1, -1)):
-        start = _Known(experiment.reference, experiment.times[experiment.reference], zero, None, np.inf, None)
+        start = _LastFrame(experiment.reference, experiment.times[experiment.reference], zero, None, np.inf, None)
         for k in order:
             if k in experiment.excluded:
                 continue
@@ -200,13 +200,13 @@ def _frames(setting: _Setting) -> Iterator[tuple[int, DicFrame, int, Any]]:
             yield k, frame, tried, noise
 
 
-def _follow(start: _Known, k: int, time: float, frame: DicFrame) -> _Known:
+def _follow(start: _LastFrame, k: int, time: float, frame: DicFrame) -> _LastFrame:
     elapsed = time - start.time
     velocity = (frame.u_full_px - start.u) / elapsed if elapsed else None
-    return _Known(k, time, frame.u_full_px, velocity, frame.rms_gv, frame.factorisation)
+    return _LastFrame(k, time, frame.u_full_px, velocity, frame.rms_gv, frame.factorisation)
 
 
-def _measure(setting: _Setting, k: int, image, spline: Spline, start: _Known) -> tuple[DicFrame, int]:
+def _measure(setting: _Setting, k: int, image, spline: Spline, start: _LastFrame) -> tuple[DicFrame, int]:
     """The best of up to five starts; the next one is tried only while the result looks wrong."""
     best, lowest = None, np.inf
     for tried, trial_start in enumerate(_starts(setting, k, image, spline, start), 1):
@@ -244,7 +244,7 @@ def _repaired(setting: _Setting, spline: Spline, frame: DicFrame) -> DicFrame:
     return frame
 
 
-def _starts(setting: _Setting, k: int, image, spline: Spline, last_frame: _Known) -> Iterator[np.ndarray | None]:
+def _starts(setting: _Setting, k: int, image, spline: Spline, last_frame: _LastFrame) -> Iterator[np.ndarray | None]:
     """Starting displacements from cheap to thorough  # (n_nodes, 2) px, None: no match"""
     first, value = _from_frame_before(setting, k, spline, last_frame)
     yield first if value < _MAX_START_UNLIKENESS else None
@@ -265,7 +265,7 @@ def _starts(setting: _Setting, k: int, image, spline: Spline, last_frame: _Known
         yield descend(setting.pyramid, image, first, setting.brightness)
 
 
-def _from_frame_before(setting: _Setting, k: int, spline: Spline, last_frame: _Known) -> tuple[np.ndarray, float]:
+def _from_frame_before(setting: _Setting, k: int, spline: Spline, last_frame: _LastFrame) -> tuple[np.ndarray, float]:
     """The last displacement or its extrapolation in time, whichever fits the frame better, and its unlikeness."""
     candidates = [last_frame.u]
     if last_frame.velocity is not None:

@@ -73,7 +73,7 @@ class Flattening:
         return turned
 
     @cached_property
-    def _near(self) -> np.ndarray:
+    def _neighbours(self) -> np.ndarray:
         return neighbours(self.positions[:, :2])
 
     def thinning(self, moved: np.ndarray) -> np.ndarray:
@@ -81,7 +81,7 @@ class Flattening:
         if not self.half_mm:
             return np.zeros(len(moved))
         x = self.positions[:, :2] / np.abs(self.positions[:, :2]).max()
-        largest = self.half_mm * (1.0 / area_ratio(self.positions[:, :2], moved[:, :2], self._near) - 1.0)
+        largest = self.half_mm * (1.0 / area_ratio(self.positions[:, :2], moved[:, :2], self._neighbours) - 1.0)
         measured = np.isfinite(largest) & np.isfinite(moved[:, 2])
         bent = np.column_stack([x[:, 0] ** i * x[:, 1] ** j for i, j in powers(BENDING_DEGREE)])[measured]
         if len(bent) < 2 * bent.shape[1]:

@@ -58,7 +58,7 @@ class Edges:
         return cls(start, along, np.where(inside[:, None], normal, -normal))
 
     def sampled(self, step: float) -> tuple[np.ndarray, np.ndarray]:
-        """Points on the edges `step` apart, and the edge of each  # (m, 2), (m,)"""
+        """Points on the edges `step` distance, and the edge of each  # (m, 2), (m,)"""
         counts = np.maximum(np.ceil(np.hypot(*self.along.T) / step).astype(int), 1)
         edge = np.repeat(np.arange(len(counts)), counts)
         place = (np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts) + 0.5) / counts[edge]
@@ -118,7 +118,7 @@ def fitted_placement(edges: Edges, points: np.ndarray, loops: Sequence[np.ndarra
     fit.check_held(best)
     alike = [placement for placement in accepted if placement.cost < MAX_COST_RATIO * best.cost + (0.1 * pitch) ** 2]
     if np.isfinite(guess.origin).all():
-        alike.sort(key=lambda placement: fit.apart(placement, guess))
+        alike.sort(key=lambda placement: fit.distance(placement, guess))
         return alike[0], []
     strange = [placement for placement in alike[1:] if not fit.symmetric(best, placement)]
     if strange:
@@ -254,7 +254,7 @@ class _Fit:
         """Without repetitions, the best one first."""
         unique: list[Placement] = []
         for placement in sorted(placements, key=lambda placement: placement.cost):
-            if not any(self.apart(placement, earlier) < SAME * self.pitch for earlier in unique):
+            if not any(self.distance(placement, earlier) < SAME * self.pitch for earlier in unique):
                 unique.append(placement)
         return unique
 
@@ -262,7 +262,7 @@ class _Fit:
         """Whether most of the points are beside the edges."""
         return bool(np.median(np.abs(self.distances(placement)[0] - placement.margin)) > NARROW * self.pitch)
 
-    def apart(self, first: Placement, second: Placement) -> float:
+    def distance(self, first: Placement, second: Placement) -> float:
         """rms distance of the outline in two placements, mm"""
         return float(np.sqrt(np.mean(np.sum((first.into_mesh(self.points) - second.into_mesh(self.points)) ** 2,
                                             axis=1))))
